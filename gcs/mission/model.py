@@ -1,0 +1,88 @@
+"""Mission items and setpoints as plain values: what files hold and what links carry.
+
+Knows: the numbers and their units. Does not know: files, frames on the wire, sockets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from gcs.quadrotor import Array
+
+
+class Frame(IntEnum):
+    """MAV_FRAME values that occur in missions."""
+
+    GLOBAL = 0  # altitude AMSL
+    MISSION = 2  # no position
+    GLOBAL_RELATIVE_ALT = 3  # altitude above home
+    GLOBAL_TERRAIN_ALT = 10
+
+
+class Command(IntEnum):
+    """MAV_CMD values that occur in missions made here."""
+
+    NAV_WAYPOINT = 16
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    NAV_DELAY = 93
+    DO_CHANGE_SPEED = 178
+
+
+@dataclass(frozen=True)
+class MissionItem:
+    """One mission item. Commands and frames are plain ints so that unknown ones survive a round trip.
+
+    `lat_degE7`/`lon_degE7` hold what goes on the wire for position frames (0 for items without a position);
+    `alt_m` is metres in the altitude frame that `frame` names.
+    """
+
+    command: int
+    frame: int
+    params: tuple[float, float, float, float]
+    lat_degE7: int
+    lon_degE7: int
+    alt_m: float
+    autocontinue: bool = True
+
+
+@dataclass(frozen=True)
+class Home:
+    """Where a vehicle starts: the ground under it."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+
+
+@dataclass(frozen=True)
+class VehicleMission:
+    """What one vehicle is sent: its items, flavour-free (home is not an item here)."""
+
+    sysid: int
+    home: Home
+    items: tuple[MissionItem, ...]
+    arrival_s: tuple[float | None, ...]  # plan time at which each item with a position is reached, else None
+
+
+@dataclass(frozen=True)
+class SetpointStream:
+    """Timed setpoints of all vehicles in the formation's common local NED frame."""
+
+    sysids: tuple[int, ...]
+    t_s: Array  # (N,) plan time, 0 = T0
+    position_ned_m: Array  # (V, N, 3)
+    velocity_ned_mps: Array  # (V, N, 3)
+    acceleration_ned_mps2: Array  # (V, N, 3)
+    yaw_ned_rad: Array  # (V, N)
+
+    def __post_init__(self) -> None:
+        shape = (len(self.sysids), len(self.t_s))
+        arrays = (self.position_ned_m, self.velocity_ned_mps, self.acceleration_ned_mps2)
+        if any(a.shape != (*shape, 3) for a in arrays) or self.yaw_ned_rad.shape != shape:
+            raise ValueError(f"setpoint arrays must be {(*shape, 3)} and yaw {shape}")
+        if not all(np.isfinite(a).all() for a in (*arrays, self.yaw_ned_rad)):
+            raise ValueError("setpoints must be finite")

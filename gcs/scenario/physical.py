@@ -1,0 +1,74 @@
+"""A scenario in SI units, NED and radians: what every layer to the right computes with.
+
+Knows: sign and unit of every scenario value. Does not know: TOML, optimisation, links.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.quadrotor import Array, Quadrotor
+from gcs.scenario.model import Boundary, Scenario
+from gcs.scenario.terrain import ground_height_m
+
+NED_FROM_UP = np.array([1.0, 1.0, -1.0])
+
+
+def quadrotor(scenario: Scenario) -> Quadrotor:
+    """Physical constants of the scenario's vehicle."""
+    return Quadrotor(**scenario.vehicle.model_dump(exclude={"name"}))
+
+
+def sysids(scenario: Scenario) -> tuple[int, ...]:
+    """System ids in the order of every (V, ...) array; the leader comes where the scenario lists it."""
+    return tuple(v.sysid for v in scenario.formation.vehicle)
+
+
+def leader_index(scenario: Scenario) -> int:
+    """Row of the leader in every (V, ...) array."""
+    return sysids(scenario).index(scenario.formation.leader)
+
+
+def offsets_ned_m(scenario: Scenario) -> Array:
+    """Position of each vehicle relative to the leader (V, 3): minus the paper's [x_i1, y_i1, z_i1] (Eq. 22)."""
+    position = np.array([v.position_m for v in scenario.formation.vehicle]) * NED_FROM_UP
+    return np.asarray(position - position[leader_index(scenario)])
+
+
+def boundary_state(boundary: Boundary) -> Array:
+    """Leader's state (12,) at one end, at rest in attitude (body rates are not in Eqs. 15, 16)."""
+    return np.concatenate(
+        [
+            np.array(boundary.position_m) * NED_FROM_UP,
+            np.array(boundary.velocity_mps) * NED_FROM_UP,
+            np.radians(boundary.roll_pitch_yaw_deg),
+            np.zeros(3),
+        ]
+    )
+
+
+def hover_start_ned_m(scenario: Scenario) -> Array:
+    """Where each vehicle hovers before the run-up (V, 3): behind its place at t = 0, at the same height."""
+    velocity = np.array(scenario.start.velocity_mps) * NED_FROM_UP
+    horizontal = np.hypot(velocity[0], velocity[1])
+    back = np.zeros(3)
+    if horizontal > 0:
+        back[:2] = velocity[:2] / horizontal * scenario.ground_phases.run_up_m
+    start = np.array(scenario.start.position_m) * NED_FROM_UP
+    return np.asarray(start - back + offsets_ned_m(scenario))
+
+
+def pads_ned_m(scenario: Scenario) -> Array:
+    """Ground point each vehicle takes off from (V, 3): straight below its first hover."""
+    return _on_ground(scenario, hover_start_ned_m(scenario))
+
+
+def landing_points_ned_m(scenario: Scenario) -> Array:
+    """Ground point each vehicle lands on (V, 3): straight below its place at the end."""
+    end = np.array(scenario.end.position_m) * NED_FROM_UP
+    return _on_ground(scenario, end + offsets_ned_m(scenario))
+
+
+def _on_ground(scenario: Scenario, position_ned_m: Array) -> Array:
+    down = -ground_height_m(scenario.terrain, position_ned_m[:, 0], position_ned_m[:, 1])
+    return np.column_stack([position_ned_m[:, :2], down])

@@ -1,0 +1,74 @@
+"""Ground height of Eqs. 52 and 53: exact for the verifier and the emulated ground, smooth from above for the optimiser.
+
+Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies the functions).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gcs.quadrotor import Array
+from gcs.scenario.model import Mountains, Ripple, Terrain
+
+# Half width of the rounded corner where the envelope passes from ripple to mountain.
+ENVELOPE_ROUNDING_M = 0.25
+
+
+def ground_height_m(terrain: Terrain, north_m: Array, east_m: Array) -> Array:
+    """Exact height (...) of the ground above height 0: max(Eq. 52, Eq. 53)."""
+    mountains = mountain_height_m(terrain.mountains, north_m, east_m)
+    if terrain.ripple is None:
+        return np.asarray(mountains + np.zeros_like(north_m))
+    return np.asarray(np.maximum(ripple_height_m(terrain.ripple, north_m, east_m), mountains))
+
+
+def ripple_height_m(ripple: Ripple, north_m: Array, east_m: Array) -> Array:
+    """Eq. 52."""
+    r = np.hypot(north_m, east_m)
+    return np.asarray(
+        np.abs(
+            np.sin(east_m + ripple.a)
+            + ripple.b * np.sin(north_m)
+            + ripple.c * np.cos(ripple.d * r)
+            + ripple.e * np.cos(east_m)
+            + ripple.f * np.sin(ripple.g * r)
+        )
+    )
+
+
+def ripple_peak_m(ripple: Ripple) -> float:
+    """A height Eq. 52 never exceeds: the amplitude of its east terms plus those of the others."""
+    east = np.hypot(np.cos(ripple.a), np.sin(ripple.a) + ripple.e)
+    return float(east + abs(ripple.b) + abs(ripple.c) + abs(ripple.f))
+
+
+def mountain_height_m(mountains: Mountains, north_m: Any, east_m: Any, xp: Any = np) -> Any:
+    """Eq. 53, on arrays or on symbols."""
+    total: Any = 0.0
+    columns = (
+        mountains.height_m,
+        mountains.north_m,
+        mountains.east_m,
+        mountains.spread_north_m,
+        mountains.spread_east_m,
+    )
+    for height, north, east, spread_north, spread_east in zip(*columns, strict=True):
+        total = total + height * xp.exp(
+            -(((north_m - north) / spread_north) ** 2) - ((east_m - east) / spread_east) ** 2
+        )
+    return total
+
+
+def ground_envelope_m(terrain: Terrain, north_m: Any, east_m: Any, xp: Any = np) -> Any:
+    """A twice differentiable height that is nowhere below the ground.
+
+    Nodes stand metres apart and cannot see a ripple of 6 m wavelength, so the ripple counts with its peak everywhere;
+    the corner between peak and mountain is rounded upwards.
+    """
+    mountains = mountain_height_m(terrain.mountains, north_m, east_m, xp)
+    if terrain.ripple is None:
+        return mountains
+    rise = mountains - ripple_peak_m(terrain.ripple)
+    return ripple_peak_m(terrain.ripple) + 0.5 * (rise + xp.sqrt(rise * rise + ENVELOPE_ROUNDING_M**2))
