@@ -1,0 +1,1 @@
+"""From a scenario to a verified plan: the only room that knows optimisation."""

@@ -1,0 +1,73 @@
+"""Legendre-Gauss collocation on [-1, 1]: nodes, weights, differentiation and interpolation (Eqs. 37-46).
+
+Knows: polynomials. Does not know: vehicles, time, optimisation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from gcs.quadrotor import Array
+
+
+@dataclass(frozen=True)
+class GaussRule:
+    """One degree K: everything a collocated interval needs, computed once."""
+
+    degree: int
+    nodes: Array  # (K,) roots of the Legendre polynomial P_K (Eq. 39)
+    weights: Array  # (K,) quadrature weights (Eq. 46)
+    support: Array  # (K+1,) interpolation points of the state: -1, then the nodes (Eq. 37)
+    differentiation: Array  # (K, K+1) D of Eq. 42: derivative at the nodes from values at the support
+    barycentric: Array  # (K+1,) barycentric weights of the support
+
+    def interpolation(self, tau: Array) -> Array:
+        """Matrix (T, K+1) of Lagrange polynomials L_i(tau) (Eq. 38): values at the support -> values at tau."""
+        return lagrange_matrix(self.support, self.barycentric, tau)
+
+    def power_basis(self) -> Array:
+        """Matrix (K+1, K+1): values at the support -> coefficients of ((tau + 1) / 2)**k, highest power first."""
+        return np.asarray(np.linalg.inv(np.vander(0.5 * (self.support + 1.0))))
+
+
+@cache
+def gauss_rule(degree: int) -> GaussRule:
+    """The Legendre-Gauss rule with `degree` nodes; exact for polynomials up to degree 2 K - 1."""
+    if degree < 1:
+        raise ValueError(f"a Gauss rule needs at least one node, not {degree}")
+    nodes, weights = np.polynomial.legendre.leggauss(degree)
+    support = np.concatenate([[-1.0], nodes])
+    barycentric = barycentric_weights(support)
+    return GaussRule(degree, nodes, weights, support, _differentiation(support, barycentric)[1:], barycentric)
+
+
+def barycentric_weights(support: Array) -> Array:
+    """1 / prod_{j != i} (s_i - s_j), scaled to maximum 1 (the scale cancels everywhere)."""
+    gaps = support[:, None] - support[None, :]
+    np.fill_diagonal(gaps, 1.0)
+    weights = 1.0 / np.prod(gaps, axis=1)
+    return np.asarray(weights / np.max(np.abs(weights)))
+
+
+def lagrange_matrix(support: Array, barycentric: Array, points: Array) -> Array:
+    """Lagrange basis at `points`: (T, S), by the second barycentric formula."""
+    gaps = np.atleast_1d(points)[:, None] - support[None, :]
+    hit = gaps == 0.0
+    gaps[hit] = 1.0
+    terms = barycentric / gaps
+    on_node = hit.any(axis=1)
+    terms[on_node] = hit[on_node]
+    return np.asarray(terms / terms.sum(axis=1, keepdims=True))
+
+
+def _differentiation(support: Array, barycentric: Array) -> Array:
+    """Square differentiation matrix; the diagonal follows from rows summing to zero, which keeps it accurate."""
+    gaps = support[:, None] - support[None, :]
+    np.fill_diagonal(gaps, 1.0)
+    matrix = barycentric[None, :] / barycentric[:, None] / gaps
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return np.asarray(matrix)

@@ -1,0 +1,141 @@
+"""The leader's optimal control problem in numbers: bounds, ends, objective and what the followers add (Eqs. 15-35, 51).
+
+Knows: one flight between two states, in SI and NED. Does not know: how it is discretised or solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor
+from gcs.scenario.model import Scenario, TerminalWeight
+from gcs.scenario.physical import NED_FROM_UP, boundary_state, offsets_ned_m, quadrotor
+
+TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
+    "1": lambda t, tf: np.ones_like(t),
+    "t^2": lambda t, tf: t**2,
+    "1/(tf-t+0.5)": lambda t, tf: 1.0 / (tf - t + 0.5),
+    "1/(tf-t+0.5)^2": lambda t, tf: 1.0 / (tf - t + 0.5) ** 2,
+}
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Eq. 35 with each term divided by its reference, so that its weights compare like with like."""
+
+    energy_weight: float
+    heading_weight: float
+    height_weight: float
+    terminal_weight: TerminalWeight
+    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
+    heading_ref_rad: float
+    heading_scale_rad: float
+    height_ref_m: float
+    height_scale_m: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Fly the leader from one state to another in a given time; the followers ride along at fixed offsets."""
+
+    scenario: Scenario
+    quadrotor: Quadrotor
+    start_s: float
+    end_s: float
+    start_state: Array  # (12,)
+    end_state: Array  # (12,)
+    state_low: Array  # (12,)
+    state_high: Array  # (12,)
+    control_low: Array  # (4,)
+    control_high: Array  # (4,)
+    offsets_ned_m: Array  # (V, 3)
+    objective: Objective
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the flight."""
+        return self.end_s - self.start_s
+
+
+def flight_problem(scenario: Scenario) -> Problem:
+    """The paper's problem (§2.6): from Eq. 15 at t = 0 to Eq. 16 at the scenario's time of flight."""
+    low, high = state_bounds(scenario)
+    return _problem(
+        scenario, 0.0, scenario.time.flight_s, boundary_state(scenario.start), boundary_state(scenario.end), low, high
+    )
+
+
+def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
+    """From rest at the leader's hover `hover_ned_m` (3,) to the initial state at T0, outside the x-y box of Eq. 51."""
+    low, high = state_bounds(scenario)
+    low[:2], high[:2] = -np.inf, np.inf
+    end = boundary_state(scenario.start)
+    start = np.zeros(12)
+    start[POSITION] = hover_ned_m
+    start[8] = end[8]
+    return _problem(scenario, -scenario.ground_phases.run_up_s, 0.0, start, end, low, high)
+
+
+def state_bounds(scenario: Scenario) -> tuple[Array, Array]:
+    """Eq. 51 as leader bounds (12,), (12,): every follower's box folded into the leader's (Eqs. 22-24)."""
+    limits = scenario.limits
+    offsets = offsets_ned_m(scenario)
+    low, high = np.empty(12), np.empty(12)
+    boxes = np.array([limits.north_m, limits.east_m, np.negative(limits.height_m)[::-1]])
+    low[POSITION] = boxes[:, 0] - offsets.min(axis=0)
+    high[POSITION] = boxes[:, 1] - offsets.max(axis=0)
+    for part, bound in (
+        (VELOCITY, np.array(limits.speed_ned_mps)),
+        (ATTITUDE, np.radians(limits.roll_pitch_yaw_deg)),
+        (RATES, np.radians(limits.rates_degps)),
+    ):
+        low[part], high[part] = -bound, bound
+    return low, high
+
+
+def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Array]:
+    """Eq. 51's control limits (4,), (4,), drawn towards hover by `margin` of their distance to it."""
+    limits = scenario.limits
+    hover = np.array([quadrotor(scenario).weight_N, 0.0, 0.0, 0.0])
+    torque = np.array(limits.torque)
+    low = np.concatenate([[limits.thrust_N[0]], -torque])
+    high = np.concatenate([[limits.thrust_N[1]], torque])
+    return hover + (1.0 - margin) * (low - hover), hover + (1.0 - margin) * (high - hover)
+
+
+def _problem(
+    scenario: Scenario, start_s: float, end_s: float, start: Array, end: Array, low: Array, high: Array
+) -> Problem:
+    control_low, control_high = control_bounds(scenario, scenario.limits.control_margin)
+    wanted = scenario.objective
+    weights = wanted.weights
+    length = float(np.linalg.norm((end - start)[POSITION]))
+    return Problem(
+        scenario=scenario,
+        quadrotor=quadrotor(scenario),
+        start_s=start_s,
+        end_s=end_s,
+        start_state=start,
+        end_state=end,
+        state_low=low,
+        state_high=high,
+        control_low=control_low,
+        control_high=control_high,
+        offsets_ned_m=offsets_ned_m(scenario),
+        objective=Objective(
+            energy_weight=weights[0],
+            heading_weight=weights[1],
+            height_weight=weights[2],
+            terminal_weight=wanted.terminal_weight,
+            speed_ref_mps=max(length / (end_s - start_s), 0.1),
+            heading_ref_rad=float(np.radians(wanted.heading_ref_deg)),
+            heading_scale_rad=float(np.radians(wanted.heading_scale_deg)),
+            height_ref_m=wanted.height_ref_m,
+            height_scale_m=wanted.height_scale_m,
+        ),
+    )
+
+

@@ -1,0 +1,335 @@
+"""The Gauss pseudospectral method on several intervals: from a Problem and a Mesh to a nonlinear program (Eqs. 36-50).
+
+Knows: CasADi, and that everything but the vehicle itself is linear. Dynamics, objective and path constraints are small
+functions of one instant's 16 numbers z = (state, control); sampling matrices S take the unknowns w to all instants,
+and constant matrices A, B assemble collocation (Eq. 44) and joints (Eq. 46): g = A w - B f(S w). First and second
+derivatives are assembled the same way (S' H S), which is why the program is built in milliseconds and solved with
+exact Hessians. Does not know: how the program is solved, whether its solution is any good between the instants.
+
+Control is piecewise linear and continuous, its unknowns the values at the joints. The paper's Eq. 41 extrapolates from
+inner nodes and leaves the control box at the ends of an interval; a line between two points of a box cannot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import PPoly
+
+from gcs.plan import instant
+from gcs.plan.gauss import gauss_rule
+from gcs.plan.mesh import Mesh
+from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
+from gcs.plan.trajectory import Trajectory
+from gcs.quadrotor import Array
+
+NX, NU = 12, 4
+NZ = NX + NU
+# One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
+STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each unknown stands in w, and instants on the mesh."""
+
+    mesh: Mesh
+
+    def __post_init__(self) -> None:
+        counts = np.cumsum([0, *self.mesh.degrees])
+        object.__setattr__(self, "first_node", counts)
+
+    first_node = np.zeros(0, dtype=int)  # (M+1,) index of each interval's first node
+
+    @property
+    def nodes(self) -> int:
+        """Number N of collocation nodes."""
+        return sum(self.mesh.degrees)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns: states at joints and nodes, controls at joints."""
+        return NX * (self.mesh.intervals + 1 + self.nodes) + NU * (self.mesh.intervals + 1)
+
+    def joint(self, i: int) -> int:
+        """Index of the first state component at joint i."""
+        return NX * i
+
+    def node(self, i: int, k: int) -> int:
+        """Index of the first state component at node k of interval i."""
+        return NX * (self.mesh.intervals + 1 + int(self.first_node[i]) + k)
+
+    def control(self, i: int) -> int:
+        """Index of the first control component at joint i."""
+        return NX * (self.mesh.intervals + 1 + self.nodes) + NU * i
+
+    def node_times_s(self) -> Array:
+        """Instants (N,) of all nodes."""
+        joints = self.mesh.joints_s
+        return np.concatenate(
+            [
+                joints[i] + 0.5 * (joints[i + 1] - joints[i]) * (gauss_rule(d).nodes + 1.0)
+                for i, d in enumerate(self.mesh.degrees)
+            ]
+        )
+
+    def sampling(self, times_s: Array) -> sparse.csc_matrix:
+        """S (16 T, size): unknowns -> state and control at the given instants."""
+        rows, cols, values = [], [], []
+        intervals = np.clip(np.searchsorted(self.mesh.joints_s, times_s, side="right") - 1, 0, self.mesh.intervals - 1)
+        for point, (t, i) in enumerate(zip(times_s, intervals, strict=True)):
+            low, high = self.mesh.joints_s[i], self.mesh.joints_s[i + 1]
+            share = (t - low) / (high - low)
+            rule = gauss_rule(self.mesh.degrees[i])
+            weights = rule.interpolation(np.array([2.0 * share - 1.0]))[0]
+            starts = [self.joint(i), *(self.node(i, k) for k in range(rule.degree))]
+            for start, weight in zip(starts, weights, strict=True):
+                if abs(weight) > 1e-14:
+                    rows.append(NZ * point + np.arange(NX))
+                    cols.append(start + np.arange(NX))
+                    values.append(np.full(NX, weight))
+            for start, weight in ((self.control(i), 1.0 - share), (self.control(i + 1), share)):
+                rows.append(NZ * point + NX + np.arange(NU))
+                cols.append(start + np.arange(NU))
+                values.append(np.full(NU, weight))
+        return _matrix(rows, cols, values, (NZ * len(times_s), self.size))
+
+    def collocation(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+        """A, B of g = A w - B f: D times the states minus half the interval times f (44), and the joints (46)."""
+        a, b = _Triplets(), _Triplets()
+        row = 0
+        for i, degree in enumerate(self.mesh.degrees):
+            rule = gauss_rule(degree)
+            half = 0.5 * (self.mesh.joints_s[i + 1] - self.mesh.joints_s[i])
+            first = NX * int(self.first_node[i])
+            starts = [self.joint(i), *(self.node(i, k) for k in range(degree))]
+            for k in range(degree):
+                for start, d in zip(starts, rule.differentiation[k], strict=True):
+                    a.add(row, start, d)
+                b.add(row, first + NX * k, half)
+                row += NX
+            a.add(row, self.joint(i + 1), 1.0)
+            a.add(row, self.joint(i), -1.0)
+            for k in range(degree):
+                b.add(row, first + NX * k, half * rule.weights[k])
+            row += NX
+        return a.matrix((row, self.size)), b.matrix((row, NX * self.nodes))
+
+    def quadrature(self) -> Array:
+        """Weights (N,) that integrate a function of time over the whole flight (Eq. 47)."""
+        lengths = np.diff(self.mesh.joints_s)
+        return np.concatenate([0.5 * h * gauss_rule(d).weights for h, d in zip(lengths, self.mesh.degrees, strict=True)])
+
+
+class _Triplets:
+    """Collects 12 x 12 identity blocks of a sparse matrix."""
+
+    def __init__(self) -> None:
+        self.rows: list[Array] = []
+        self.cols: list[Array] = []
+        self.values: list[Array] = []
+
+    def add(self, row: int, col: int, value: float) -> None:
+        self.rows.append(row + np.arange(NX))
+        self.cols.append(col + np.arange(NX))
+        self.values.append(np.full(NX, value))
+
+    def matrix(self, shape: tuple[int, int]) -> sparse.csc_matrix:
+        return _matrix(self.rows, self.cols, self.values, shape)
+
+
+def _matrix(rows: list[Array], cols: list[Array], values: list[Array], shape: tuple[int, int]) -> sparse.csc_matrix:
+    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
+    return sparse.csc_matrix(triplets, shape=shape)
+
+
+def _dm(matrix: sparse.spmatrix) -> ca.DM:
+    """A SciPy matrix as CasADi's, which wants rows in order."""
+    ordered = sparse.csc_matrix(matrix)
+    ordered.sort_indices()
+    return ca.DM(ordered)
+
+
+@dataclass(frozen=True)
+class Program:
+    """The nonlinear program min f(y) s.t. low <= g(y) <= high in scaled unknowns y = (w - shift) / unit (Eq. 50)."""
+
+    layout: Layout
+    unit: Array  # (n,)
+    shift: Array  # (n,)
+    y_low: Array
+    y_high: Array
+    g_low: Array
+    g_high: Array
+    g_names: tuple[tuple[str, float], ...]  # what each row of g is, and when
+    nlp: ca.Function
+    derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
+
+    def scaled(self, trajectory: Trajectory) -> Array:
+        """Unknowns y that sample an existing trajectory: the warm start."""
+        mesh, layout = self.layout.mesh, self.layout
+        states = trajectory.state(np.concatenate([mesh.joints_s, layout.node_times_s()]))
+        w = np.concatenate([states.ravel(), trajectory.control(mesh.joints_s).ravel()])
+        return np.clip((w - self.shift) / self.unit, self.y_low, self.y_high)
+
+    def trajectory(self, y: Array) -> Trajectory:
+        """Polynomials through the solution: states of degree K, control linear."""
+        mesh, layout = self.layout.mesh, self.layout
+        w = y * self.unit + self.shift
+        top = max(mesh.degrees)
+        state = np.zeros((top + 1, mesh.intervals, NX))
+        control = np.zeros((2, mesh.intervals, NU))
+        for i, degree in enumerate(mesh.degrees):
+            h = mesh.joints_s[i + 1] - mesh.joints_s[i]
+            first = layout.node(i, 0)
+            values = np.vstack([w[layout.joint(i) :][:NX], w[first : first + NX * degree].reshape(degree, NX)])
+            powers = h ** np.arange(degree, -1.0, -1.0)
+            state[top - degree :, i] = gauss_rule(degree).power_basis() @ values / powers[:, None]
+            u0, u1 = w[layout.control(i) :][:NU], w[layout.control(i + 1) :][:NU]
+            control[:, i] = (u1 - u0) / h, u0
+        return Trajectory(PPoly(state, mesh.joints_s), PPoly(control, mesh.joints_s))
+
+
+def transcribe(problem: Problem, mesh: Mesh) -> Program:
+    """Build the program for one problem on one mesh."""
+    layout = Layout(mesh)
+    unit, shift = _scales(problem, layout)
+    node_times = layout.node_times_s()
+    times = np.concatenate([node_times, mesh.watch_s])
+    sampling = layout.sampling(times)
+    scaled_sampling = _dm(sampling @ sparse.diags(unit))
+    offset = ca.DM(sampling @ shift)
+    a, b = layout.collocation()
+    row_unit = np.tile(STATE_UNIT, a.shape[0] // NX)
+    a_scaled = _dm(sparse.diags(1.0 / row_unit) @ a @ sparse.diags(unit))
+    a_shift = ca.DM((a @ shift) / row_unit)
+    b_scaled = _dm(sparse.diags(1.0 / row_unit) @ b)
+
+    weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
+    quadrature = layout.quadrature()
+    shares = ca.DM(np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)]))
+
+    parts = instant.functions(problem)
+    nlp, derivatives = _assemble(
+        parts, layout.nodes, len(mesh.watch_s), scaled_sampling, offset, a_scaled, a_shift, b_scaled, shares
+    )
+    y_low, y_high = _bounds(problem, layout)
+    dynamics_rows = a.shape[0]
+    path_rows = len(parts.path_names)
+    names = [("Eq. 1 between nodes (defect)", float(mesh.joints_s[0]))] * dynamics_rows
+    names += [(name, float(t)) for t in times for name in parts.path_names]
+    names += [("limit of Eq. 51", float(t)) for t in mesh.watch_s for _ in range(NX)]
+    watched = len(mesh.watch_s)
+    return Program(
+        layout,
+        unit,
+        shift,
+        (y_low - shift) / unit,
+        (y_high - shift) / unit,
+        np.concatenate(
+            [np.zeros(dynamics_rows), np.zeros(path_rows * len(times)), np.tile(problem.state_low / STATE_UNIT, watched)]
+        ),
+        np.concatenate(
+            [
+                np.zeros(dynamics_rows),
+                np.full(path_rows * len(times), np.inf),
+                np.tile(problem.state_high / STATE_UNIT, watched),
+            ]
+        ),
+        tuple(names),
+        nlp,
+        derivatives,
+    )
+
+
+def _assemble(
+    parts: instant.Instant,
+    nodes: int,
+    watched: int,
+    sampling: ca.DM,
+    offset: ca.DM,
+    a: ca.DM,
+    a_shift: ca.DM,
+    b: ca.DM,
+    shares: ca.DM,
+) -> tuple[ca.Function, dict[str, ca.Function]]:
+    """Program and exact derivatives as CasADi functions of y."""
+    points = nodes + watched
+    y, p = ca.MX.sym("y", sampling.size2()), ca.MX.sym("p", 0)
+    z = ca.reshape(ca.mtimes(sampling, y) + offset, NZ, points)
+    zn = z[:, :nodes]
+    s_nodes, s_watch = sampling[: NZ * nodes, :], sampling[NZ * nodes :, :]
+    state_rows = [NZ * i + j for i in range(watched) for j in range(NX)]
+    watch_unit = ca.DM(np.tile(1.0 / STATE_UNIT, watched))
+    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if watched else ca.DM(0, sampling.size2())
+    box_shift = offset[NZ * nodes :][state_rows] * watch_unit if watched else ca.DM(0, 1)
+
+    f = ca.sum2(parts.cost.map(nodes)(zn, shares))
+    g = ca.vertcat(
+        ca.mtimes(a, y) + a_shift - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(zn))),
+        ca.vec(parts.path.map(points)(z)),
+        ca.mtimes(box, y) + box_shift,
+    )
+    nlp = ca.Function("nlp", [y, p], [f, g], ["x", "p"], ["f", "g"])
+
+    # IPOPT's interface copies gradients as they are stored: a sparse one would leave the gaps unset.
+    gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
+    jacobian = ca.vertcat(
+        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn), s_nodes]),
+        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z), sampling),
+        ca.MX(box),
+    )
+    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
+    costate = -ca.mtimes(b.T, lam[: a.size1()])
+    path_count = len(parts.path_names)
+    lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
+    curvature = _block_diagonal(
+        parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), ca.reshape(costate, NX, nodes)
+    )
+    hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
+    hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, lam_path), sampling])
+    return nlp, {
+        "grad_f": ca.Function("grad_f", [y, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [y, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "hess_lag", [y, p, sigma, lam], [ca.triu(hessian)], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        ),
+    }
+
+
+def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX) -> ca.MX:
+    """Evaluate `function` at every instant and set its (sparse) results on a diagonal of blocks.
+
+    Side by side and on the diagonal, blocks store their nonzeros in the same column-major order.
+    """
+    side_by_side = function.map(count)(*arguments)
+    pattern = ca.diagcat(*([function.sparsity_out(0)] * count))
+    return ca.MX(pattern, side_by_side.nz[:])
+
+
+def _scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+    """Unit and shift (n,) of every unknown."""
+    states = layout.mesh.intervals + 1 + layout.nodes
+    joints = layout.mesh.intervals + 1
+    hover = np.array([problem.quadrotor.weight_N, 0.0, 0.0, 0.0])
+    control_unit = 0.5 * (problem.control_high - problem.control_low)
+    control_unit[0] = problem.control_high[0] - hover[0]
+    unit = np.concatenate([np.tile(STATE_UNIT, states), np.tile(control_unit, joints)])
+    return unit, np.concatenate([np.zeros(NX * states), np.tile(hover, joints)])
+
+
+def _bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+    """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
+    states = layout.mesh.intervals + 1 + layout.nodes
+    joints = layout.mesh.intervals + 1
+    low = np.concatenate([np.tile(problem.state_low, states), np.tile(problem.control_low, joints)])
+    high = np.concatenate([np.tile(problem.state_high, states), np.tile(problem.control_high, joints)])
+    for index, state in (
+        (layout.joint(0), problem.start_state),
+        (layout.joint(layout.mesh.intervals), problem.end_state),
+    ):
+        low[index : index + NX] = high[index : index + NX] = state
+    return low, high
