@@ -1,0 +1,155 @@
+"""Messages to and from MAVLink 2 frames: the only module that knows pymavlink.
+
+Knows: framing, checksums, field order, as pymavlink's ardupilotmega dialect defines them. Does not know: what the
+messages mean. Bytes that are no frame of this dialect are skipped, never fatal: vehicles do write console text into
+the link, and a frame broken on the way must not take the good one behind it along.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Hashable
+from typing import Any
+
+os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gcs.errors import ProtocolMisuse
+from gcs.link.items import home_item, item_from_message, item_to_message, with_home
+from gcs.link.message import GROUND, Message, Station
+
+__all__ = [
+    "GROUND",
+    "Codec",
+    "Message",
+    "Station",
+    "home_item",
+    "item_from_message",
+    "item_to_message",
+    "with_home",
+]
+
+_CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
+_TEXT_FIELDS: dict[str, tuple[str, ...]] = {
+    name: tuple(f for f, kind in zip(cls.fieldnames, cls.fieldtypes, strict=True) if kind == "char")
+    for name, cls in _CLASSES.items()
+}
+_V1, _V2 = 0xFE, 0xFD
+_MARKERS = (_V1, _V2)
+_SIGNED = 0x01
+_HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
+_MAX_SOURCES = 64
+
+
+class Codec:
+    """One station's encoder, with its own sequence number, and a decoder with one memory per source.
+
+    A frame that is cut by the end of a chunk is completed by the next chunk of the same source; a datagram that
+    starts with a whole frame of its own shows that the rest was lost.
+    """
+
+    def __init__(self, sysid: int, compid: int) -> None:
+        self._encoder = dialect.MAVLink(None, sysid, compid)
+        self._decoder = dialect.MAVLink(None)
+        self._tails: dict[Hashable, bytes] = {}
+        self.skipped_bytes = 0
+
+    @property
+    def station(self) -> Station:
+        """Whose frames this codec makes."""
+        return Station(self._encoder.srcSystem, self._encoder.srcComponent)
+
+    def encode(self, message: Message) -> bytes:
+        """The message as a MAVLink 2 frame, from this codec's station unless the message names another source.
+
+        Raises `ProtocolMisuse` for a name, a field or a value that the dialect does not have.
+        """
+        encoder = self._encoder
+        own = encoder.srcSystem, encoder.srcComponent
+        try:
+            fields = message.fields
+            text = _TEXT_FIELDS[message.name]
+            if text:
+                fields = {k: v.encode() if k in text and isinstance(v, str) else v for k, v in fields.items()}
+            encoder.srcSystem = message.sysid or own[0]
+            encoder.srcComponent = message.compid or own[1]
+            frame: bytes = _CLASSES[message.name](**fields).pack(encoder)
+        except KeyError:
+            raise ProtocolMisuse(f"there is no MAVLink message {message.name!r} to encode.") from None
+        except (TypeError, struct.error, AttributeError, OverflowError) as error:
+            raise ProtocolMisuse(f"{message.name} cannot be encoded: {error}.") from error
+        finally:
+            encoder.srcSystem, encoder.srcComponent = own
+        encoder.seq = (encoder.seq + 1) & 0xFF
+        return frame
+
+    def decode(self, data: bytes, source: Hashable = None) -> list[Message]:
+        """All whole messages in `data` (one datagram, or the next bytes of a stream) that came from `source`.
+
+        `source` is any key that tells senders apart, such as an address. Never raises.
+        """
+        tail = self._tails.pop(source, b"") if self._tails else b""
+        if tail and not self._begins_with_frame(data):
+            data = tail + data
+        messages: list[Message] = []
+        at, size, cut = 0, len(data), -1
+        while at < size:
+            length = _frame_length(data, at)
+            if length > size - at:
+                cut = at if cut < 0 else cut
+                length = 0
+            frame = data[at : at + length]
+            message = self._decode_frame(frame) if length else None
+            if message is not None:
+                messages.append(message)
+                cut = -1
+            elif not (
+                length and _is_unknown(frame) and (at + length == size or data[at + length] in _MARKERS)
+            ):
+                length = 1
+                self.skipped_bytes += 1
+            at += length
+        if cut >= 0 and len(self._tails) < _MAX_SOURCES:
+            self._tails[source] = data[cut:]
+        return messages
+
+    def _begins_with_frame(self, data: bytes) -> bool:
+        length = _frame_length(data, 0) if data else 0
+        return 0 < length <= len(data) and self._decode_frame(data[:length]) is not None
+
+    def _decode_frame(self, frame: bytes) -> Message | None:
+        try:
+            decoded = self._decoder.decode(bytearray(frame))
+        except dialect.MAVError:
+            return None
+        name = decoded.msgname
+        if name not in _CLASSES:
+            return None
+        fields = {field: getattr(decoded, field) for field in decoded.fieldnames}
+        for field in _TEXT_FIELDS[name]:
+            fields[field] = fields[field].split(b"\0", 1)[0].decode("utf-8", "replace")
+        header = decoded.get_header()
+        return Message(name, fields, header.srcSystem, header.srcComponent, frame)
+
+
+def _frame_length(data: bytes, at: int) -> int:
+    """Length that the header at `at` claims; 0 if there is no header; more than is left while it is incomplete."""
+    marker, left = data[at], len(data) - at
+    if marker == _V2:
+        if left < 3:
+            return left + 1
+        flags = data[at + 2]
+        if flags & ~_SIGNED:
+            return 0
+        return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if flags else 0)
+    if marker == _V1:
+        return _HEADER_V1 + data[at + 1] + _CHECKSUM if left > 1 else left + 1
+    return 0
+
+
+def _is_unknown(frame: bytes) -> bool:
+    """Whether the frame's message id is none of the dialect's, so that its checksum cannot be known."""
+    number = int.from_bytes(frame[7:10], "little") if frame[0] == _V2 else frame[5]
+    return number not in dialect.mavlink_map
