@@ -1,0 +1,57 @@
+"""Positions on Earth and in the formation's local NED frame, and the integers that carry them.
+
+Knows: WGS 84 (through pymap3d) and MAVLink's degE7. Does not know: vehicles, missions, which origin is right.
+A mission has one origin. Heights are AMSL and enter the ellipsoid formulas as they are: leaving out the
+geoid's undulation (under 110 m) stretches horizontal distances by less than 2e-5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pymap3d
+
+from gcs.quadrotor import Array
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The point on Earth that is (0, 0, 0) of a local NED frame."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+
+
+def ned_to_geodetic(ned_m: Array, origin: Origin) -> tuple[Array, Array, Array]:
+    """Local NED (..., 3) in metres -> (lat_deg, lon_deg, alt_amsl_m), each (...).
+
+    Raises ValueError when the last axis is not 3.
+    """
+    ned = np.asarray(ned_m, dtype=np.float64)
+    if ned.ndim == 0 or ned.shape[-1] != 3:
+        raise ValueError(f"a NED position has 3 components on its last axis, got shape {ned.shape}")
+    north, east, down = np.moveaxis(ned, -1, 0)
+    lat, lon, alt = pymap3d.ned2geodetic(north, east, down, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
+    return np.asarray(lat), np.asarray(lon), np.asarray(alt)
+
+
+def geodetic_to_ned(
+    lat_deg: Array | float, lon_deg: Array | float, alt_amsl_m: Array | float, origin: Origin
+) -> Array:
+    """Geodetic coordinates, each (...) -> local NED (..., 3) in metres."""
+    parts = pymap3d.geodetic2ned(
+        lat_deg, lon_deg, alt_amsl_m, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
+    )
+    return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
+
+
+def to_degE7(angle_deg: float) -> int:
+    """Degrees -> MAVLink's integer of 1e-7 degrees, the nearest: off by 6 mm at most, truncated by 11."""
+    return round(float(angle_deg) * 1e7)
+
+
+def from_degE7(angle_degE7: int) -> float:
+    """MAVLink's integer of 1e-7 degrees -> degrees."""
+    return angle_degE7 / 1e7
