@@ -1,8 +1,8 @@
 """Messages to and from MAVLink 2 frames: the only module that knows pymavlink.
 
-Knows: framing, checksums, field order, as pymavlink's ardupilotmega dialect defines them. Does not know: what the
-messages mean. Bytes that are no frame of this dialect are skipped, never fatal: vehicles do write console text into
-the link, and a frame broken on the way must not take the good one behind it along.
+Knows: framing, checksums, field order, as pymavlink's ardupilotmega dialect defines them. Does not know:
+what the messages mean. Bytes that are no frame of this dialect are skipped, never fatal: vehicles do write
+console text into the link, and a frame broken on the way must not take the good one behind it along.
 """
 
 from __future__ import annotations
@@ -17,19 +17,11 @@ os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
-from gcs.link.items import home_item, item_from_message, item_to_message, with_home
-from gcs.link.message import GROUND, Message, Station
+from gcs.link.items import item_from_message as item_from_message
+from gcs.link.items import item_to_message as item_to_message
+from gcs.link.message import Message as Message
+from gcs.link.message import Station as Station
 
-__all__ = [
-    "GROUND",
-    "Codec",
-    "Message",
-    "Station",
-    "home_item",
-    "item_from_message",
-    "item_to_message",
-    "with_home",
-]
 
 _CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
 _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
@@ -37,7 +29,7 @@ _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
     for name, cls in _CLASSES.items()
 }
 _V1, _V2 = 0xFE, 0xFD
-_MARKERS = (_V1, _V2)
+_ENDS = (b"", b"\xfe", b"\xfd")  # what may follow a frame that no checksum vouches for
 _SIGNED = 0x01
 _HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
 _MAX_SOURCES = 64
@@ -46,8 +38,8 @@ _MAX_SOURCES = 64
 class Codec:
     """One station's encoder, with its own sequence number, and a decoder with one memory per source.
 
-    A frame that is cut by the end of a chunk is completed by the next chunk of the same source; a datagram that
-    starts with a whole frame of its own shows that the rest was lost.
+    A frame that is cut by the end of a chunk is completed by the next chunk of the same source; a datagram
+    that starts with a whole frame of its own shows that the rest was lost.
     """
 
     def __init__(self, sysid: int, compid: int) -> None:
@@ -62,7 +54,7 @@ class Codec:
         return Station(self._encoder.srcSystem, self._encoder.srcComponent)
 
     def encode(self, message: Message) -> bytes:
-        """The message as a MAVLink 2 frame, from this codec's station unless the message names another source.
+        """The message as a MAVLink 2 frame; its source is this codec's station unless it names one.
 
         Raises `ProtocolMisuse` for a name, a field or a value that the dialect does not have.
         """
@@ -129,13 +121,13 @@ class Codec:
             return None
         fields = {field: getattr(decoded, field) for field in decoded.fieldnames}
         for field in _TEXT_FIELDS[name]:
-            fields[field] = fields[field].split(b"\0", 1)[0].decode("utf-8", "replace")
+            fields[field] = fields[field].partition("\0")[0]
         header = decoded.get_header()
         return Message(name, fields, header.srcSystem, header.srcComponent, frame)
 
 
 def _frame_length(data: bytes, at: int) -> int:
-    """Length that the header at `at` claims; 0 if there is no header; more than is left while it is incomplete."""
+    """Length claimed by the header at `at`; 0 where there is none; more than is left while it is incomplete."""
     marker, left = data[at], len(data) - at
     if marker == _V2:
         if left < 3:

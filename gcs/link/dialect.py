@@ -1,7 +1,7 @@
 """The MAVLink numbers this project speaks, by name and in words.
 
-Knows: enum values of the common and ardupilotmega dialects, as far as they are used here. Does not know: frames
-on the wire; importing it costs nothing. Numbers arrive from peers as plain ints: unknown ones must survive.
+Knows: enum values of the common and ardupilotmega dialects, as far as they are used here. Does not know:
+bytes; importing it costs nothing. Numbers arrive from peers as plain ints: unknown ones must survive.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ GROUND = Station(255, 190)
 class Message:
     """A message by its MAVLink name; fields are str, int, float or lists of them, in the wire's units.
 
-    `sysid`, `compid` name the source; 0 means whoever encodes it. `raw` is the frame it was decoded from, byte
-    for byte, for logs; it takes no part in comparisons.
+    `sysid`, `compid` name the source; 0 means whoever encodes it. `raw` is the frame it was decoded from,
+    byte for byte, for logs; it takes no part in comparisons.
     """
 
     name: str

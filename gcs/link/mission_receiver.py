@@ -1,0 +1,239 @@
+"""MissionReceiver: asks the peer for its mission, item by item, and acknowledges the whole.
+
+Knows and does not know: see `gcs.link.mission`, whose rules the numbers below refer to.
+
+    state      event                                       next       sends
+    IDLE       start (ground station: a download)          LISTED     MISSION_REQUEST_LIST
+    IDLE       receive MISSION_COUNT (vehicle: an upload)  PULLING    request 0
+    LISTED     MISSION_COUNT                               PULLING    request 0
+    LISTED     reply_s passed                              LISTED     MISSION_REQUEST_LIST            (5)
+    PULLING    the item asked for                          PULLING    request for the next            (1, 4)
+    PULLING    ... and it was the last                     DONE       MISSION_ACK ACCEPTED            (7)
+    PULLING    ... and `check` or `capacity` refuses it    FAILED     MISSION_ACK of refusal
+    PULLING    MISSION_COUNT                               PULLING    request 0                       (6)
+    PULLING    item_s passed                               PULLING    the same request                (5)
+    DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
+    any        MISSION_ACK of refusal                      FAILED                                     (8)
+    any        retries used up, or give_up_s               FAILED     MISSION_ACK OPERATION_CANCELLED (9)
+    any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
+
+MISSION_COUNT 0 leads straight to DONE. Items other than the one asked for are repeats and are ignored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum, auto
+
+from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.dialect import MissionResult, MissionType, mission_result_words
+from gcs.link.items import item_from_message
+from gcs.link.message import GROUND, Message, Station
+from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack, mission_type_of
+from gcs.mission.model import MissionItem
+
+ItemCheck = Callable[[int, MissionItem], MissionResult]
+_ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
+
+
+class ReceiverState(Enum):
+    """See the table above."""
+
+    IDLE = auto()
+    LISTED = auto()
+    PULLING = auto()
+    DONE = auto()
+    FAILED = auto()
+
+
+def _accept_any(_seq: int, _item: MissionItem) -> MissionResult:
+    return MissionResult.ACCEPTED
+
+
+class MissionReceiver:
+    """One transfer of a mission from `peer` to `me`.
+
+    A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it that
+    message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
+    `int_requests=False` asks the way ArduPilot does. `items` is the mission once `done` and `error` is None.
+    """
+
+    def __init__(
+        self,
+        peer: Station,
+        *,
+        me: Station = GROUND,
+        mission_type: int = MissionType.MISSION,
+        timers: Timers = GROUND_TIMERS,
+        capacity: int = 0xFFFF,
+        check: ItemCheck = _accept_any,
+        int_requests: bool = True,
+    ) -> None:
+        self.peer = peer
+        self.me = me
+        self.mission_type = mission_type
+        self.state = ReceiverState.IDLE
+        self.error: GcsError | None = None
+        self.count: int | None = None
+        self._timers = timers
+        self._capacity = capacity
+        self._check = check
+        self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
+        self._items: list[MissionItem] = []
+        self._repeats = 0
+        self._resend_s = 0.0
+        self._give_up_s = 0.0
+        self._end_s: float | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether the transfer ended, well (`error` is None) or badly."""
+        return self.state in (ReceiverState.DONE, ReceiverState.FAILED)
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The whole mission. Raises `ProtocolMisuse` before there is one, so that no half of it is believed."""
+        if self.state is not ReceiverState.DONE:
+            raise ProtocolMisuse(
+                "a MissionReceiver was asked for its items before the transfer had succeeded."
+            )
+        return tuple(self._items)
+
+    @property
+    def progress(self) -> int:
+        """How many items have arrived."""
+        return len(self._items)
+
+    @property
+    def deadline_s(self) -> float | None:
+        """When `tick` next has something to do; None when nothing is awaited."""
+        if self.done or self._end_s is None:
+            return None
+        return min(self._resend_s, self._give_up_s, self._end_s)
+
+    def start(self, now_s: float) -> list[Message]:
+        """Asks for the peer's mission. Raises `ProtocolMisuse` the second time: one machine is one transfer."""
+        if self.state is not ReceiverState.IDLE:
+            raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
+        self.state = ReceiverState.LISTED
+        self._end_s = now_s + self._timers.give_up_s * 2
+        self._progressed(now_s, self._timers.reply_s)
+        return [self._request_list()]
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """What the message calls for; nothing for messages of other conversations."""
+        if not message.name.startswith("MISSION_") or not self._is_ours(message):
+            return []
+        if self.state is ReceiverState.DONE:
+            repeated = message.name in _ITEMS and message.fields["seq"] == len(self._items) - 1
+            return [self._ack(MissionResult.ACCEPTED)] if repeated else []
+        if self.state is ReceiverState.FAILED:
+            return []
+        if message.name == "MISSION_COUNT":
+            return self._begin(message.fields["count"], now_s)
+        if self.state is ReceiverState.PULLING and message.name in _ITEMS:
+            return self._take(message, now_s)
+        if message.name == "MISSION_ACK" and self.state is not ReceiverState.IDLE:
+            self._acknowledged(message.fields["type"])
+        return []
+
+    def tick(self, now_s: float) -> list[Message]:
+        """What the passing of time calls for."""
+        deadline_s = self.deadline_s
+        if deadline_s is None or now_s < deadline_s:
+            return []
+        used_up = self._repeats >= self._timers.retries
+        if used_up or self._end_s is None or now_s >= min(self._give_up_s, self._end_s):
+            self._fail(PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
+            return [self._ack(MissionResult.OPERATION_CANCELLED)]
+        self._repeats += 1
+        if self.state is ReceiverState.LISTED:
+            self._resend_s = now_s + self._timers.reply_s
+            return [self._request_list()]
+        self._resend_s = now_s + self._timers.item_s
+        return [self._request()]
+
+    def cancel(self) -> list[Message]:
+        """Ends the transfer from our side; the caller knows why, so the error only says that it was cancelled."""
+        if self.done:
+            return []
+        self._fail(PeerError(f"the mission transfer from {self.peer} was cancelled."))
+        return [self._ack(MissionResult.OPERATION_CANCELLED)]
+
+    def _is_ours(self, message: Message) -> bool:
+        return (
+            message.comes_from(self.peer)
+            and message.is_for(self.me)
+            and mission_type_of(message) == self.mission_type
+        )
+
+    def _begin(self, count: int, now_s: float) -> list[Message]:
+        if self.state is not ReceiverState.PULLING:  # a restart does not buy the peer more time
+            self._end_s = now_s + self._timers.give_up_s * (count + 2)
+        self.state = ReceiverState.PULLING
+        self.count = count
+        self._items.clear()
+        if count > self._capacity:
+            return self._refuse(MissionResult.NO_SPACE, f"of {count} items, {self._capacity} fit")
+        return self._next(now_s)
+
+    def _take(self, message: Message, now_s: float) -> list[Message]:
+        seq = message.fields["seq"]
+        if seq != len(self._items):
+            return []
+        try:
+            item = item_from_message(message)
+        except PeerError as error:
+            return self._refuse(MissionResult.INVALID_PARAM5_X, error.message)
+        verdict = self._check(seq, item)
+        if verdict != MissionResult.ACCEPTED:
+            return self._refuse(verdict, f"item {seq}: {mission_result_words(verdict)}")
+        self._items.append(item)
+        return self._next(now_s)
+
+    def _next(self, now_s: float) -> list[Message]:
+        if len(self._items) == self.count:
+            self.state = ReceiverState.DONE
+            return [self._ack(MissionResult.ACCEPTED)]
+        self._progressed(now_s, self._timers.item_s)
+        return [self._request()]
+
+    def _refuse(self, result: MissionResult, reason: str) -> list[Message]:
+        self._fail(PeerError(f"the mission of {self.peer} was refused: {reason}."))
+        return [self._ack(result)]
+
+    def _acknowledged(self, result: int) -> None:
+        if result not in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
+            seq = len(self._items) if self.state is ReceiverState.PULLING else None
+            self._fail(MissionRefused(self.peer, result, seq))
+
+    def _progressed(self, now_s: float, answer_s: float) -> None:
+        self._repeats = 0
+        self._resend_s = now_s + answer_s
+        self._give_up_s = now_s + self._timers.give_up_s
+
+    def _fail(self, error: GcsError) -> None:
+        self.error = error
+        self.state = ReceiverState.FAILED
+        self._items.clear()
+
+    def _awaited(self) -> str:
+        if self.state is ReceiverState.LISTED:
+            return "its MISSION_COUNT"
+        return f"its mission item {len(self._items)} of {self.count}"
+
+    def _ack(self, result: MissionResult) -> Message:
+        return mission_ack(self.peer, result, self.mission_type)
+
+    def _target(self) -> dict[str, int]:
+        return {
+            "target_system": self.peer.sysid,
+            "target_component": self.peer.compid,
+            "mission_type": self.mission_type,
+        }
+
+    def _request_list(self) -> Message:
+        return Message("MISSION_REQUEST_LIST", self._target())
+
+    def _request(self) -> Message:
+        return Message(self._request_name, {**self._target(), "seq": len(self._items)})
