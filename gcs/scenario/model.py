@@ -1,216 +1,235 @@
 """What a scenario is: the shape of `scenario.toml`, its units and its allowed ranges.
 
-Knows: keys, types, ranges and what must agree with what. Does not know: files, terrain heights, plans.
-Values stay as people write them (metres up, degrees); `gcs.scenario.physical` turns them into SI, NED and radians.
+Knows: keys, types, ranges, and what must agree inside one table. Does not know: files, terrain heights, plans,
+and what must agree between tables (that is `gcs.scenario.check`). Values stay as people write them (metres up,
+degrees); `gcs.scenario.physical` turns them into SI, NED and radians.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, lt=1)]
-SysId = Annotated[int, Field(ge=1, le=254)]
-Vector = tuple[Finite, Finite, Finite]
+# Strict: TOML has types of its own, so the text "5" or the truth value true is a mistake and not a number.
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Share = Annotated[Number, Field(ge=0, lt=1)]
+SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
+Vector = tuple[Number, Number, Number]
 PositiveVector = tuple[Positive, Positive, Positive]
+NonNegativeVector = tuple[NonNegative, NonNegative, NonNegative]
 TerminalWeight = Literal["1", "t^2", "1/(tf-t+0.5)", "1/(tf-t+0.5)^2"]
 
 
-class Part(BaseModel):
-    """Base of every table: immutable, no unknown keys, no silent conversions from text."""
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] >= pair[1]:
+        raise ValueError("must be [low, high] with low < high")
+    return pair
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+
+
+class Part(BaseModel):
+    """Base of every table: immutable, no unknown keys, no silent conversions."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Origin(Part):
     """Where the local frame lies on Earth."""
 
-    lat_deg: Annotated[float, Field(ge=-85, le=85)]
-    lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_amsl_m: Annotated[float, Field(ge=-500, le=9000)]
+    lat_deg: Annotated[Number, Field(ge=-85, le=85)] = Field(description="WGS-84 latitude, degrees")
+    lon_deg: Annotated[Number, Field(ge=-180, le=180)] = Field(description="WGS-84 longitude, degrees")
+    alt_amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = Field(
+        description="altitude above mean sea level of height 0 in this file, m"
+    )
 
 
 class Time(Part):
     """Times of the planned flight."""
 
-    flight_s: Annotated[float, Field(gt=0, le=7200)]
+    flight_s: Annotated[Number, Field(gt=0, le=7200)] = Field(description="t_f, from start to end, s")
 
 
 class Vehicle(Part):
     """Table 1: one type of quadrotor."""
 
-    name: str
-    mass_kg: Positive
-    arm_m: Positive
-    inertia_kgm2: PositiveVector
-    thrust_coeff_Ns2: Positive
-    moment_coeff_Nms2: Positive
-    drag_Nspm: tuple[NonNegative, NonNegative, NonNegative]
-    drag_moment_Nms: tuple[NonNegative, NonNegative, NonNegative]
-    gravity_mps2: Annotated[float, Field(ge=9.7, le=9.9)] = 9.8
-    rotor_max_radps: Positive
+    name: str = Field(description="name of the type, for people")
+    mass_kg: Positive = Field(description="m, kg")
+    arm_m: Positive = Field(description="l, centre to rotor, m")
+    inertia_kgm2: PositiveVector = Field(description="I_x, I_y, I_z, kg m^2")
+    thrust_coeff_Ns2: Positive = Field(description="K_T, thrust of one rotor per squared speed, N s^2")
+    moment_coeff_Nms2: Positive = Field(description="K_M, moment of one rotor per squared speed, N m s^2")
+    drag_Nspm: NonNegativeVector = Field(description="K_1..K_3, linear drag north, east, down, N s/m")
+    drag_moment_Nms: NonNegativeVector = Field(description="K_4..K_6, linear drag of the rates, N m s")
+    gravity_mps2: Annotated[Number, Field(ge=9.7, le=9.9)] = Field(9.8, description="g, m/s^2")
+    rotor_max_radps: Positive = Field(description="fastest a rotor turns, rad/s")
 
 
 class Limits(Part):
-    """Eq. 51 and the limits the paper names without a value."""
+    """Eq. 51 and the limits the paper names without a value; they hold for every vehicle."""
 
-    north_m: tuple[Finite, Finite]
-    east_m: tuple[Finite, Finite]
-    height_m: tuple[Finite, Finite]
-    speed_ned_mps: PositiveVector
+    north_m: Range = Field(description="[low, high], m north of the origin")
+    east_m: Range = Field(description="[low, high], m east of the origin")
+    height_m: Range = Field(description="[low, high], m above height 0")
+    speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
     roll_pitch_yaw_deg: tuple[
-        Annotated[float, Field(gt=0, le=180)],
-        Annotated[float, Field(gt=0, lt=90)],
-        Annotated[float, Field(gt=0, le=360)],
-    ]
-    rates_degps: PositiveVector
-    thrust_N: tuple[NonNegative, Positive]
-    torque: PositiveVector
-    clearance_min_m: NonNegative
-    load_factor_max: Positive
-    separation_min_m: Positive
-    control_margin: Share = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        for key in ("north_m", "east_m", "height_m", "thrust_N"):
-            low, high = getattr(self, key)
-            if low >= high:
-                raise ValueError(f"{key} must be [low, high] with low < high")
-        return self
+        Annotated[Number, Field(gt=0, le=180)],
+        Annotated[Number, Field(gt=0, lt=90)],
+        Annotated[Number, Field(gt=0, le=360)],
+    ] = Field(description="largest roll, pitch, yaw either way, degrees")
+    rates_degps: PositiveVector = Field(description="largest roll, pitch, yaw rate either way, degrees/s")
+    thrust_N: Annotated[tuple[NonNegative, Positive], AfterValidator(_ordered)] = Field(
+        description="U_1, [low, high], N"
+    )
+    torque: PositiveVector = Field(description="largest |U_2|, |U_3| (N, on the arm) and |U_4| (N m)")
+    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
+    load_factor_max: Positive = Field(description="n_max of Eq. 17, lateral acceleration in units of g")
+    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
+    control_margin: Share = Field(0.0, description="share of each control the plan keeps for feedback")
 
 
 class Ripple(Part):
     """Coefficients of Eq. 52."""
 
-    a: Finite
-    b: Finite
-    c: Finite
-    d: Finite
-    e: Finite
-    f: Finite
-    g: Finite
+    a: Number
+    b: Number
+    c: Number
+    d: Number
+    e: Number
+    f: Number
+    g: Number
 
 
 class Mountains(Part):
     """Eq. 53: one entry per mountain in every list."""
 
-    north_m: tuple[Finite, ...] = ()
-    east_m: tuple[Finite, ...] = ()
-    height_m: tuple[Finite, ...] = ()
-    spread_north_m: tuple[Positive, ...] = ()
-    spread_east_m: tuple[Positive, ...] = ()
+    north_m: tuple[Number, ...] = Field((), description="summits, m north of the origin")
+    east_m: tuple[Number, ...] = Field((), description="summits, m east of the origin")
+    height_m: tuple[Number, ...] = Field((), description="summits, m above height 0")
+    spread_north_m: tuple[Positive, ...] = Field((), description="decay length north and south, m")
+    spread_east_m: tuple[Positive, ...] = Field((), description="decay length east and west, m")
 
     @model_validator(mode="after")
     def _equally_long(self) -> Self:
         lengths = {key: len(getattr(self, key)) for key in type(self).model_fields}
         if len(set(lengths.values())) > 1:
-            raise ValueError(f"lists must be equally long, got {lengths}")
+            found = ", ".join(f"{key} {length}" for key, length in lengths.items())
+            raise ValueError(f"lists must be equally long, one entry per mountain; lengths are {found}")
         return self
 
 
 class Terrain(Part):
     """Ground height: the larger of the ripple and the sum of mountains; flat at height 0 without both."""
 
-    ripple: Ripple | None = None
-    mountains: Mountains = Mountains()
+    ripple: Ripple | None = Field(None, description="Eq. 52; no ripple when left out")
+    mountains: Mountains = Field(Mountains(), description="Eq. 53; no mountains when left out")
 
 
 class NoFlyDisk(Part):
     """Eq. 21: a vertical cylinder of any height."""
 
-    north_m: Finite
-    east_m: Finite
-    radius_m: Positive
+    north_m: Number = Field(description="centre, m north of the origin")
+    east_m: Number = Field(description="centre, m east of the origin")
+    radius_m: Positive = Field(description="R_j, m")
 
 
 class Boundary(Part):
     """Eqs. 15, 16: the leader's state at one end."""
 
-    position_m: Vector
-    velocity_mps: Vector
-    roll_pitch_yaw_deg: Vector
+    position_m: Vector = Field(description="north, east, height, m")
+    velocity_mps: Vector = Field(description="north, east, up, m/s")
+    roll_pitch_yaw_deg: Vector = Field(description="Euler angles, degrees; yaw 0 is north, 90 is east")
 
 
 class Objective(Part):
     """Eq. 35 with the reference of every term."""
 
-    weights: tuple[NonNegative, NonNegative, NonNegative]
-    terminal_weight: TerminalWeight
-    heading_ref_deg: Annotated[float, Field(ge=-360, le=360)]
-    height_ref_m: Finite
-    drag_power_Ns2pm2: Positive
-    heading_scale_deg: Positive
-    height_scale_m: Positive
+    weights: NonNegativeVector = Field(description="a_1 energy, a_2 heading, a_3 height")
+    terminal_weight: TerminalWeight = Field(description="Q(t) of section 2.5.3")
+    heading_ref_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
+        description="psi_r, the heading asked for towards the end, degrees"
+    )
+    height_ref_m: Number = Field(description="h_r, the height asked for towards the end, m above height 0")
+    drag_power_Ns2pm2: Positive = Field(description="k_f of Eq. 32, N s^2/m^2")
+    heading_scale_deg: Positive = Field(description="one unit of the heading term, degrees")
+    height_scale_m: Positive = Field(description="one unit of the height term, m")
 
 
 class FormationVehicle(Part):
     """One vehicle and where it is at t = 0."""
 
-    sysid: SysId
-    position_m: Vector
+    sysid: SysId = Field(description="MAVLink system id")
+    position_m: Vector = Field(description="north, east, height at t = 0, m")
 
 
 class Formation(Part):
     """The virtual rigid body."""
 
-    frame: Literal["inertial"] = "inertial"
-    leader: SysId
-    vehicle: Annotated[tuple[FormationVehicle, ...], Field(min_length=1, max_length=254)]
+    frame: Literal["inertial"] = Field(
+        "inertial", description="frame in which the shape is constant (Eq. 22)"
+    )
+    leader: SysId = Field(description="sysid of the vehicle the plan is made for")
+    vehicle: tuple[FormationVehicle, ...] = Field(
+        min_length=1, max_length=254, description="every vehicle, leader included"
+    )
 
     @model_validator(mode="after")
     def _leader_exists_once(self) -> Self:
         ids = [v.sysid for v in self.vehicle]
         if len(set(ids)) != len(ids):
-            raise ValueError(f"sysid must differ between vehicles, got {ids}")
+            raise ValueError(f"every vehicle needs a sysid of its own; there are {ids}")
         if self.leader not in ids:
-            raise ValueError(f"leader {self.leader} is not the sysid of a vehicle; there are {ids}")
+            raise ValueError(f"leader = {self.leader} is not the sysid of a vehicle; there are {ids}")
         return self
 
 
 class GroundPhases(Part):
     """What joins a trajectory that begins and ends in the air to the ground."""
 
-    run_up_m: NonNegative
-    run_up_s: Positive
-    takeoff_s: Positive
-    hover_s: NonNegative
-    landing_s: Positive
+    run_up_m: NonNegative = Field(description="distance from the first hover to the start, m")
+    run_up_s: Positive = Field(description="time from the first hover to the start, s")
+    takeoff_s: Positive = Field(description="time from the ground to the first hover, s")
+    hover_s: NonNegative = Field(description="time of the hovers before the run-up and after the end, s")
+    landing_s: Positive = Field(description="time from the last hover to the ground, s")
 
 
 class MissionOptions(Part):
     """How the plan is turned into waypoints and setpoints."""
 
-    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    tolerance_m: Positive
-    setpoint_rate_hz: Annotated[float, Field(ge=2, le=100)]
+    autopilot: Literal["ardupilot", "px4"] = Field(
+        "ardupilot", description="whose dialect files and links speak"
+    )
+    tolerance_m: Positive = Field(description="farthest the waypoints' polyline is from the trajectory, m")
+    setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second")
 
 
 class Sensors(Part):
     """What the emulated vehicles measure with."""
 
-    grade: Literal["rtk", "gnss"]
+    grade: Literal["rtk", "gnss"] = Field(description="centimetres or metres")
 
 
 class Judge(Part):
     """What a flight must hold."""
 
-    separation_min_m: Positive
-    arrival_time_s: Positive
-    arrival_position_m: Positive
-    position_rms_m: Positive
+    separation_min_m: Positive = Field(description="least true distance between two vehicles, m")
+    arrival_time_s: Positive = Field(description="largest error of the arrival time, s")
+    arrival_position_m: Positive = Field(description="largest position error at arrival, m")
+    position_rms_m: Positive = Field(description="largest RMS position error of a vehicle, m")
 
 
 class Scenario(Part):
     """One complete task: who flies, where, from what to what, under which limits."""
 
-    schema_version: Literal[1]
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
-    title: str = ""
+    schema_version: Literal[1] = Field(description="version of this file format")
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")] = Field(
+        description="short name for files and folders"
+    )
+    title: str = Field("", description="one line for people")
     origin: Origin
     time: Time
     vehicle: Vehicle
@@ -225,12 +244,3 @@ class Scenario(Part):
     mission: MissionOptions
     sensors: Sensors
     judge: Judge
-
-    @model_validator(mode="after")
-    def _leader_starts_where_it_is(self) -> Self:
-        leader = next(v for v in self.formation.vehicle if v.sysid == self.formation.leader)
-        if leader.position_m != self.start.position_m:
-            raise ValueError(
-                f"start.position_m {self.start.position_m} differs from the leader's formation position {leader.position_m}"
-            )
-        return self

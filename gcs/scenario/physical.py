@@ -30,7 +30,7 @@ def leader_index(scenario: Scenario) -> int:
 
 
 def offsets_ned_m(scenario: Scenario) -> Array:
-    """Position of each vehicle relative to the leader (V, 3): minus the paper's [x_i1, y_i1, z_i1] (Eq. 22)."""
+    """Position of each vehicle relative to the leader (V, 3): minus Eq. 22's [x_i1, y_i1, z_i1]."""
     position = np.array([v.position_m for v in scenario.formation.vehicle]) * NED_FROM_UP
     return np.asarray(position - position[leader_index(scenario)])
 

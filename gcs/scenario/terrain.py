@@ -1,6 +1,7 @@
-"""Ground height of Eqs. 52 and 53: exact for the verifier and the emulated ground, smooth from above for the optimiser.
+"""Ground height of Eqs. 52 and 53: exact for verifier and emulated ground, smooth from above for the optimiser.
 
-Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies the functions).
+Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies the
+functions).
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ def mountain_height_m(mountains: Mountains, north_m: Any, east_m: Any, xp: Any =
 def ground_envelope_m(terrain: Terrain, north_m: Any, east_m: Any, xp: Any = np) -> Any:
     """A twice differentiable height that is nowhere below the ground.
 
-    Nodes stand metres apart and cannot see a ripple of 6 m wavelength, so the ripple counts with its peak everywhere;
-    the corner between peak and mountain is rounded upwards.
+    Nodes stand metres apart and cannot see a ripple of 6 m wavelength, so the ripple counts with its peak
+    everywhere; the corner between peak and mountain is rounded upwards.
     """
     mountains = mountain_height_m(terrain.mountains, north_m, east_m, xp)
     if terrain.ripple is None:
