@@ -17,10 +17,10 @@ os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
-from gcs.link.items import item_from_message as item_from_message
-from gcs.link.items import item_to_message as item_to_message
-from gcs.link.message import Message as Message
-from gcs.link.message import Station as Station
+from gcs.link.items import item_from_message, item_to_message
+from gcs.link.message import Message, Station
+
+__all__ = ["Codec", "Message", "Station", "item_from_message", "item_to_message"]
 
 
 _CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
@@ -97,9 +97,7 @@ class Codec:
             if message is not None:
                 messages.append(message)
                 cut = -1
-            elif not (
-                length and _is_unknown(frame) and (at + length == size or data[at + length] in _MARKERS)
-            ):
+            elif not (length and _is_unknown(frame) and data[at + length : at + length + 1] in _ENDS):
                 length = 1
                 self.skipped_bytes += 1
             at += length
@@ -121,13 +119,14 @@ class Codec:
             return None
         fields = {field: getattr(decoded, field) for field in decoded.fieldnames}
         for field in _TEXT_FIELDS[name]:
-            fields[field] = fields[field].partition("\0")[0]
+            raw: bytes = getattr(decoded, f"_{field}_raw")  # pymavlink's own str is ASCII only
+            fields[field] = raw.partition(b"\0")[0].decode("utf-8", "replace")
         header = decoded.get_header()
         return Message(name, fields, header.srcSystem, header.srcComponent, frame)
 
 
 def _frame_length(data: bytes, at: int) -> int:
-    """Length claimed by the header at `at`; 0 where there is none; more than is left while it is incomplete."""
+    """Length the header at `at` claims: 0 where there is none, more than is left while it is cut."""
     marker, left = data[at], len(data) - at
     if marker == _V2:
         if left < 3:

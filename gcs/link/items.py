@@ -1,7 +1,7 @@
 """Mission items to and from MISSION_ITEM_INT fields.
 
 Knows: the wire's frames (5, 6, 11 for the files' 0, 3, 10), scaled integers, the home item. Does not know:
-who sends, how often, or why. Floats on the wire are float32: what comes back is rounded, see `mission_compare`.
+who sends, how often, or why. Floats on the wire are float32: see `mission_compare` for what comes back.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """What both sides of the mission protocol share: timers, results, errors, and the rules.
 
-Knows: nothing of sockets, clocks or sleeps: time is the argument `now_s`, seconds of any monotonic clock. Does
-not know: who is the ground station and who the vehicle. The protocol has two parts, and either station may play
-either: an upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a download the
-reverse. Each machine lives for one transfer:
+Knows: nothing of sockets, clocks or sleeps: time is the argument `now_s`, seconds of any monotonic clock.
+Does not know: who is the ground station and who the vehicle. The protocol has two parts, and each station may
+play either: an upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a download
+the reverse. Each machine lives for one transfer:
 
     messages = machine.start(now_s)                 # to be sent
     messages = machine.receive(message, now_s)      # for every message that arrives, also those of others
@@ -16,15 +16,15 @@ Rules
     Everything else belongs to other conversations and is ignored.
 3.  Every request is answered, however often it is repeated, always with MISSION_ITEM_INT.
 4.  Both kinds of request and both kinds of item are understood.
-5.  What got no answer is said again: `reply_s` after a list, a count, or the last item; `item_s` after a request
-    for an item; `retries` times. Between items the sender stays silent: asking is the receiver's part.
+5.  What got no answer is said again: `reply_s` after a list, a count, or the last item; `item_s` after a
+    request for an item; `retries` times. Between items the sender is silent: asking is the receiver's part.
 6.  A new MISSION_COUNT starts the receiver afresh: items of two missions never mix.
 7.  The receiver ends the transfer with MISSION_ACK. It repeats it when the last item comes once more, since
     that means the first one was lost.
-8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is a
-    reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one had
-    arrived and the transfer goes on (PX4: "busy"). Any other result ends it: `MissionRefused`.
-9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that keeps asking and never gets anywhere.
+8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is
+    a reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one
+    had arrived and the transfer goes on (PX4: "busy"). Any other result ends it: `MissionRefused`.
+9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
 10. Arrival of the last item without a MISSION_ACK is no proof of anything: `MissionSender.all_sent` tells the
     caller that it pays to read the mission back.
 """

@@ -53,8 +53,8 @@ def _accept_any(_seq: int, _item: MissionItem) -> MissionResult:
 class MissionReceiver:
     """One transfer of a mission from `peer` to `me`.
 
-    A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it that
-    message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
+    A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it
+    that message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
     `int_requests=False` asks the way ArduPilot does. `items` is the mission once `done` and `error` is None.
     """
 
@@ -92,7 +92,7 @@ class MissionReceiver:
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """The whole mission. Raises `ProtocolMisuse` before there is one, so that no half of it is believed."""
+        """The whole mission. Raises `ProtocolMisuse` before it is complete: no half is ever believed."""
         if self.state is not ReceiverState.DONE:
             raise ProtocolMisuse(
                 "a MissionReceiver was asked for its items before the transfer had succeeded."
@@ -112,7 +112,7 @@ class MissionReceiver:
         return min(self._resend_s, self._give_up_s, self._end_s)
 
     def start(self, now_s: float) -> list[Message]:
-        """Asks for the peer's mission. Raises `ProtocolMisuse` the second time: one machine is one transfer."""
+        """Asks for the peer's mission. Raises `ProtocolMisuse` when called twice: one machine, one transfer."""
         if self.state is not ReceiverState.IDLE:
             raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
         self.state = ReceiverState.LISTED
@@ -154,7 +154,7 @@ class MissionReceiver:
         return [self._request()]
 
     def cancel(self) -> list[Message]:
-        """Ends the transfer from our side; the caller knows why, so the error only says that it was cancelled."""
+        """Ends the transfer from our side. The caller knows why: the error only says that it was cancelled."""
         if self.done:
             return []
         self._fail(PeerError(f"the mission transfer from {self.peer} was cancelled."))

@@ -1,0 +1,91 @@
+"""Is the mission that was read back the mission that was sent, by meaning?
+
+Knows: what the wire and the autopilots change without changing the meaning. Does not know: transfers, home.
+
+Allowed: float32 rounding of parameters and altitude; NaN for NaN; the frame of items without a position
+(ArduPilot: 2 -> 0); integer frames for float ones and back (5 = 0, 6 = 3, 11 = 10); LAND's parameter 4
+(ArduPilot: 0 -> 1). Latitude and longitude must agree to the last 1e-7 degree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.mission.model import Command, Frame, MissionItem
+
+_FILE_FRAMES = {5: 0, 6: 3, 11: 10}
+_LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
+_DO_WITH_POSITION = frozenset(
+    {179, 189, 192, 195, 201}
+)  # SET_HOME, LAND_START, REPOSITION, ROI_LOCATION, ROI
+_NAV_WITHOUT_POSITION = frozenset({20, int(Command.NAV_DELAY)})  # RETURN_TO_LAUNCH
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not the same. `item` counts from 0 in the lists compared."""
+
+    item: int
+    what: str
+    sent: object
+    read_back: object
+
+    def __str__(self) -> str:
+        return f"item {self.item}: {self.what} sent {self.sent}, read back {self.read_back}"
+
+
+def compare_missions(sent: Sequence[MissionItem], read_back: Sequence[MissionItem]) -> list[Difference]:
+    """All differences in meaning; empty means that the vehicle holds what it was sent.
+
+    On ArduPilot leave item 0 out on both sides: whatever is sent, it reads back as home.
+    """
+    differences = []
+    if len(sent) != len(read_back):
+        shorter = min(len(sent), len(read_back))
+        differences.append(Difference(shorter, "number of items", len(sent), len(read_back)))
+    for index, (ours, theirs) in enumerate(zip(sent, read_back, strict=False)):
+        differences += [Difference(index, *d) for d in _item_differences(ours, theirs)]
+    return differences
+
+
+def has_position(command: int) -> bool:
+    """Whether an item of this command names a place; frames mean nothing on items that do not."""
+    if command > _LAST_NAV_COMMAND:
+        return command in _DO_WITH_POSITION
+    return command not in _NAV_WITHOUT_POSITION
+
+
+def _item_differences(ours: MissionItem, theirs: MissionItem) -> list[tuple[str, object, object]]:
+    found: list[tuple[str, object, object]] = []
+    if ours.command != theirs.command:
+        return [("command", ours.command, theirs.command)]
+    if has_position(ours.command) and _file_frame(ours.frame) != _file_frame(theirs.frame):
+        found.append(("frame", ours.frame, theirs.frame))
+    for number, (a, b) in enumerate(zip(ours.params, theirs.params, strict=True), start=1):
+        if not _same_float(a, b) and not (number == 4 and ours.command == Command.NAV_LAND):
+            found.append((f"parameter {number}", a, b))
+    if ours.lat_degE7 != theirs.lat_degE7:
+        found.append(("latitude (1e-7 deg)", ours.lat_degE7, theirs.lat_degE7))
+    if ours.lon_degE7 != theirs.lon_degE7:
+        found.append(("longitude (1e-7 deg)", ours.lon_degE7, theirs.lon_degE7))
+    if not _same_float(ours.alt_m, theirs.alt_m, absolute=0.0051):
+        found.append(("altitude (m)", ours.alt_m, theirs.alt_m))
+    if ours.autocontinue != theirs.autocontinue:
+        found.append(("autocontinue", ours.autocontinue, theirs.autocontinue))
+    return found
+
+
+def _file_frame(frame: int) -> int:
+    return _FILE_FRAMES.get(frame, int(Frame(frame)) if frame in Frame else frame)
+
+
+def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:
+    if math.isnan(ours) or math.isnan(theirs):
+        return math.isnan(ours) and math.isnan(theirs)
+    if np.float32(ours) == np.float32(theirs):
+        return True
+    return absolute > 0 and abs(ours - theirs) <= absolute  # ArduPilot stores altitudes in centimetres
