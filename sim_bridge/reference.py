@@ -1,6 +1,7 @@
 """What a fleet is asked to do at one instant.
 
-Knows: the flat outputs of every vehicle and their derivatives. Does not know: who made them, or how they are followed.
+Knows: the flat outputs of every vehicle and their derivatives. Does not know: who made them, or how they
+are followed.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from gcs.quadrotor import Array
 class Reference:
     """Flat outputs of V vehicles at one instant, in the common local NED frame.
 
-    A quadrotor is differentially flat in position and yaw: with position known up to snap, attitude, rates and
-    controls follow from Eq. 1 (`sim_bridge.control`).
+    A quadrotor is differentially flat in position and yaw: with position known up to snap, attitude, rates
+    and controls follow from Eq. 1 (`sim_bridge.control`).
     """
 
     position_ned_m: Array  # (V, 3)

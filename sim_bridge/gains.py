@@ -1,0 +1,78 @@
+"""How hard a vehicle may be pulled back to its reference: LQR gains from its constants and its authority.
+
+Knows: chains of integrators and Bryson's rule. Does not know: flight; it is done once per vehicle type.
+No gain is tuned by hand. The weight of each state is one over the error that may use up the whole authority
+kept for feedback; a strong vehicle is held to the bandwidth that a GNSS-aided estimate at 100 Hz can support.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_continuous_are
+
+from gcs.quadrotor import Array, Quadrotor
+
+FEEDBACK_SHARE = 0.3  # of each authority; a plan with a control margin of 0.3 leaves as much
+POSITION_SCALE_M = 0.1
+ANGLE_SCALE_RAD = 0.2
+POSITION_BANDWIDTH_MAX_RADPS = 2.0
+TILT_BANDWIDTH_MAX_RADPS = 10.0
+YAW_BANDWIDTH_MAX_RADPS = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class ControlLimits:
+    """Largest controls a vehicle uses: U1 (N); |U2|, |U3| (N, on the arm) and |U4| (N m)."""
+
+    thrust_N: float
+    torque: tuple[float, float, float]
+
+
+def motor_limits(q: Quadrotor) -> ControlLimits:
+    """What the rotors can do: full thrust together, and each torque while they carry the weight."""
+    top = q.rotor_max_radps**2
+    hover = q.weight_N / (4.0 * q.thrust_coeff_Ns2)
+    room = max(min(hover, top - hover), 0.0)
+    tilt = 4.0 * float(np.sqrt(0.5)) * q.thrust_coeff_Ns2 * room
+    return ControlLimits(4.0 * q.thrust_coeff_Ns2 * top, (tilt, tilt, 4.0 * q.moment_coeff_Nms2 * room))
+
+
+def chain_gain(links: tuple[float, ...], scales: tuple[float, ...], authority: float) -> Array:
+    """LQR gain (n,) of x_1' = link_1 x_2, ..., x_n' = u for the cost Σ (x_i / scale_i)² + (u / authority)²."""
+    n = len(scales)
+    b = np.zeros((n, 1))
+    b[-1] = 1.0
+    cost = np.diag((authority / np.array(scales)) ** 2)
+    return np.asarray(solve_continuous_are(np.diag(links, 1), b, cost, np.eye(1))[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """State feedback of one vehicle type, to the acceleration (m/s² or rad/s²) that ends each chain."""
+
+    tilt: Array  # (2, 4): roll, pitch; on distance, speed, angle, angular rate
+    height: Array  # (2,): on height, climb
+    yaw: Array  # (2,): on angle, rate
+
+
+def lqr_gains(q: Quadrotor, limits: ControlLimits) -> Gains:
+    """Gains for the share of the authority that is left to feedback."""
+    g = q.gravity_mps2
+    tilt = []
+    for torque, inertia in zip(limits.torque[:2], q.inertia_kgm2[:2], strict=True):
+        turn = FEEDBACK_SHARE * q.arm_m * torque / inertia
+        outer = min((g * turn / POSITION_SCALE_M) ** 0.25, POSITION_BANDWIDTH_MAX_RADPS)
+        inner = min((turn / ANGLE_SCALE_RAD) ** 0.5, TILT_BANDWIDTH_MAX_RADPS)
+        scales = (g * turn / outer**4, np.inf, turn / inner**2, turn / inner)
+        tilt.append(chain_gain((1.0, g, 1.0), scales, turn))
+    climb = FEEDBACK_SHARE * (limits.thrust_N / q.mass_kg - g)
+    outer = min((climb / POSITION_SCALE_M) ** 0.5, POSITION_BANDWIDTH_MAX_RADPS)
+    spin = FEEDBACK_SHARE * limits.torque[2] / q.inertia_kgm2[2]
+    inner = min((spin / ANGLE_SCALE_RAD) ** 0.5, YAW_BANDWIDTH_MAX_RADPS)
+    return Gains(
+        tilt=np.array(tilt),
+        height=chain_gain((1.0,), (climb / outer**2, climb / outer), climb),
+        yaw=chain_gain((1.0,), (spin / inner**2, spin / inner), spin),
+    )
