@@ -12,8 +12,8 @@ command does, or why it was refused: the reasons come as STATUSTEXT, before or a
     any        COMMAND_ACK of refusal               FAILED
     any        retries used up, progress_s, limit_s FAILED
 
-An acknowledgement counts if it comes from the vehicle commanded, names the command, and is addressed to us or to
-nobody. Nothing in the protocol tells two equal commands apart: do not give one before the other has ended.
+An acknowledgement counts if it comes from the vehicle commanded, names the command, and is addressed to us or
+to nobody. Nothing in the protocol tells two equal commands apart: do not give one before the other has ended.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class CommandSender:
         *,
         position: Position | None = None,
         me: Station = GROUND,
-        timers: CommandTimers = CommandTimers(),  # noqa: B008 (frozen)
+        timers: CommandTimers = CommandTimers(),
     ) -> None:
         most = 7 if position is None else 4
         if len(params) > most:
@@ -188,7 +188,7 @@ class CommandSender:
 
 
 class CommandMemory:
-    """For who obeys: recognises a repeated COMMAND_LONG, so that it is acknowledged again and not obeyed again.
+    """For who obeys: recognises a repeated COMMAND_LONG, to be acknowledged again and not obeyed again.
 
     A repetition is the same command with the same parameters from the same station, `confirmation` above 0,
     within `memory_s` of the last answer.

@@ -1,9 +1,9 @@
 """What both sides of the mission protocol share: timers, results, errors, and the rules.
 
 Knows: nothing of sockets, clocks or sleeps: time is the argument `now_s`, seconds of any monotonic clock.
-Does not know: who is the ground station and who the vehicle. The protocol has two parts, and each station may
-play either: an upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a download
-the reverse. Each machine lives for one transfer:
+Does not know: who is the ground station and who the vehicle. The protocol has two parts, and each station
+may play either: an upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a
+download the reverse. Each machine lives for one transfer:
 
     messages = machine.start(now_s)                 # to be sent
     messages = machine.receive(message, now_s)      # for every message that arrives, also those of others

@@ -2,7 +2,7 @@
 
 Knows: what the wire and the autopilots change without changing the meaning. Does not know: transfers, home.
 
-Allowed: float32 rounding of parameters and altitude; NaN for NaN; the frame of items without a position
+Allowed: float32 rounding of parameters and altitude, whole centimetres of altitude; NaN for NaN; the frame of items without a position
 (ArduPilot: 2 -> 0); integer frames for float ones and back (5 = 0, 6 = 3, 11 = 10); LAND's parameter 4
 (ArduPilot: 0 -> 1). Latitude and longitude must agree to the last 1e-7 degree.
 """
@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.mission.model import Command, Frame, MissionItem
+from gcs.mission.model import Command, MissionItem
 
+_ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
 _FILE_FRAMES = {5: 0, 6: 3, 11: 10}
 _LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
 _DO_WITH_POSITION = frozenset(
@@ -72,7 +73,7 @@ def _item_differences(ours: MissionItem, theirs: MissionItem) -> list[tuple[str,
         found.append(("latitude (1e-7 deg)", ours.lat_degE7, theirs.lat_degE7))
     if ours.lon_degE7 != theirs.lon_degE7:
         found.append(("longitude (1e-7 deg)", ours.lon_degE7, theirs.lon_degE7))
-    if not _same_float(ours.alt_m, theirs.alt_m, absolute=0.0051):
+    if not _same_float(ours.alt_m, theirs.alt_m, absolute=_ALTITUDE_STEP_M):
         found.append(("altitude (m)", ours.alt_m, theirs.alt_m))
     if ours.autocontinue != theirs.autocontinue:
         found.append(("autocontinue", ours.autocontinue, theirs.autocontinue))
@@ -80,7 +81,7 @@ def _item_differences(ours: MissionItem, theirs: MissionItem) -> list[tuple[str,
 
 
 def _file_frame(frame: int) -> int:
-    return _FILE_FRAMES.get(frame, int(Frame(frame)) if frame in Frame else frame)
+    return _FILE_FRAMES.get(frame, frame)
 
 
 def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:
@@ -88,4 +89,4 @@ def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:
         return math.isnan(ours) and math.isnan(theirs)
     if np.float32(ours) == np.float32(theirs):
         return True
-    return absolute > 0 and abs(ours - theirs) <= absolute  # ArduPilot stores altitudes in centimetres
+    return abs(ours - theirs) <= absolute

@@ -112,7 +112,7 @@ class MissionReceiver:
         return min(self._resend_s, self._give_up_s, self._end_s)
 
     def start(self, now_s: float) -> list[Message]:
-        """Asks for the peer's mission. Raises `ProtocolMisuse` when called twice: one machine, one transfer."""
+        """Asks for the peer's mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
         if self.state is not ReceiverState.IDLE:
             raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
         self.state = ReceiverState.LISTED
@@ -154,7 +154,7 @@ class MissionReceiver:
         return [self._request()]
 
     def cancel(self) -> list[Message]:
-        """Ends the transfer from our side. The caller knows why: the error only says that it was cancelled."""
+        """Ends the transfer from our side. The caller knows why; the error says just that."""
         if self.done:
             return []
         self._fail(PeerError(f"the mission transfer from {self.peer} was cancelled."))

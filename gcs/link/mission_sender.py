@@ -98,7 +98,7 @@ class MissionSender:
         return min(self._resend_s, last) if self._may_resend else last
 
     def start(self, now_s: float) -> list[Message]:
-        """Offers the mission. Raises `ProtocolMisuse` when called twice: one machine, one transfer."""
+        """Offers the mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
         if self.state is not SenderState.IDLE:
             raise ProtocolMisuse("a MissionSender was started twice; make a new one for a new transfer.")
         self.state = SenderState.OFFERED if self.items else SenderState.ALL_SENT
@@ -137,7 +137,7 @@ class MissionSender:
         return [self._item(len(self.items) - 1)]
 
     def cancel(self) -> list[Message]:
-        """Ends the transfer from our side. The caller knows why: the error only says that it was cancelled."""
+        """Ends the transfer from our side. The caller knows why; the error says just that."""
         if self.done:
             return []
         self._fail(PeerError(f"the mission transfer to {self.peer} was cancelled."))

@@ -1,7 +1,7 @@
 """TIMESYNC: how far apart two clocks are, measured by messages there and back.
 
-Knows: the exchange `tc1 = 0, ts1 = now` answered by `tc1 = theirs, ts1` unchanged. Does not know: which clocks.
-Half the round trip bounds the error of a sample, so the sample with the shortest round trip is kept.
+Knows: the exchange `tc1 = 0, ts1 = now`, answered by `tc1 = theirs` and `ts1` unchanged. Does not know: which
+clocks. Half the round trip bounds the error of a sample, so the sample with the shortest round trip is kept.
 """
 
 from __future__ import annotations

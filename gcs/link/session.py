@@ -1,0 +1,315 @@
+"""One vehicle's conversation: machines fed with its messages, and answers to wait for.
+
+Knows: the event loop's time, which it hands to the machines. Does not know: sockets (it is given a way to send),
+plans, modes of flight. Every wait ends: with an answer, or with `PeerTimeout` that names the vehicle and what was
+awaited.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from typing import Protocol
+
+from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.clock import VehicleClock
+from gcs.link.command import CommandRefused, CommandSender, CommandTimers, Position
+from gcs.link.dialect import Autopilot, MavCommand, MissionResult, MissionType, ModeFlag
+from gcs.link.items import with_home
+from gcs.link.message import GROUND, Message, Station
+from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers
+from gcs.link.mission_compare import Difference, compare_missions
+from gcs.link.mission_receiver import MissionReceiver
+from gcs.link.mission_sender import MissionSender
+from gcs.link.statustext import StatusText, StatusTextJoiner
+from gcs.mission.model import MissionItem, VehicleMission
+
+_BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s
+_REASON_S = 0.7  # the reasons for a refusal come up to so much before or after it
+
+
+class Machine(Protocol):
+    """What every protocol machine offers."""
+
+    error: GcsError | None
+
+    @property
+    def done(self) -> bool:
+        """Whether it ended."""
+
+    @property
+    def deadline_s(self) -> float | None:
+        """When to call `tick`."""
+
+    def start(self, now_s: float) -> list[Message]:
+        """The first messages."""
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """The answers to a message."""
+
+    def tick(self, now_s: float) -> list[Message]:
+        """The messages that time calls for."""
+
+
+class VehicleSession:
+    """One vehicle as seen from the ground station. Made by `gcs.link.fleet.Fleet`."""
+
+    def __init__(
+        self,
+        heartbeat: Message,
+        send: Callable[[Message], None],
+        *,
+        me: Station = GROUND,
+        timers: Timers = GROUND_TIMERS,
+    ) -> None:
+        self.station = heartbeat.source
+        self.me = me
+        self.clock = VehicleClock()
+        self.latest: dict[str, Message] = {}  # the last message of each name
+        self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
+        self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
+        self._send = send
+        self._timers = timers
+        self._loop = asyncio.get_running_loop()
+        self._joiner = StatusTextJoiner()
+        self._machines: list[tuple[Machine, asyncio.Event]] = []
+        self._listeners: list[Callable[[Message], None]] = []
+        self._mission_lock = asyncio.Lock()
+        self._command_locks: dict[int, asyncio.Lock] = {}
+        self.receive(heartbeat, self._loop.time())
+
+    @property
+    def sysid(self) -> int:
+        """The vehicle's MAVLink system id."""
+        return self.station.sysid
+
+    @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT of its last heartbeat."""
+        return int(self.latest["HEARTBEAT"].fields["autopilot"])
+
+    @property
+    def armed(self) -> bool:
+        """Whether its last heartbeat says so."""
+        return bool(self.latest["HEARTBEAT"].fields["base_mode"] & ModeFlag.ARMED)
+
+    @property
+    def custom_mode(self) -> int:
+        """The mode of its last heartbeat: the only trustworthy word about it."""
+        return int(self.latest["HEARTBEAT"].fields["custom_mode"])
+
+    @property
+    def home_is_item_0(self) -> bool:
+        """Whether its missions carry home as item 0, as ArduPilot's do."""
+        return self.autopilot == Autopilot.ARDUPILOT
+
+    def heartbeat_age_s(self) -> float:
+        """Seconds of local time since its last heartbeat."""
+        return self._loop.time() - self.latest_s["HEARTBEAT"]
+
+    def message_age_s(self, name: str) -> float:
+        """Seconds of local time since its last message of that name; infinite if there was none."""
+        return self._loop.time() - self.latest_s.get(name, float("-inf"))
+
+    def send(self, message: Message) -> None:
+        """Sends a message to the vehicle's address; target fields are the caller's."""
+        self._send(message)
+
+    def subscribe(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+        """Calls `listener` with every message from now on; the result ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener) if listener in self._listeners else None
+
+    def receive(self, message: Message, now_s: float) -> None:
+        """Takes in one message of this vehicle (the fleet's business)."""
+        self.latest[message.name] = message
+        self.latest_s[message.name] = now_s
+        self.clock.receive(message, now_s)
+        if message.name == "STATUSTEXT":
+            self._note(self._joiner.receive(message, now_s), now_s)
+        for machine, woken in self._machines:
+            self._send_all(machine.receive(message, now_s))
+            if machine.done:
+                woken.set()
+        for listener in tuple(self._listeners):
+            listener(message)
+
+    def tick(self, now_s: float) -> None:
+        """Ends the wait for chunks of text that never came (the fleet's business)."""
+        self._note(self._joiner.tick(now_s), now_s)
+
+    async def wait_for(
+        self,
+        predicate: Callable[[Message], bool],
+        timeout_s: float,
+        what: str,
+        *,
+        or_latest: bool = False,
+    ) -> Message:
+        """The next message that `predicate` holds for; with `or_latest` also one that is already here.
+
+        Raises `PeerTimeout`: "vehicle N: `what` did not come within `timeout_s`".
+        """
+        if or_latest:
+            for message in self.latest.values():
+                if predicate(message):
+                    return message
+        found: asyncio.Future[Message] = self._loop.create_future()
+
+        def check(message: Message) -> None:
+            if not found.done() and predicate(message):
+                found.set_result(message)
+
+        stop = self.subscribe(check)
+        try:
+            return await asyncio.wait_for(found, timeout_s)
+        except TimeoutError:
+            raise PeerTimeout(
+                f"vehicle {self.sysid}: {what} did not come within {timeout_s:g} s.",
+                hint=self._silence_hint(),
+            ) from None
+        finally:
+            stop()
+
+    async def command(
+        self,
+        command: int,
+        *params: float,
+        position: Position | None = None,
+        timers: CommandTimers = CommandTimers(),
+    ) -> Message:
+        """Gives a command and returns its COMMAND_ACK.
+
+        Raises `CommandRefused` with the vehicle's own words where it gave reasons, or `PeerTimeout`.
+        """
+        async with self._command_locks.setdefault(command, asyncio.Lock()):
+            machine = CommandSender(
+                command, params, self.station, position=position, me=self.me, timers=timers
+            )
+            began_s = self._loop.time()
+            try:
+                await self._run(machine)
+            except CommandRefused as refusal:
+                await asyncio.sleep(_REASON_S)
+                reason = "; ".join(t.text for at_s, t in self.texts if at_s >= began_s - _REASON_S)
+                raise (refusal.because(reason) if reason else refusal) from None
+            if machine.ack is None:
+                raise ProtocolMisuse("a command ended without acknowledgement and without error.")
+            return machine.ack
+
+    async def set_message_interval(self, message_id: int, rate_hz: float) -> None:
+        """Asks for a message `rate_hz` times per second of vehicle time. Raises as `command` does."""
+        await self.command(MavCommand.SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
+
+    async def request_message(self, message_id: int, name: str, timeout_s: float = 5.0) -> Message:
+        """Asks for one message and returns it. Raises as `command` and `wait_for` do."""
+        waiting = asyncio.ensure_future(self.wait_for(lambda m: m.name == name, timeout_s, name))
+        try:
+            await self.command(MavCommand.REQUEST_MESSAGE, message_id)
+            return await waiting
+        finally:
+            waiting.cancel()
+
+    async def upload(
+        self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION
+    ) -> MissionSender:
+        """Sends items as they are (an empty list clears) and returns the finished machine.
+
+        Raises `MissionRefused`, or `PeerTimeout`. Success is the vehicle's word only: read back.
+        """
+        async with self._mission_lock:
+            return await self._upload(items, mission_type)
+
+    async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
+        """Reads the vehicle's mission, home included where it is item 0. Raises as `upload` does."""
+        async with self._mission_lock:
+            machine = MissionReceiver(
+                self.station, me=self.me, mission_type=mission_type, timers=self._timers
+            )
+            await self._run(machine)
+            return machine.items
+
+    async def upload_mission(self, mission: VehicleMission) -> None:
+        """Sends a mission, with home where the autopilot wants it, reads it back and compares.
+
+        Only the read-back decides: a lost MISSION_ACK does no harm, a false one no good. Raises `PeerError`
+        that lists the differences, `MissionRefused`, `PeerTimeout`.
+        """
+        first = 1 if self.home_is_item_0 else 0
+        items = with_home(mission.items, mission.home) if first else mission.items
+        try:
+            await self.upload(items)
+        except _AckLost:
+            pass
+        differences: list[Difference] = compare_missions(items[first:], (await self.download())[first:])
+        if differences:
+            listed = "; ".join(str(d) for d in differences[:5])
+            more = f"; and {len(differences) - 5} more" if len(differences) > 5 else ""
+            raise PeerError(
+                f"vehicle {self.sysid} does not hold the mission it was sent: {listed}{more}.",
+                hint="upload again; if it persists, the autopilot does not store these items as they are",
+            )
+
+    async def _upload(self, items: Sequence[MissionItem], mission_type: int) -> MissionSender:
+        for last_try in (False, True):
+            machine = MissionSender(
+                items, self.station, me=self.me, mission_type=mission_type, timers=self._timers
+            )
+            try:
+                await self._run(machine)
+            except MissionRefused as refusal:
+                busy = refusal.result in (MissionResult.ERROR, MissionResult.DENIED) and refusal.seq is None
+                if last_try or not busy:
+                    raise
+                await asyncio.sleep(_BUSY_S)
+                continue
+            except PeerTimeout as error:
+                if machine.all_sent and items:
+                    raise _AckLost(error.message, hint=error.hint) from None
+                raise
+            return machine
+        raise ProtocolMisuse("an upload ended without result.")
+
+    async def _run(self, machine: Machine) -> None:
+        async with self._fed(machine) as woken:
+            self._send_all(machine.start(self._loop.time()))
+            while not machine.done:
+                deadline_s = machine.deadline_s
+                if deadline_s is None:
+                    raise ProtocolMisuse(f"a {type(machine).__name__} waits without a deadline.")
+                try:
+                    await asyncio.wait_for(woken.wait(), max(0.0, deadline_s - self._loop.time()))
+                except TimeoutError:
+                    self._send_all(machine.tick(self._loop.time()))
+        if machine.error is not None:
+            raise machine.error
+
+    @asynccontextmanager
+    async def _fed(self, machine: Machine) -> AsyncIterator[asyncio.Event]:
+        entry = (machine, asyncio.Event())
+        self._machines.append(entry)
+        try:
+            yield entry[1]
+        finally:
+            self._machines.remove(entry)
+            if not machine.done and isinstance(machine, MissionSender | MissionReceiver):
+                self._send_all(machine.cancel())
+
+    def _send_all(self, messages: list[Message]) -> None:
+        for message in messages:
+            self._send(message)
+
+    def _note(self, texts: list[StatusText], now_s: float) -> None:
+        self.texts.extend((now_s, text) for text in texts)
+
+    def _silence_hint(self) -> str:
+        age_s = self.heartbeat_age_s()
+        if age_s > 3.0:
+            return f"its last heartbeat came {age_s:.1f} s ago: check the vehicle and the link"
+        return "its heartbeat is there: it is alive and did not answer"
+
+
+class _AckLost(PeerTimeout):
+    """All items were sent, and the MISSION_ACK did not come: only the read-back can tell."""
