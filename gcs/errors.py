@@ -1,7 +1,8 @@
 """Every error a person can meet, and the exit code of its family.
 
 Knows: what went wrong, where, and what to do next. Does not know: how it is shown (that is `gcs.cli`).
-Your own mistake and the peer's are different classes, so that no caller has to read the text to tell them apart.
+Your own mistake and the peer's are different classes, so that no caller has to read the text to tell them
+apart.
 """
 
 from __future__ import annotations

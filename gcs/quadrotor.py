@@ -5,7 +5,8 @@ The equations are plain arithmetic on components; `xp` supplies sin and cos, so 
 shape and CasADi symbols go through the same lines.
 
 State `(..., 12)`:   position_ned_m (3), velocity_ned_mps (3), roll, pitch, yaw (rad), their rates (rad/s).
-Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force differences (N, acting on arm l); U4 yaw moment (N m).
+Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force differences (N, acting on arm l);
+                     U4 yaw moment (N m).
 """
 
 from __future__ import annotations
@@ -45,12 +46,17 @@ class Quadrotor:
 
 
 def equations_of_motion(
-    x: Sequence[Any], u: Sequence[Any], q: Quadrotor, wind_ned_mps: Sequence[Any] = (0.0, 0.0, 0.0), xp: Any = np
+    x: Sequence[Any],
+    u: Sequence[Any],
+    q: Quadrotor,
+    wind_ned_mps: Sequence[Any] = (0.0, 0.0, 0.0),
+    xp: Any = np,
 ) -> tuple[Any, ...]:
     """Time derivatives of the twelve state components (Eq. 1; drag opposes the air-relative velocity)."""
     _, _, _, vx, vy, vz, roll, pitch, yaw, p, qq, r = x
     u1, u2, u3, u4 = u
-    sr, cr, sp, cp, sy, cy = xp.sin(roll), xp.cos(roll), xp.sin(pitch), xp.cos(pitch), xp.sin(yaw), xp.cos(yaw)
+    sr, sp, sy = xp.sin(roll), xp.sin(pitch), xp.sin(yaw)
+    cr, cp, cy = xp.cos(roll), xp.cos(pitch), xp.cos(yaw)
     m, arm = q.mass_kg, q.arm_m
     ix, iy, iz = q.inertia_kgm2
     k1, k2, k3 = q.drag_Nspm
@@ -77,7 +83,7 @@ def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array |
     """Eq. 1 on arrays: state (..., 12), control (..., 4), wind (..., 3) -> (..., 12)."""
     wind = (0.0, 0.0, 0.0) if wind_ned_mps is None else tuple(np.moveaxis(wind_ned_mps, -1, 0))
     parts = equations_of_motion(tuple(np.moveaxis(state, -1, 0)), tuple(np.moveaxis(control, -1, 0)), q, wind)
-    out = np.empty(np.broadcast_shapes(state.shape[:-1], control.shape[:-1]) + (12,))
+    out = np.empty((*np.broadcast_shapes(state.shape[:-1], control.shape[:-1]), 12))
     for i, part in enumerate(parts):
         out[..., i] = part
     return out
@@ -99,14 +105,15 @@ _UNMIXER = np.linalg.inv(_MIXER)
 def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
     """Eq. 2: rotor speeds (..., 4) in rad/s -> controls (..., 4)."""
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
-    return np.square(rotor_radps) @ _MIXER.T * k
+    return np.asarray(np.square(rotor_radps) @ _MIXER.T * k
 
 
 def rotors_from_control(control: Array, q: Quadrotor) -> Array:
-    """Inverse of Eq. 2 with motor limits: controls (..., 4) -> rotor speeds (..., 4), 0 <= Ω <= rotor_max_radps.
+    """Inverse of Eq. 2 with motor limits: (..., 4) -> rotor speeds (..., 4) in [0, rotor_max_radps].
 
-    What cannot be had is given up in order: yaw first, then roll and pitch together, thrust last, because a vehicle
-    that keeps its height but not its heading still has its formation. Reachable controls are met exactly.
+    What cannot be had is given up in order: yaw first, then roll and pitch together, thrust last, because a
+    vehicle that keeps its height but not its heading still has its formation. Reachable controls are met
+    exactly.
     """
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
     wanted = control / k
@@ -123,13 +130,13 @@ def _room(base: Array, step: Array, top: float) -> Array:
     """Largest share (..., 1) in [0, 1] of `step` that keeps base + share * step within [0, top]."""
     limit = np.where(step > 0, top - base, base)
     size = np.maximum(np.abs(step), 1e-300)
-    return np.clip(np.min(limit / size, axis=-1, keepdims=True), 0.0, 1.0)
+    return np.asarray(np.clip(np.min(limit / size, axis=-1, keepdims=True), 0.0, 1.0))
 
 
 def thrust_and_tilt(
     acceleration_ned_mps2: Array, velocity_ned_mps: Array, yaw_ned_rad: Array, q: Quadrotor
 ) -> tuple[Array, Array, Array]:
-    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), in still air at a given yaw."""
+    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), in still air."""
     drag = np.array(q.drag_Nspm) * velocity_ned_mps
     force = q.mass_kg * (np.array([0.0, 0.0, q.gravity_mps2]) - acceleration_ned_mps2) - drag
     fx, fy, fz = np.moveaxis(force, -1, 0)

@@ -42,7 +42,11 @@ def functions(problem: Problem) -> Instant:
     cost = _cost_rate(problem, x, shares)
     names, path_parts = _path(problem, x, motion)
     path = ca.vertcat(*path_parts)
-    sigma, costate, multipliers = ca.SX.sym("sigma"), ca.SX.sym("costate", 12), ca.SX.sym("multipliers", len(names))
+    sigma, costate, multipliers = (
+        ca.SX.sym("sigma"),
+        ca.SX.sym("costate", 12),
+        ca.SX.sym("multipliers", len(names)),
+    )
 
     def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [output])
@@ -53,7 +57,9 @@ def functions(problem: Problem) -> Instant:
         cost=function("cost", [z, shares], cost),
         cost_gradient=function("cost_gradient", [z, shares], ca.gradient(cost, z)),
         motion_hessian=function(
-            "motion_hessian", [z, shares, sigma, costate], ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0]
+            "motion_hessian",
+            [z, shares, sigma, costate],
+            ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
         ),
         path=function("path", [z], path),
         path_jacobian=function("path_jacobian", [z], ca.jacobian(path, z)),
@@ -98,5 +104,3 @@ def _path(problem: Problem, x: list[ca.SX], motion: ca.SX) -> tuple[tuple[str, .
     names.append("turning radius")
     values.append(1.0 - (turn / bound) ** 2 / (vx**2 + vy**2 + REST_SPEED_MPS**2))
     return tuple(names), values
-
-

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor
 from gcs.scenario.model import Scenario, TerminalWeight
-from gcs.scenario.physical import NED_FROM_UP, boundary_state, offsets_ned_m, quadrotor
+from gcs.scenario.physical import boundary_state, offsets_ned_m, quadrotor
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),
@@ -64,7 +64,13 @@ def flight_problem(scenario: Scenario) -> Problem:
     """The paper's problem (§2.6): from Eq. 15 at t = 0 to Eq. 16 at the scenario's time of flight."""
     low, high = state_bounds(scenario)
     return _problem(
-        scenario, 0.0, scenario.time.flight_s, boundary_state(scenario.start), boundary_state(scenario.end), low, high
+        scenario,
+        0.0,
+        scenario.time.flight_s,
+        boundary_state(scenario.start),
+        boundary_state(scenario.end),
+        low,
+        high,
     )
 
 
@@ -137,5 +143,3 @@ def _problem(
             height_scale_m=wanted.height_scale_m,
         ),
     )
-
-

@@ -12,10 +12,14 @@ inner nodes and leaves the control box at the ends of an interval; a line betwee
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
@@ -38,11 +42,10 @@ class Layout:
 
     mesh: Mesh
 
-    def __post_init__(self) -> None:
-        counts = np.cumsum([0, *self.mesh.degrees])
-        object.__setattr__(self, "first_node", counts)
-
-    first_node = np.zeros(0, dtype=int)  # (M+1,) index of each interval's first node
+    @cached_property
+    def first_node(self) -> list[int]:
+        """Index (M+1) of each interval's first node."""
+        return [0, *itertools.accumulate(self.mesh.degrees)]
 
     @property
     def nodes(self) -> int:
@@ -60,7 +63,7 @@ class Layout:
 
     def node(self, i: int, k: int) -> int:
         """Index of the first state component at node k of interval i."""
-        return NX * (self.mesh.intervals + 1 + int(self.first_node[i]) + k)
+        return NX * (self.mesh.intervals + 1 + self.first_node[i] + k)
 
     def control(self, i: int) -> int:
         """Index of the first control component at joint i."""
@@ -104,7 +107,7 @@ class Layout:
         for i, degree in enumerate(self.mesh.degrees):
             rule = gauss_rule(degree)
             half = 0.5 * (self.mesh.joints_s[i + 1] - self.mesh.joints_s[i])
-            first = NX * int(self.first_node[i])
+            first = NX * self.first_node[i]
             starts = [self.joint(i), *(self.node(i, k) for k in range(degree))]
             for k in range(degree):
                 for start, d in zip(starts, rule.differentiation[k], strict=True):
@@ -121,16 +124,18 @@ class Layout:
     def quadrature(self) -> Array:
         """Weights (N,) that integrate a function of time over the whole flight (Eq. 47)."""
         lengths = np.diff(self.mesh.joints_s)
-        return np.concatenate([0.5 * h * gauss_rule(d).weights for h, d in zip(lengths, self.mesh.degrees, strict=True)])
+        return np.concatenate(
+            [0.5 * h * gauss_rule(d).weights for h, d in zip(lengths, self.mesh.degrees, strict=True)]
+        )
 
 
 class _Triplets:
     """Collects 12 x 12 identity blocks of a sparse matrix."""
 
     def __init__(self) -> None:
-        self.rows: list[Array] = []
-        self.cols: list[Array] = []
-        self.values: list[Array] = []
+        self.rows: list[NDArray[Any]] = []
+        self.cols: list[NDArray[Any]] = []
+        self.values: list[NDArray[Any]] = []
 
     def add(self, row: int, col: int, value: float) -> None:
         self.rows.append(row + np.arange(NX))
@@ -141,7 +146,9 @@ class _Triplets:
         return _matrix(self.rows, self.cols, self.values, shape)
 
 
-def _matrix(rows: list[Array], cols: list[Array], values: list[Array], shape: tuple[int, int]) -> sparse.csc_matrix:
+def _matrix(
+    rows: list[NDArray[Any]], cols: list[NDArray[Any]], values: list[NDArray[Any]], shape: tuple[int, int]
+) -> sparse.csc_matrix:
     triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
     return sparse.csc_matrix(triplets, shape=shape)
 
@@ -230,7 +237,11 @@ def transcribe(problem: Problem, mesh: Mesh) -> Program:
         (y_low - shift) / unit,
         (y_high - shift) / unit,
         np.concatenate(
-            [np.zeros(dynamics_rows), np.zeros(path_rows * len(times)), np.tile(problem.state_low / STATE_UNIT, watched)]
+            [
+                np.zeros(dynamics_rows),
+                np.zeros(path_rows * len(times)),
+                np.tile(problem.state_low / STATE_UNIT, watched),
+            ]
         ),
         np.concatenate(
             [
@@ -295,12 +306,16 @@ def _assemble(
         "grad_f": ca.Function("grad_f", [y, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [y, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         "hess_lag": ca.Function(
-            "hess_lag", [y, p, sigma, lam], [ca.triu(hessian)], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+            "hess_lag",
+            [y, p, sigma, lam],
+            [ca.triu(hessian)],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
         ),
     }
 
 
-def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX) -> ca.MX:
+def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX | ca.DM) -> ca.MX:
     """Evaluate `function` at every instant and set its (sparse) results on a diagonal of blocks.
 
     Side by side and on the diagonal, blocks store their nonzeros in the same column-major order.

@@ -1,7 +1,7 @@
-"""Ground height of Eqs. 52 and 53: exact for verifier and emulated ground, smooth from above for the optimiser.
+"""Ground height of Eqs. 52 and 53: exact for the verifier, smooth from above for the optimiser.
 
-Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies the
-functions).
+Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies
+the functions).
 """
 
 from __future__ import annotations

@@ -1,0 +1,115 @@
+"""How far every constraint is from being broken, at any instants: what the verifier judges and the mesh learns from.
+
+Knows: Eqs. 17-25 and 51 on plain arrays, and the exact ground. Does not know: transcription, CasADi, tolerances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.quadrotor import (
+    ATTITUDE,
+    RATES,
+    VELOCITY,
+    Array,
+    control_from_rotors,
+    derivative,
+    rotors_from_control,
+)
+from gcs.scenario.model import Scenario
+from gcs.scenario.physical import quadrotor
+from gcs.scenario.terrain import ground_height_m
+
+# Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
+REST_SPEED_MPS = 0.1
+
+
+@dataclass(frozen=True)
+class Margin:
+    """One constraint at N instants for V vehicles: value >= 0 where it is held."""
+
+    name: str
+    unit: str
+    value: Array  # (V, N)
+    scale: float  # the limit's own size: what "to 0.1 %" refers to
+
+
+def clearance(scenario: Scenario, states: Array) -> Margin:
+    """Height above the exact ground (Eqs. 20, 23, 52, 53) less h_min; states (V, N, 12)."""
+    height = -states[..., 2] - ground_height_m(scenario.terrain, states[..., 0], states[..., 1])
+    least = scenario.limits.clearance_min_m
+    return Margin("clearance above ground", "m", height - least, least)
+
+
+def box(scenario: Scenario, states: Array) -> list[Margin]:
+    """The x-y box of Eq. 51."""
+    limits = scenario.limits
+    return [
+        _between(f"{name} position", "m", states[..., axis], *bounds)
+        for axis, (name, bounds) in enumerate((("north", limits.north_m), ("east", limits.east_m)))
+    ]
+
+
+def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
+    """Height, speeds, attitude and rates of Eq. 51."""
+    limits = scenario.limits
+    margins = [_between("height", "m", -states[..., 2], *limits.height_m)]
+    for names, unit, values, bounds in (
+        (("north speed", "east speed", "vertical speed"), "m/s", states[..., VELOCITY], limits.speed_ned_mps),
+        (("roll", "pitch", "yaw"), "deg", np.degrees(states[..., ATTITUDE]), limits.roll_pitch_yaw_deg),
+        (
+            ("roll rate", "pitch rate", "yaw rate"),
+            "deg/s",
+            np.degrees(states[..., RATES]),
+            limits.rates_degps,
+        ),
+    ):
+        margins += [
+            Margin(name, unit, bound - np.abs(values[..., i]), bound)
+            for i, (name, bound) in enumerate(zip(names, bounds, strict=True))
+        ]
+    return margins
+
+
+def control_limits(scenario: Scenario, controls: Array) -> list[Margin]:
+    """U1..U4 of Eq. 51, and rotors that can turn as fast as Eq. 2 asks."""
+    limits = scenario.limits
+    margins = [_between("thrust U1", "N", controls[..., 0], *limits.thrust_N)]
+    margins += [
+        Margin(f"control U{i + 2}", "N" if i < 2 else "N m", bound - np.abs(controls[..., i + 1]), bound)
+        for i, bound in enumerate(limits.torque)
+    ]
+    vehicle = quadrotor(scenario)
+    reached = control_from_rotors(rotors_from_control(controls, vehicle), vehicle)
+    shortfall = np.max(np.abs(reached - controls), axis=-1)
+    return [*margins, Margin("rotor speed", "N", -shortfall, vehicle.weight_N)]
+
+
+def turning(scenario: Scenario, states: Array, controls: Array) -> Margin:
+    """Normal acceleration in the horizontal plane against n_max g (Eqs. 17, 18, 25), for each vehicle's own motion."""
+    vehicle = quadrotor(scenario)
+    acceleration = derivative(states, controls, vehicle)[..., VELOCITY]
+    vx, vy = states[..., 3], states[..., 4]
+    speed = np.hypot(vx, vy)
+    normal = np.abs(vx * acceleration[..., 1] - vy * acceleration[..., 0]) / np.maximum(speed, REST_SPEED_MPS)
+    bound = scenario.limits.load_factor_max
+    return Margin("turning load factor", "g", bound - normal / vehicle.gravity_mps2, bound)
+
+
+def no_fly(scenario: Scenario, states: Array) -> list[Margin]:
+    """Distance outside every no-fly disk (Eqs. 21, 24)."""
+    return [
+        Margin(
+            f"no-fly disk {number}",
+            "m",
+            np.hypot(states[..., 0] - disk.north_m, states[..., 1] - disk.east_m) - disk.radius_m,
+            disk.radius_m,
+        )
+        for number, disk in enumerate(scenario.no_fly, start=1)
+    ]
+
+
+def _between(name: str, unit: str, values: Array, low: float, high: float) -> Margin:
+    return Margin(name, unit, np.minimum(values - low, high - values), max(abs(low), abs(high)))

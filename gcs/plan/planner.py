@@ -1,0 +1,126 @@
+"""From a scenario to a plan: the optimised flight, and the phases that join it to the ground.
+
+Knows: which phases a flight has and in which order. Does not know: how one is optimised, whether it may be flown.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from gcs.plan.ground_phases import smooth_step, vertical
+from gcs.plan.problem import Problem, flight_problem, run_up_problem
+from gcs.plan.refine import optimise
+from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
+from gcs.scenario.model import Scenario
+from gcs.scenario.physical import (
+    NED_FROM_UP,
+    hover_start_ned_m,
+    landing_points_ned_m,
+    leader_index,
+    offsets_ned_m,
+    pads_ned_m,
+    quadrotor,
+)
+
+
+def make_plan(scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda _: None) -> Plan:
+    """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none."""
+    began = time.perf_counter()
+    trajectory, objective, history = optimise(flight_problem(scenario), on_round)
+    flight_done = time.perf_counter()
+    run_up = _run_up(scenario, on_round)
+    run_up_done = time.perf_counter()
+    phases = _phases(scenario)
+    leader = leader_index(scenario)
+    vehicle = quadrotor(scenario)
+    yaw_start, yaw_end = (
+        np.radians(scenario.start.roll_pitch_yaw_deg[2]),
+        np.radians(scenario.end.roll_pitch_yaw_deg[2]),
+    )
+    hover, end = hover_start_ned_m(scenario)[leader], np.array(scenario.end.position_m) * NED_FROM_UP
+    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]
+    span = {p.name: (p.start_s, p.end_s) for p in phases}
+    parts = [vertical(*span["takeoff"], pad, hover[2], yaw_start, vehicle)]
+    if "hover" in span:
+        parts.append(vertical(*span["hover"], hover, hover[2], yaw_start, vehicle))
+    if run_up is not None:
+        parts.append(run_up)
+    parts.append(trajectory)
+    if "arrival-hover" in span:
+        parts.append(vertical(*span["arrival-hover"], end, end[2], yaw_end, vehicle))
+    parts.append(vertical(*span["landing"], end, ground[2], yaw_end, vehicle))
+    return Plan(
+        scenario,
+        joined(parts),
+        _shape(scenario, phases),
+        phases,
+        objective,
+        history,
+        {"flight": flight_done - began, "run-up": run_up_done - flight_done},
+    )
+
+
+def _phases(scenario: Scenario) -> tuple[Phase, ...]:
+    """Phases in order; those of no length are left out."""
+    ground = scenario.ground_phases
+    moving = any(scenario.start.velocity_mps)
+    lengths = [
+        ("takeoff", ground.takeoff_s),
+        ("hover", ground.hover_s),
+        ("run-up", ground.run_up_s if moving else 0.0),
+        ("mission", scenario.time.flight_s),
+        ("arrival-hover", ground.hover_s),
+        ("landing", ground.landing_s),
+    ]
+    start = -sum(length for _, length in lengths[:3])
+    phases = []
+    for name, length in lengths:
+        # The instants that matter are exact, not sums of roundings.
+        start = {"run-up": -length, "mission": 0.0, "arrival-hover": scenario.time.flight_s}.get(name, start)
+        if length > 0:
+            phases.append(Phase(name, start, scenario.time.flight_s if name == "mission" else start + length))
+        start += length
+    return tuple(phases)
+
+
+def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajectory | None:
+    """From the hover to the state of Eq. 15 by the same method, asked to hold height and heading."""
+    if not any(scenario.start.velocity_mps):
+        return None
+    problem = run_up_problem(scenario, hover_start_ned_m(scenario)[leader_index(scenario)])
+    return optimise(_holding_height(problem), on_round)[0]
+
+
+def _holding_height(problem: Problem) -> Problem:
+    objective = replace(
+        problem.objective,
+        terminal_weight="1",
+        heading_ref_rad=float(problem.end_state[8]),
+        height_ref_m=float(-problem.end_state[2]),
+        height_scale_m=1.0,
+    )
+    return replace(problem, objective=objective)
+
+
+def _shape(scenario: Scenario, phases: tuple[Phase, ...]) -> PPoly:
+    """Offsets over time: rigid in the air, and on each vehicle's own ground at the first and last instant."""
+    offsets = offsets_ned_m(scenario)
+    leader = leader_index(scenario)
+    takeoff, landing = phases[0], phases[-1]
+    joints = np.array([takeoff.start_s, takeoff.end_s, landing.start_s, landing.end_s])
+    coefficients = np.zeros((6, 3, len(offsets), 3))
+    coefficients[-1] = offsets
+    for piece, (phase, ground) in {
+        0: (takeoff, pads_ned_m(scenario)),
+        2: (landing, landing_points_ned_m(scenario)),
+    }.items():
+        on_ground = ground[:, 2] - ground[leader, 2]
+        for i, (low, high) in enumerate(zip(on_ground, offsets[:, 2], strict=True)):
+            ends = (low, high) if piece == 0 else (high, low)
+            coefficients[:, piece, i, 2] = smooth_step(phase.start_s, phase.end_s, *ends).c[:, 0]
+    return PPoly(coefficients, joints)

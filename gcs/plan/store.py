@@ -1,0 +1,91 @@
+"""Plans on disk: one `.skein` file (a NumPy archive) with the polynomials, the scenario and the verdict.
+
+Knows: the file's layout and how to refuse a damaged one. Does not know: planning, commands.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.interpolate import PPoly
+
+from gcs.errors import FileFormatError
+from gcs.files import atomic_write
+from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory
+from gcs.plan.verify import Check, Report
+from gcs.scenario.model import Scenario
+
+SUFFIX = ".skein"
+_FORMAT = 1
+
+
+def save_plan(plan: Plan, report: Report, path: Path) -> None:
+    """Write plan and verdict; an older file is replaced only when the new one is whole."""
+    meta = {
+        "format": _FORMAT,
+        "hash": plan.hash,
+        "scenario": plan.scenario.model_dump(mode="json"),
+        "phases": [asdict(p) for p in plan.phases],
+        "objective": plan.objective,
+        "mesh_history": [asdict(r) for r in plan.mesh_history],
+        "timings_s": plan.timings_s,
+        "report": asdict(report),
+    }
+    buffer = io.BytesIO()
+    motion = plan.leader_trajectory
+    np.savez_compressed(
+        buffer,
+        meta=np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8),
+        joints_s=motion.joints_s,
+        state=motion.state.c,
+        control=motion.control.c,
+        shape_joints_s=plan.shape.x,
+        shape=plan.shape.c,
+    )
+    atomic_write(path, buffer.getvalue())
+
+
+def load_plan(path: Path) -> tuple[Plan, Report]:
+    """Read a plan and its verdict; raises FileFormatError for anything else or anything damaged."""
+    hint = "make it anew with `gcs plan`"
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            meta = json.loads(archive["meta"].tobytes())
+            arrays = {name: archive[name] for name in ("joints_s", "state", "control", "shape_joints_s", "shape")}
+        if meta["format"] != _FORMAT:
+            raise FileFormatError(
+                f"{path}: plan format {meta['format']} is not the {_FORMAT} of this version", hint=hint
+            )
+        plan = Plan(
+            Scenario.model_validate(meta["scenario"]),
+            Trajectory(PPoly(arrays["state"], arrays["joints_s"]), PPoly(arrays["control"], arrays["joints_s"])),
+            PPoly(arrays["shape"], arrays["shape_joints_s"]),
+            tuple(Phase(**p) for p in meta["phases"]),
+            meta["objective"],
+            tuple(MeshRound(**{**r, "complaints": tuple(r["complaints"])}) for r in meta["mesh_history"]),
+            meta["timings_s"],
+        )
+        verdict = meta["report"]
+        report = Report(tuple(Check(**c) for c in verdict.pop("checks")), **verdict)
+        intact = plan.hash == meta["hash"]
+    except FileNotFoundError:
+        raise FileFormatError(f"{path}: there is no such plan", hint="make it with `gcs plan`") from None
+    except (
+        OSError,
+        KeyError,
+        ValueError,
+        TypeError,
+        EOFError,
+        zipfile.BadZipFile,
+        ValidationError,
+    ) as problem:
+        raise FileFormatError(f"{path}: not a plan of this program ({type(problem).__name__})", hint=hint) from problem
+    if not intact:
+        raise FileFormatError(f"{path}: the plan was changed after it was written", hint=hint)
+    return plan, report
