@@ -105,7 +105,7 @@ _UNMIXER = np.linalg.inv(_MIXER)
 def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
     """Eq. 2: rotor speeds (..., 4) in rad/s -> controls (..., 4)."""
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
-    return np.asarray(np.square(rotor_radps) @ _MIXER.T * k
+    return np.asarray(np.square(rotor_radps) @ _MIXER.T * k)
 
 
 def rotors_from_control(control: Array, q: Quadrotor) -> Array:
