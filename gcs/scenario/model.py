@@ -1,8 +1,8 @@
 """What a scenario is: the shape of `scenario.toml`, its units and its allowed ranges.
 
-Knows: keys, types, ranges, and what must agree inside one table. Does not know: files, terrain heights, plans,
-and what must agree between tables (that is `gcs.scenario.check`). Values stay as people write them (metres up,
-degrees); `gcs.scenario.physical` turns them into SI, NED and radians.
+Knows: keys, types, ranges, and what must agree inside one table. Does not know: files, terrain heights,
+plans, and what must agree between tables (that is `gcs.scenario.check`). Values stay as people write them
+(metres up, degrees); `gcs.scenario.physical` turns them into SI, NED and radians.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Vehicle(Part):
     moment_coeff_Nms2: Positive = Field(description="K_M, moment of one rotor per squared speed, N m s^2")
     drag_Nspm: NonNegativeVector = Field(description="K_1..K_3, linear drag north, east, down, N s/m")
     drag_moment_Nms: NonNegativeVector = Field(description="K_4..K_6, linear drag of the rates, N m s")
-    gravity_mps2: Annotated[Number, Field(ge=9.7, le=9.9)] = Field(9.8, description="g, m/s^2")
+    gravity_mps2: Annotated[Number, Field(ge=9.7, le=9.9)] = Field(default=9.8, description="g, m/s^2")
     rotor_max_radps: Positive = Field(description="fastest a rotor turns, rad/s")
 
 
@@ -89,7 +89,7 @@ class Limits(Part):
     clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
     load_factor_max: Positive = Field(description="n_max of Eq. 17, lateral acceleration in units of g")
     separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
-    control_margin: Share = Field(0.0, description="share of each control the plan keeps for feedback")
+    control_margin: Share = Field(default=0.0, description="share of each control the plan keeps for feedback")
 
 
 class Ripple(Part):
@@ -107,11 +107,11 @@ class Ripple(Part):
 class Mountains(Part):
     """Eq. 53: one entry per mountain in every list."""
 
-    north_m: tuple[Number, ...] = Field((), description="summits, m north of the origin")
-    east_m: tuple[Number, ...] = Field((), description="summits, m east of the origin")
-    height_m: tuple[Number, ...] = Field((), description="summits, m above height 0")
-    spread_north_m: tuple[Positive, ...] = Field((), description="decay length north and south, m")
-    spread_east_m: tuple[Positive, ...] = Field((), description="decay length east and west, m")
+    north_m: tuple[Number, ...] = Field(default=(), description="summits, m north of the origin")
+    east_m: tuple[Number, ...] = Field(default=(), description="summits, m east of the origin")
+    height_m: tuple[Number, ...] = Field(default=(), description="summits, m above height 0")
+    spread_north_m: tuple[Positive, ...] = Field(default=(), description="decay length north and south, m")
+    spread_east_m: tuple[Positive, ...] = Field(default=(), description="decay length east and west, m")
 
     @model_validator(mode="after")
     def _equally_long(self) -> Self:
@@ -125,8 +125,8 @@ class Mountains(Part):
 class Terrain(Part):
     """Ground height: the larger of the ripple and the sum of mountains; flat at height 0 without both."""
 
-    ripple: Ripple | None = Field(None, description="Eq. 52; no ripple when left out")
-    mountains: Mountains = Field(Mountains(), description="Eq. 53; no mountains when left out")
+    ripple: Ripple | None = Field(default=None, description="Eq. 52; no ripple when left out")
+    mountains: Mountains = Field(default=Mountains(), description="Eq. 53; no mountains when left out")
 
 
 class NoFlyDisk(Part):
@@ -169,9 +169,7 @@ class FormationVehicle(Part):
 class Formation(Part):
     """The virtual rigid body."""
 
-    frame: Literal["inertial"] = Field(
-        "inertial", description="frame in which the shape is constant (Eq. 22)"
-    )
+    frame: Literal["inertial"] = Field(default="inertial", description="frame in which the shape is constant (Eq. 22)")
     leader: SysId = Field(description="sysid of the vehicle the plan is made for")
     vehicle: tuple[FormationVehicle, ...] = Field(
         min_length=1, max_length=254, description="every vehicle, leader included"
@@ -201,7 +199,7 @@ class MissionOptions(Part):
     """How the plan is turned into waypoints and setpoints."""
 
     autopilot: Literal["ardupilot", "px4"] = Field(
-        "ardupilot", description="whose dialect files and links speak"
+        default="ardupilot", description="whose dialect files and links speak"
     )
     tolerance_m: Positive = Field(description="farthest the waypoints' polyline is from the trajectory, m")
     setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second")
@@ -229,7 +227,7 @@ class Scenario(Part):
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")] = Field(
         description="short name for files and folders"
     )
-    title: str = Field("", description="one line for people")
+    title: str = Field(default="", description="one line for people")
     origin: Origin
     time: Time
     vehicle: Vehicle

@@ -1,0 +1,152 @@
+"""One mistake in a scenario, and the sentence a person reads about it.
+
+Knows: keys, values, allowed ranges (read from the JSON Schema of the model), pydantic's kinds of errors.
+Does not know: what makes a scenario flyable (`gcs.scenario.check`), files (`gcs.scenario.load`).
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from gcs.scenario.lines import Key
+from gcs.scenario.model import Scenario
+
+Schema = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is wrong with one key: `text` goes on where "key = value: " ends."""
+
+    key: Key
+    text: str
+    value: Any = None
+
+    def __str__(self) -> str:
+        shown = "" if self.value is None else f" = {toml(self.value)}"
+        return f"{dotted(self.key)}{shown}: {self.text}"
+
+
+def dotted(key: Key) -> str:
+    """The key as people write it: `formation.vehicle[3].position_m[0]`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    return "".join(parts).removeprefix(".")
+
+
+def toml(value: Any) -> str:
+    """The value roughly as the file has it, cut when it is long."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = json.dumps(value, ensure_ascii=False)
+    elif isinstance(value, list | tuple):
+        text = f"[{', '.join(toml(item) for item in value)}]"
+    elif isinstance(value, dict):
+        text = f"{{{', '.join(f'{name} = {toml(item)}' for name, item in value.items())}}}"
+    else:
+        text = str(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def from_pydantic(error: ValidationError) -> list[Mistake]:
+    """Every finding of the model, in words."""
+    schema = Scenario.model_json_schema()
+    return [_mistake(found, schema) for found in error.errors(include_url=False)]
+
+
+def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
+    key, kind = found["loc"], found["type"]
+    if kind == "extra_forbidden":
+        return Mistake(key, _unknown_key(key, root))
+    wanted = _wanted(_schema_at(key, root), root)
+    if kind == "missing":
+        return Mistake(key, f"missing; it must be {wanted}")
+    if kind == "value_error":
+        value = found["input"] if not isinstance(found["input"], dict) else None
+        return Mistake(key, str(found["ctx"]["error"]), value)
+    return Mistake(key, f"must be {wanted}", found["input"])
+
+
+def _unknown_key(key: Key, root: Schema) -> str:
+    name = str(key[-1])
+    known = list(_schema_at(key[:-1], root).get("properties", {}))
+    if near := difflib.get_close_matches(name, known, n=1):
+        return f"unknown key; the nearest known one is {near[0]}"
+    homes = [home for home, part in root["properties"].items() if name in _follow(part, root).get("properties", {})]
+    if homes:
+        return f"unknown key here; it belongs into [{homes[0]}]"
+    return f"unknown key; known ones are {', '.join(known)}"
+
+
+def _schema_at(key: Key, root: Schema) -> Schema:
+    """The part of the JSON Schema that describes a key; empty where it describes none."""
+    node: Schema = root
+    for part in key:
+        node = _follow(node, root)
+        if isinstance(part, str):
+            node = node.get("properties", {}).get(part, {})
+        else:
+            slots = node.get("prefixItems", ())
+            node = slots[part] if part < len(slots) else node.get("items", {})
+    own = {name: node[name] for name in ("description",) if name in node}
+    return {**_follow(node, root), **own}
+
+
+def _follow(node: Schema, root: Schema) -> Schema:
+    """Behind a reference, and behind "this or nothing"."""
+    if "anyOf" in node:
+        node = next(choice for choice in node["anyOf"] if choice.get("type") != "null")
+    if "$ref" in node:
+        return dict(root["$defs"][node["$ref"].rsplit("/", 1)[-1]])
+    return node
+
+
+def _wanted(schema: Schema, root: Schema) -> str:
+    text = _shape(schema, root)
+    return f"{text} ({schema['description'].rstrip('.')})" if "description" in schema else text
+
+
+def _shape(schema: Schema, root: Schema) -> str:
+    if "const" in schema:
+        return toml(schema["const"])
+    if "enum" in schema:
+        return f"one of {', '.join(toml(choice) for choice in schema['enum'])}"
+    match schema.get("type"):
+        case "number":
+            return f"a number{_bounds(schema)}"
+        case "integer":
+            return f"a whole number{_bounds(schema)}"
+        case "string":
+            pattern = schema.get("pattern")
+            return f"text that matches {pattern}" if pattern else "text"
+        case "array":
+            return _list(schema, root)
+        case "object":
+            return f"a table with {', '.join(schema.get('required', schema.get('properties', {})))}"
+    return "something else"
+
+
+def _list(schema: Schema, root: Schema) -> str:
+    slots = [_shape(_follow(slot, root), root) for slot in schema.get("prefixItems", ())]
+    if not slots:
+        low = schema.get("minItems", 0)
+        of = _shape(_follow(schema.get("items", {}), root), root)
+        return f"a list{f' of at least {low}' if low else ''}, each {of}"
+    if len(set(slots)) == 1:
+        return f"a list of {len(slots)}, each {slots[0]}"
+    return f"a list of {len(slots)}: {'; '.join(slots)}"
+
+
+def _bounds(schema: Schema) -> str:
+    if "minimum" in schema and "maximum" in schema:
+        return f" from {schema['minimum']:g} to {schema['maximum']:g}"
+    signs = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+    parts = [f"{sign} {schema[name]:g}" for name, sign in signs if name in schema]
+    return f" {' and '.join(parts)}" if parts else ""
