@@ -37,6 +37,9 @@ class CommandTimers:
     limit_s: float = 120.0  # in all, whatever the vehicle says
 
 
+GROUND_COMMAND_TIMERS = CommandTimers()
+
+
 @dataclass(frozen=True)
 class Position:
     """Makes a command a COMMAND_INT: a place to 1e-7 degree, altitude in the frame `frame` (MAV_FRAME)."""
@@ -83,7 +86,7 @@ class CommandSender:
         *,
         position: Position | None = None,
         me: Station = GROUND,
-        timers: CommandTimers = CommandTimers(),
+        timers: CommandTimers = GROUND_COMMAND_TIMERS,
     ) -> None:
         most = 7 if position is None else 4
         if len(params) > most:

@@ -35,9 +35,7 @@ FrameHook = Callable[[Direction, bytes], None]
 class Fleet:
     """The ground station's end of a link. Use it as `async with Fleet.open(spec) as fleet`."""
 
-    def __init__(
-        self, endpoint: Endpoint, *, me: Station = GROUND, on_frame: FrameHook | None = None
-    ) -> None:
+    def __init__(self, endpoint: Endpoint, *, me: Station = GROUND, on_frame: FrameHook | None = None) -> None:
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}
         self._endpoint = endpoint
@@ -49,9 +47,7 @@ class Fleet:
 
     @classmethod
     @asynccontextmanager
-    async def open(
-        cls, spec: str, *, me: Station = GROUND, on_frame: FrameHook | None = None
-    ) -> AsyncIterator[Fleet]:
+    async def open(cls, spec: str, *, me: Station = GROUND, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:
         """Opens the endpoint that `spec` names (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
         `on_frame(direction, frame)` sees every frame in and out. Raises `UsageError`, `LinkError`.

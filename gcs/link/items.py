@@ -63,9 +63,7 @@ def item_from_message(message: Message) -> MissionItem:
     x, y = f["x"], f["y"]
     if message.name == "MISSION_ITEM":
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise PeerError(
-                f"{message.source} sent mission item {f['seq']} with a position that is not a number."
-            )
+            raise PeerError(f"{message.source} sent mission item {f['seq']} with a position that is not a number.")
         x, y = round(x * 1e7), round(y * 1e7)
     return MissionItem(
         command=f["command"],

@@ -2,9 +2,9 @@
 
 Knows: what the wire and the autopilots change without changing the meaning. Does not know: transfers, home.
 
-Allowed: float32 rounding of parameters and altitude, whole centimetres of altitude; NaN for NaN; the frame of items without a position
-(ArduPilot: 2 -> 0); integer frames for float ones and back (5 = 0, 6 = 3, 11 = 10); LAND's parameter 4
-(ArduPilot: 0 -> 1). Latitude and longitude must agree to the last 1e-7 degree.
+Allowed: float32 rounding of parameters and altitude, whole centimetres of altitude; NaN for NaN; the frame of
+items without a position (ArduPilot: 2 -> 0); integer frames for float ones and back (5 = 0, 6 = 3, 11 = 10);
+LAND's parameter 4 (ArduPilot: 0 -> 1). Latitude and longitude must agree to the last 1e-7 degree.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from gcs.mission.model import Command, MissionItem
 _ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
 _FILE_FRAMES = {5: 0, 6: 3, 11: 10}
 _LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
-_DO_WITH_POSITION = frozenset(
-    {179, 189, 192, 195, 201}
-)  # SET_HOME, LAND_START, REPOSITION, ROI_LOCATION, ROI
+_DO_WITH_POSITION = frozenset({179, 189, 192, 195, 201})  # SET_HOME, LAND_START, REPOSITION, ROI_LOCATION, ROI
 _NAV_WITHOUT_POSITION = frozenset({20, int(Command.NAV_DELAY)})  # RETURN_TO_LAUNCH
 
 

@@ -94,9 +94,7 @@ class MissionReceiver:
     def items(self) -> tuple[MissionItem, ...]:
         """The whole mission. Raises `ProtocolMisuse` before it is complete: no half is ever believed."""
         if self.state is not ReceiverState.DONE:
-            raise ProtocolMisuse(
-                "a MissionReceiver was asked for its items before the transfer had succeeded."
-            )
+            raise ProtocolMisuse("a MissionReceiver was asked for its items before the transfer had succeeded.")
         return tuple(self._items)
 
     @property
@@ -162,9 +160,7 @@ class MissionReceiver:
 
     def _is_ours(self, message: Message) -> bool:
         return (
-            message.comes_from(self.peer)
-            and message.is_for(self.me)
-            and mission_type_of(message) == self.mission_type
+            message.comes_from(self.peer) and message.is_for(self.me) and mission_type_of(message) == self.mission_type
         )
 
     def _begin(self, count: int, now_s: float) -> list[Message]:

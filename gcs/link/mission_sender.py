@@ -149,9 +149,7 @@ class MissionSender:
 
     def _is_ours(self, message: Message) -> bool:
         return (
-            message.comes_from(self.peer)
-            and message.is_for(self.me)
-            and mission_type_of(message) == self.mission_type
+            message.comes_from(self.peer) and message.is_for(self.me) and mission_type_of(message) == self.mission_type
         )
 
     def _answer(self, seq: int, now_s: float) -> list[Message]:

@@ -10,12 +10,12 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from typing import Protocol
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
-from gcs.link.command import CommandRefused, CommandSender, CommandTimers, Position
+from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
 from gcs.link.dialect import Autopilot, MavCommand, MissionResult, MissionType, ModeFlag
 from gcs.link.items import with_home
 from gcs.link.message import GROUND, Message, Station
@@ -178,16 +178,14 @@ class VehicleSession:
         command: int,
         *params: float,
         position: Position | None = None,
-        timers: CommandTimers = CommandTimers(),
+        timers: CommandTimers = GROUND_COMMAND_TIMERS,
     ) -> Message:
         """Gives a command and returns its COMMAND_ACK.
 
         Raises `CommandRefused` with the vehicle's own words where it gave reasons, or `PeerTimeout`.
         """
         async with self._command_locks.setdefault(command, asyncio.Lock()):
-            machine = CommandSender(
-                command, params, self.station, position=position, me=self.me, timers=timers
-            )
+            machine = CommandSender(command, params, self.station, position=position, me=self.me, timers=timers)
             began_s = self._loop.time()
             try:
                 await self._run(machine)
@@ -212,9 +210,7 @@ class VehicleSession:
         finally:
             waiting.cancel()
 
-    async def upload(
-        self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION
-    ) -> MissionSender:
+    async def upload(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> MissionSender:
         """Sends items as they are (an empty list clears) and returns the finished machine.
 
         Raises `MissionRefused`, or `PeerTimeout`. Success is the vehicle's word only: read back.
@@ -225,9 +221,7 @@ class VehicleSession:
     async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
         """Reads the vehicle's mission, home included where it is item 0. Raises as `upload` does."""
         async with self._mission_lock:
-            machine = MissionReceiver(
-                self.station, me=self.me, mission_type=mission_type, timers=self._timers
-            )
+            machine = MissionReceiver(self.station, me=self.me, mission_type=mission_type, timers=self._timers)
             await self._run(machine)
             return machine.items
 
@@ -239,10 +233,8 @@ class VehicleSession:
         """
         first = 1 if self.home_is_item_0 else 0
         items = with_home(mission.items, mission.home) if first else mission.items
-        try:
+        with suppress(_AckLost):
             await self.upload(items)
-        except _AckLost:
-            pass
         differences: list[Difference] = compare_missions(items[first:], (await self.download())[first:])
         if differences:
             listed = "; ".join(str(d) for d in differences[:5])
@@ -254,9 +246,7 @@ class VehicleSession:
 
     async def _upload(self, items: Sequence[MissionItem], mission_type: int) -> MissionSender:
         for last_try in (False, True):
-            machine = MissionSender(
-                items, self.station, me=self.me, mission_type=mission_type, timers=self._timers
-            )
+            machine = MissionSender(items, self.station, me=self.me, mission_type=mission_type, timers=self._timers)
             try:
                 await self._run(machine)
             except MissionRefused as refusal:
