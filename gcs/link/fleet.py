@@ -17,6 +17,7 @@ from gcs.link.dialect import Autopilot, MavState, MavType
 from gcs.link.endpoint import Address, AddressBook, Endpoint, LinkMode
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.message import GROUND, Message, Station
+from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.session import VehicleSession
 
 _HEARTBEAT_S = 1.0
@@ -35,25 +36,40 @@ FrameHook = Callable[[Direction, bytes], None]
 class Fleet:
     """The ground station's end of a link. Use it as `async with Fleet.open(spec) as fleet`."""
 
-    def __init__(self, endpoint: Endpoint, *, me: Station = GROUND, on_frame: FrameHook | None = None) -> None:
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        *,
+        me: Station = GROUND,
+        on_frame: FrameHook | None = None,
+        timers: Timers = GROUND_TIMERS,
+    ) -> None:
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}
         self._endpoint = endpoint
         self._codec = Codec(*me)
         self._book = AddressBook()
         self._on_frame = on_frame
+        self._timers = timers
         self._found = asyncio.Event()
         self._loop = asyncio.get_running_loop()
 
     @classmethod
     @asynccontextmanager
-    async def open(cls, spec: str, *, me: Station = GROUND, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:
+    async def open(
+        cls,
+        spec: str,
+        *,
+        me: Station = GROUND,
+        on_frame: FrameHook | None = None,
+        timers: Timers = GROUND_TIMERS,
+    ) -> AsyncIterator[Fleet]:
         """Opens the endpoint that `spec` names (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` sees every frame in and out. Raises `UsageError`, `LinkError`.
+        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers. Raises `UsageError`, `LinkError`.
         """
         endpoint = UdpEndpoint(spec)
-        fleet = cls(endpoint, me=me, on_frame=on_frame)
+        fleet = cls(endpoint, me=me, on_frame=on_frame, timers=timers)
         await endpoint.open(fleet.receive)
         beating = asyncio.ensure_future(fleet._beat(calling=endpoint.spec.mode is LinkMode.CALL))
         try:
@@ -106,16 +122,18 @@ class Fleet:
             session = self.sessions.get(message.sysid)
             if session is None and not _is_vehicle(message):
                 continue
+            if session is not None and message.compid != session.station.compid:
+                continue
             if not self._book.claim(message.sysid, address, now_s):
                 self._found.set()
             elif session is None:
                 self._meet(message)
-            elif message.compid == session.station.compid:
+            else:
                 session.receive(message, now_s)
 
     def _meet(self, heartbeat: Message) -> None:
         sysid = heartbeat.sysid
-        self.sessions[sysid] = VehicleSession(heartbeat, lambda m: self.send(m, sysid), me=self.me)
+        self.sessions[sysid] = VehicleSession(heartbeat, lambda m: self.send(m, sysid), me=self.me, timers=self._timers)
         self._found.set()
 
     def _send(self, message: Message, address: Address | None) -> None:

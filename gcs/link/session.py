@@ -130,8 +130,9 @@ class VehicleSession:
         if message.name == "STATUSTEXT":
             self._note(self._joiner.receive(message, now_s), now_s)
         for machine, woken in self._machines:
-            self._send_all(machine.receive(message, now_s))
-            if machine.done:
+            answers = machine.receive(message, now_s)
+            self._send_all(answers)
+            if answers or machine.done:  # its deadline may have come nearer
                 woken.set()
         for listener in tuple(self._listeners):
             listener(message)
@@ -266,6 +267,7 @@ class VehicleSession:
         async with self._fed(machine) as woken:
             self._send_all(machine.start(self._loop.time()))
             while not machine.done:
+                woken.clear()
                 deadline_s = machine.deadline_s
                 if deadline_s is None:
                     raise ProtocolMisuse(f"a {type(machine).__name__} waits without a deadline.")

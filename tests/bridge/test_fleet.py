@@ -1,6 +1,7 @@
 """Sessions over real sockets with small vehicles made of the same machines."""
 
 import asyncio
+import socket
 from contextlib import asynccontextmanager
 
 import pytest
@@ -13,12 +14,21 @@ from gcs.link.endpoint import DuplicateSystemId
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.message import GROUND, Station
-from gcs.link.mission import ARDUPILOT_TIMERS, MissionRefused
+from gcs.link.mission import ARDUPILOT_TIMERS, MissionRefused, Timers
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
-PORT = 24550
+QUICK = Timers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5)
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+PORT = free_port()
 SPEC = f"udpin:127.0.0.1:{PORT}"
 ITEMS = tuple(MissionItem(16, 3, (0.0, 2.0, 0.0, 0.0), 10 * n, -10 * n, 5.0) for n in range(1, 5))
 
@@ -149,7 +159,7 @@ def test_a_lost_ack_is_made_good_by_reading_back():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.swallow_ack = True
-        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+        async with flying(vehicle), Fleet.open(SPEC, timers=QUICK) as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             await session.upload_mission(mission(1))
         assert vehicle.stored == ITEMS
@@ -182,5 +192,33 @@ def test_two_vehicles_with_one_id_are_refused():
         async with flying(Vehicle(2), Vehicle(2)), Fleet.open(SPEC) as fleet:
             with pytest.raises(DuplicateSystemId, match="system id 2"):
                 await fleet.vehicles({2, 3}, 5.0)
+
+    run(scene())
+
+
+def test_another_component_at_another_address_is_no_second_vehicle():
+    async def scene():
+        vehicle, companion = Vehicle(2), Vehicle(2)
+        companion.codec = Codec(2, 191)
+        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+            session = (await fleet.vehicles({2}, 5.0))[2]
+            async with flying(companion):
+                await asyncio.sleep(0.2)
+            fleet.check()
+            assert session.latest["HEARTBEAT"].compid == 1
+
+    run(scene())
+
+
+def test_a_vehicle_that_falls_silent_ends_the_upload():
+    async def scene():
+        vehicle = Vehicle(1)
+        async with flying(vehicle), Fleet.open(SPEC, timers=QUICK) as fleet:
+            session = (await fleet.vehicles({1}, 5.0))[1]
+            vehicle.mute = True
+            with pytest.raises(PeerTimeout, match="first mission item"):
+                await session.upload_mission(mission(1))
+            vehicle.mute = False
+            await session.upload_mission(mission(1))
 
     run(scene())
