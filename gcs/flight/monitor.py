@@ -1,0 +1,83 @@
+"""What the telemetry says of a flight: where everyone is against the plan, and how far apart.
+
+Knows: plan, LOCAL_POSITION_NED, clocks. Does not know: sending, screens, truth (a vehicle reports what it believes).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from gcs.link.clock import VehicleClock
+from gcs.link.message import Message
+from gcs.plan.trajectory import Plan
+from gcs.quadrotor import POSITION, Array
+
+
+@dataclass
+class VehicleView:
+    """One vehicle as last reported, in the formation's common frame."""
+
+    sysid: int
+    position_ned_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
+    unix_s: float = math.nan
+    error_m: float = math.nan  # distance to the plan at the same instant
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The flight at one moment, for people."""
+
+    phase: str
+    progress: float  # of the whole flight, 0..1
+    plan_time_s: float | None
+    errors_m: dict[int, float]
+    link_age_s: dict[int, float]
+    armed: dict[int, bool]
+    separation_m: float
+
+
+class Monitor:
+    """Takes in positions, gives out errors and separations."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.t0_unix_s: float | None = None
+        self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
+        self.least_separation_m = math.inf
+        self.plan_time_s: float | None = None
+
+    def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
+        """One LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
+        fields = message.fields
+        unix_s = clock.unix_s(fields["time_boot_ms"])
+        if unix_s is None:
+            return
+        view = self.views[self.plan.sysids[row]]
+        view.position_ned_m = np.array([fields["x"], fields["y"], fields["z"]]) + self.plan.pads_ned_m[row]
+        view.velocity_ned_mps = np.array([fields["vx"], fields["vy"], fields["vz"]])
+        view.unix_s = unix_s
+        if self.t0_unix_s is not None:
+            self._compare(row, view, unix_s - self.t0_unix_s)
+
+    def separation_m(self) -> float:
+        """Least distance between two vehicles, all moved on to the newest report's time; NaN before all reported."""
+        views = list(self.views.values())
+        newest = max(v.unix_s for v in views)
+        if len(views) < 2 or math.isnan(sum(v.unix_s for v in views)):
+            return math.nan
+        positions = [v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views]
+        return float(pdist(np.array(positions)).min())
+
+    def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
+        if not self.plan.phase("mission").start_s - 60.0 <= t_s <= self.plan.t_end_s:
+            return
+        planned = self.plan.states(np.array([max(t_s, self.plan.t_start_s)]))[row, 0, POSITION]
+        view.error_m = float(np.linalg.norm(view.position_ned_m - planned))
+        self.plan_time_s = t_s
+        if row == self.plan.leader:
+            self.least_separation_m = min(self.least_separation_m, self.separation_m())

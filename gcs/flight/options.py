@@ -1,0 +1,31 @@
+"""How a flight is to be flown.
+
+Knows: choices and their defaults. Does not know: vehicles, links.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class FlightMode(StrEnum):
+    """Who keeps the time: the ground, setpoint by setpoint, or each vehicle with its own waypoint mission."""
+
+    STREAM = "stream"
+    MISSION = "mission"
+
+
+@dataclass(frozen=True)
+class FlightOptions:
+    """Waits are local time: links are real even where vehicles are not."""
+
+    mode: FlightMode = FlightMode.STREAM
+    # How far ahead of the vehicles' clock setpoints are sent. Autopilots act on arrival, so 0 for them; emulated
+    # vehicles hold a setpoint until its time, which makes a flight the same at any speed-up.
+    lead_s: float = 0.0
+    find_timeout_s: float = 15.0
+    ready_timeout_s: float = 90.0
+    phase_timeout_s: float = 60.0
+    lost_after_s: float = 4.0
+    telemetry_rate_hz: float = 10.0

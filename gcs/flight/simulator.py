@@ -1,0 +1,91 @@
+"""The emulated vehicles as a process of their own, started and ended with the flight.
+
+Knows: the command line of `sim-bridge` and how to end a process. Does not know: what it emulates, links.
+The process reads a pipe from us and stops when that closes, so it cannot outlive its parent however that ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs.errors import LinkError
+
+_START_TIMEOUT_S = 20.0
+_STOP_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class SimulatorOptions:
+    """What `gcs fly --sim` passes on."""
+
+    scenario: Path
+    port: int
+    speedup: str = "10"
+    seed: int = 0
+    log: Path = Path(os.devnull)  # what it says on stderr
+    truth: Path | None = None
+    faults: tuple[str, ...] = ()
+
+
+@asynccontextmanager
+async def simulator(options: SimulatorOptions) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Emulated vehicles that are ready to be talked to; they have written their truth file when the block ends.
+
+    Raises LinkError with the process's own words when it does not start.
+    """
+    with options.log.open("wb") as log:
+        process = await asyncio.create_subprocess_exec(
+            *_command_line(options),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=log,
+            start_new_session=True,  # Ctrl-C is ours to handle: the vehicles land first
+        )
+    try:
+        await _until_ready(process, options.log)
+        yield process
+    finally:
+        await _stop(process)
+
+
+def _command_line(options: SimulatorOptions) -> list[str]:
+    line = [sys.executable, "-m", "sim_bridge", os.fspath(options.scenario), "--udp", f"127.0.0.1:{options.port}"]
+    line += ["--speedup", options.speedup, "--seed", str(options.seed), "--until-eof"]
+    if options.truth is not None:
+        line += ["--truth", os.fspath(options.truth)]
+    for fault in options.faults:
+        line += ["--fault", fault]
+    return line
+
+
+async def _until_ready(process: asyncio.subprocess.Process, log: Path) -> None:
+    """It prints one line once its vehicles can be talked to, and nothing when it fails before."""
+    line = b""
+    if process.stdout is not None:
+        try:
+            line = await asyncio.wait_for(process.stdout.readline(), _START_TIMEOUT_S)
+        except TimeoutError:
+            raise LinkError(f"the simulator did not start within {_START_TIMEOUT_S:g} s.") from None
+    if not line:
+        await process.wait()
+        said = log.read_text(errors="replace").strip() if log.is_file() else ""
+        raise LinkError(f"the simulator did not start: {said or f'exit code {process.returncode}, no word why'}")
+
+
+async def _stop(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is None:
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGTERM)
+    try:
+        await asyncio.wait_for(process.communicate(), _STOP_TIMEOUT_S)
+    except TimeoutError:
+        with suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
