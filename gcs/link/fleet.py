@@ -66,7 +66,8 @@ class Fleet:
     ) -> AsyncIterator[Fleet]:
         """Opens the endpoint that `spec` names (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers. Raises `UsageError`, `LinkError`.
+        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers.
+        Raises `UsageError`, `LinkError`.
         """
         endpoint = UdpEndpoint(spec)
         fleet = cls(endpoint, me=me, on_frame=on_frame, timers=timers)
