@@ -100,6 +100,7 @@ _MIXER = np.array(
     ]
 )
 _UNMIXER = np.linalg.inv(_MIXER)
+_ROUNDING = 1e-9  # share of the squared top speed by which a reachable control may seem to miss
 
 
 def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
@@ -118,12 +119,20 @@ def rotors_from_control(control: Array, q: Quadrotor) -> Array:
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
     wanted = control / k
     top = q.rotor_max_radps**2
+    squared = wanted @ _UNMIXER.T
+    reachable = np.all((squared >= -_ROUNDING * top) & (squared <= (1.0 + _ROUNDING) * top), axis=-1, keepdims=True)
+    if not reachable.all():
+        squared = np.where(reachable, squared, _nearest_by_rank(wanted, top))
+    return np.asarray(np.sqrt(np.clip(squared, 0.0, top)))
+
+
+def _nearest_by_rank(wanted: Array, top: float) -> Array:
+    """Squared rotor speeds (..., 4) that serve thrust, then roll and pitch, then yaw as far as there is room."""
     base = np.clip(wanted[..., :1] * 0.25, 0.0, top) * np.ones(4)
     tilt = wanted[..., 1:3] @ _UNMIXER[:, 1:3].T
     tilted = base + tilt * _room(base, tilt, top)
     turn = wanted[..., 3:] @ _UNMIXER[:, 3:].T
-    squared = tilted + turn * _room(tilted, turn, top)
-    return np.asarray(np.sqrt(np.clip(squared, 0.0, top)))
+    return np.asarray(tilted + turn * _room(tilted, turn, top))
 
 
 def _room(base: Array, step: Array, top: float) -> Array:

@@ -1,0 +1,91 @@
+"""What tables must agree on: each rule is broken alone, and told with the key to change."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gcs.scenario.check import check
+from gcs.scenario.mistakes import dotted
+from gcs.scenario.model import Scenario
+
+
+@pytest.fixture
+def data(repo_root: Path) -> dict[str, Any]:
+    text = (repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def test_simulation1_is_clean(simulation1: Scenario) -> None:
+    assert check(simulation1) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "key", "says"),
+    [
+        (("start", "position_m"), [2.5, 1.0, 3.0], "start.position_m", "vehicle 1"),
+        (("limits", "north_m"), [0.5, 1500.0], "start.position_m[0]", "puts vehicles 2, 3, 5 outside limits.north_m"),
+        (("limits", "east_m"), [0.0, 1000.5], "end.position_m[1]", "vehicle 3 would be at 1001"),
+        (("limits", "height_m"), [0.0, 2.9], "start.position_m[2]", "limits.height_m, 0 to 2.9"),
+        (("limits", "clearance_min_m"), 0.9, "end.position_m[2]", "limits.clearance_min_m asks 0.9 m"),
+        (("limits", "separation_min_m"), 0.6, "formation.vehicle[4].position_m", "vehicles 2 and 5 are 0.50 m apart"),
+        (
+            ("formation", "vehicle", 4, "position_m"),
+            [0.0, 0.0, 4.0],
+            "formation.vehicle[4].position_m",
+            "take off 0.00",
+        ),
+        (("judge", "separation_min_m"), 0.5, "judge.separation_min_m", "limits.separation_min_m = 0.4"),
+        (("start", "velocity_mps"), [2.0, -5.5, 0.0], "start.velocity_mps[1]", "-5 to 5"),
+        (("start", "roll_pitch_yaw_deg"), [0.0, -1.0, 61.0], "start.roll_pitch_yaw_deg[2]", "-60 to 60"),
+        (("objective", "heading_ref_deg"), 90.0, "objective.heading_ref_deg", "-60 to 60 degrees"),
+        (("end", "velocity_mps"), [0.5, 0.0, 0.0], "end.velocity_mps", "hover"),
+        (("vehicle", "mass_kg"), 0.54, "limits.thrust_N", "the weight is 5.29 N"),
+        (("limits", "thrust_N"), [4.95, 5.2], "limits.thrust_N", "the weight is 4.90 N"),
+        (("vehicle", "rotor_max_radps"), 340.0, "vehicle.rotor_max_radps", "needs 343 rad/s"),
+        (("time", "flight_s"), 239.0, "time.flight_s", "1198 m north take at least 239.6 s"),
+        (("ground_phases", "run_up_m"), 0.0, "ground_phases.run_up_m", "between 0 and 56.6"),
+        (("ground_phases", "takeoff_s"), 1.0, "ground_phases.takeoff_s", "limits.speed_ned_mps[2] = 2 m/s"),
+        (("ground_phases", "landing_s"), 0.5, "ground_phases.landing_s", "too short"),
+        (("no_fly",), [{"north_m": 1202.5, "east_m": 1001.0, "radius_m": 3.0}], "no_fly[0].radius_m", "vehicle 1"),
+    ],
+)
+def test_one_rule_broken(data: dict[str, Any], path: tuple[Any, ...], value: Any, key: str, says: str) -> None:
+    mistakes = check(Scenario.model_validate(_changed(data, path, value)))
+    found = {dotted(mistake.key): str(mistake) for mistake in mistakes}
+    assert key in found
+    assert says in found[key]
+
+
+def test_a_mountain_in_the_run_up_is_seen(data: dict[str, Any]) -> None:
+    for name, value in (("north_m", -8.0), ("east_m", -9.0), ("height_m", 6.0), ("spread_north_m", 3.0)):
+        data["terrain"]["mountains"][name].append(value)
+    data["terrain"]["mountains"]["spread_east_m"].append(3.0)
+    mistakes = check(Scenario.model_validate(data))
+    assert [dotted(mistake.key) for mistake in mistakes] == ["ground_phases.run_up_m"]
+
+
+def test_a_mountain_under_the_end_is_seen(data: dict[str, Any]) -> None:
+    data["terrain"]["mountains"]["north_m"][0] = 1200.0
+    data["terrain"]["mountains"]["east_m"][0] = 1000.0
+    mistakes = check(Scenario.model_validate(data))
+    assert {dotted(mistake.key) for mistake in mistakes} >= {"end.position_m[2]"}
+
+
+def test_rules_wait_for_the_tables_they_need(data: dict[str, Any]) -> None:
+    scenario = Scenario.model_validate(_changed(data, ("judge", "separation_min_m"), 0.5))
+    assert check(scenario, ("judge", "start", "end")) == []
+    assert len(check(scenario, ("judge", "limits"))) == 1
+
+
+def _changed(data: dict[str, Any], path: tuple[Any, ...], value: Any) -> dict[str, Any]:
+    changed = copy.deepcopy(data)
+    node: Any = changed
+    for part in path[:-1]:
+        node = node[part]
+    node[path[-1]] = value
+    return changed

@@ -1,0 +1,145 @@
+"""Loading: the bundled mission as the paper has it, and every mistake told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from gcs.errors import ScenarioError
+from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Scenario
+
+Broken = Callable[..., str]
+
+
+@pytest.fixture
+def broken(tmp_path: Path, repo_root: Path) -> Broken:
+    """The error text of simulation1 with some passages replaced."""
+
+    def load(*changes: tuple[str, str]) -> str:
+        text = (repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8")
+        for old, new in changes:
+            assert text.count(old) == 1, old
+            text = text.replace(old, new)
+        (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(tmp_path)
+        return caught.value.message.replace(str(tmp_path), "HERE")
+
+    return load
+
+
+def test_simulation1_is_the_papers(simulation1: Scenario) -> None:
+    s = simulation1
+    assert s.time.flight_s == 275.0
+    assert (s.vehicle.mass_kg, s.vehicle.arm_m, s.vehicle.inertia_kgm2) == (0.5, 0.075, (0.0219, 0.0219, 0.0366))
+    assert (s.vehicle.thrust_coeff_Ns2, s.vehicle.moment_coeff_Nms2) == (1.105e-5, 1.779e-7)
+    assert (s.limits.thrust_N, s.limits.torque) == ((0.0, 5.2), (0.0501, 0.0501, 0.0209))
+    assert s.objective.weights == (0.8, 0.1, 0.1)
+    assert s.end.position_m == (1200.0, 1000.0, 2.0)
+    assert len(s.formation.vehicle) == 6
+    assert len(s.terrain.mountains.north_m) == 7
+
+
+def test_folder_and_file_are_the_same(repo_root: Path, simulation1: Scenario) -> None:
+    assert load_scenario(repo_root / "missions" / "simulation1" / "scenario.toml") == simulation1
+
+
+def test_a_scenario_cannot_be_changed(simulation1: Scenario) -> None:
+    with pytest.raises(ValidationError):
+        simulation1.time.flight_s = 1.0  # type: ignore[misc]
+
+
+def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Broken) -> None:
+    told = broken(
+        ("lat_deg = 47.397742", "lat_deg = 95.0"),
+        ("flight_s = 275.0", "flight_s = true"),
+        ("clearance_min_m = 0.5", "clearance_mim_m = 0.5"),
+        ("north_m = [0.0, 1500.0]", "north_m = [1500.0, 0.0]"),
+        ("position_m = [1.0, 0.5, 3.0]", 'position_m = ["a", 0.5, 3.0]'),
+        ('grade = "rtk"', 'grade = "rtx"'),
+        ("e = 1.0\n", "e = nan\n"),
+        ("velocity_mps = [0.0, 0.0, 0.0]", "velocity_mps = [0.0, 0.0]"),
+        ("height_ref_m = 10.0", "gravity_mps2 = 9.8"),
+        # Tables that are right in themselves are still compared with each other.
+        ("\nseparation_min_m = 0.3", "\nseparation_min_m = 0.3\nsurprise = 1"),
+        ("run_up_m = 25.0", "run_up_m = 100.0"),
+    ).splitlines()
+    expected = [
+        "HERE/scenario.toml has 13 mistakes",
+        "scenario.toml:10: origin.lat_deg = 95.0: must be a number from -85 to 85 (WGS-84 latitude, degrees)",
+        "scenario.toml:15: time.flight_s = true: must be a number > 0 and <= 7200",
+        "scenario.toml:29: limits.clearance_min_m: missing; it must be a number >= 0",
+        "scenario.toml:30: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
+        "scenario.toml:38: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
+        "scenario.toml:48: terrain.ripple.e = nan: must be a number",
+        "end.velocity_mps[2]: missing; it must be a number",
+        "objective.height_ref_m: missing; it must be a number",
+        "objective.gravity_mps2: unknown key here; it belongs into [vehicle]",
+        'formation.vehicle[3].position_m[0] = "a": must be a number',
+        "ground_phases.run_up_m = 100.0: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s",
+        'sensors.grade = "rtx": must be one of "rtk", "gnss"',
+        "judge.surprise: unknown key; known ones are separation_min_m, arrival_time_s",
+    ]
+    assert len(told) == len(expected)
+    for line, part in zip(told, expected, strict=True):
+        assert part in line
+
+
+def test_text_is_not_a_number(broken: Broken) -> None:
+    told = broken(("mass_kg = 0.5", 'mass_kg = "0.5"'))
+    assert told.endswith(': vehicle.mass_kg = "0.5": must be a number > 0 (m, kg)')
+    assert "\n" not in told
+
+
+def test_whole_numbers_are_numbers(tmp_path: Path, repo_root: Path) -> None:
+    text = (repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8")
+    (tmp_path / "scenario.toml").write_text(text.replace("flight_s = 275.0", "flight_s = 275"), encoding="utf-8")
+    assert load_scenario(tmp_path).time.flight_s == 275.0
+
+
+def test_lists_of_mountains_are_equally_long(broken: Broken) -> None:
+    told = broken(("spread_east_m = [50.0, ", "spread_east_m = ["))
+    assert "terrain.mountains: lists must be equally long" in told
+    assert "north_m 7" in told
+    assert "spread_east_m 6" in told
+
+
+def test_the_leader_is_one_of_the_vehicles(broken: Broken) -> None:
+    assert "formation: leader = 7 is not the sysid of a vehicle" in broken(("leader = 1\n", "leader = 7\n"))
+    assert "formation: every vehicle needs a sysid of its own" in broken(("sysid = 2\n", "sysid = 3\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"a = 1\nb = = 2\n", "scenario.toml:2: not TOML: Invalid value"),
+        (b'a = 1\n\nb = "x', "scenario.toml:3: not TOML: Unterminated string"),
+        (b"a = 1\n\xff\n", "scenario.toml:2: not UTF-8 text"),
+    ],
+)
+def test_syntax_errors_name_file_and_line(tmp_path: Path, text: bytes, message: str) -> None:
+    (tmp_path / "scenario.toml").write_bytes(text)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(tmp_path)
+    assert message in caught.value.message
+    assert caught.value.hint
+
+
+def test_a_missing_mission_comes_with_those_nearby(repo_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(repo_root)
+    for wrong in ("missions/simulaton1", "missions", "simulation1", "missions/simulation1/nope.toml"):
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(Path(wrong))
+        assert wrong in caught.value.message
+        assert "missions/simulation1" in caught.value.hint
+
+
+def test_a_missing_mission_far_from_any(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(tmp_path / "a" / "b")
+    assert caught.value.hint == "name a folder that holds a scenario.toml, or such a file"

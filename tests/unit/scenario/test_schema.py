@@ -1,0 +1,102 @@
+"""`gcs schema`: the printed JSON Schema accepts the bundled mission and says what each key means."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gcs.cli.main import run
+
+Schema = dict[str, Any]
+
+
+@pytest.fixture
+def schema(capsys: pytest.CaptureFixture[str]) -> Schema:
+    assert run(["schema"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert isinstance(printed, dict)
+    return printed
+
+
+def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterator[str]:
+    """The rules of JSON Schema 2020-12 that the printed schema uses; any other makes the test fail."""
+    known = {
+        "$defs", "$schema", "$ref", "anyOf", "type", "properties", "required", "additionalProperties", "items",
+        "prefixItems", "minItems", "maxItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "enum",
+        "const", "pattern", "title", "description", "default",
+    }  # fmt: skip
+    assert set(schema) <= known
+    if "$ref" in schema:
+        yield from violations(value, root["$defs"][schema["$ref"].rsplit("/", 1)[1]], root, at)
+        return
+    if "anyOf" in schema:
+        if all(any(violations(value, choice, root, at)) for choice in schema["anyOf"]):
+            yield f"{at}: none of anyOf"
+        return
+    types = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "null": type(None)}
+    if "type" in schema and (not isinstance(value, types[schema["type"]]) or isinstance(value, bool)):
+        yield f"{at}: not {schema['type']}"
+        return
+    if "const" in schema and value != schema["const"]:
+        yield f"{at}: not {schema['const']}"
+    if "enum" in schema and value not in schema["enum"]:
+        yield f"{at}: not in {schema['enum']}"
+    if isinstance(value, dict):
+        yield from (f"{at}.{key}: missing" for key in schema.get("required", []) if key not in value)
+        for key, inner in value.items():
+            if key in schema["properties"]:
+                yield from violations(inner, schema["properties"][key], root, f"{at}.{key}")
+            else:
+                yield f"{at}.{key}: unknown"
+    elif isinstance(value, list):
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
+            yield f"{at}: {len(value)} items"
+        slots = schema.get("prefixItems", [])
+        for index, inner in enumerate(value):
+            rule = slots[index] if index < len(slots) else schema.get("items", {})
+            yield from violations(inner, rule, root, f"{at}[{index}]")
+    elif isinstance(value, int | float):
+        low, high = schema.get("minimum", value), schema.get("maximum", value)
+        above, below = schema.get("exclusiveMinimum", value - 1), schema.get("exclusiveMaximum", value + 1)
+        if not (low <= value <= high and above < value < below):
+            yield f"{at}: {value} out of range"
+
+
+def test_the_bundled_mission_is_valid(schema: Schema, repo_root: Path) -> None:
+    for file in (repo_root / "missions").glob("*/scenario.toml"):
+        assert list(violations(tomllib.loads(file.read_text(encoding="utf-8")), schema, schema)) == []
+
+
+def test_the_schema_refuses_what_the_loader_refuses(schema: Schema, repo_root: Path) -> None:
+    data = tomllib.loads((repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8"))
+    data["origin"]["lat_deg"] = 95.0
+    data["limits"]["hieght_m"] = [0.0, 1.0]
+    data["time"]["flight_s"] = "275"
+    del data["judge"]["position_rms_m"]
+    data["sensors"]["grade"] = "rtx"
+    data["end"]["velocity_mps"] = [0.0, 0.0]
+    assert sorted(violations(data, schema, schema)) == [
+        ".end.velocity_mps: 2 items",
+        ".judge.position_rms_m: missing",
+        ".limits.hieght_m: unknown",
+        ".origin.lat_deg: 95.0 out of range",
+        ".sensors.grade: not in ['rtk', 'gnss']",
+        ".time.flight_s: not number",
+    ]
+
+
+def test_every_key_says_what_it_means(schema: Schema) -> None:
+    parts = {"Scenario": schema, **schema["$defs"]}
+    silent = [
+        f"{name}.{key}"
+        for name, part in parts.items()
+        for key, node in part["properties"].items()
+        if name != "Ripple" and "description" not in node and "$ref" not in json.dumps(node)
+    ]
+    assert silent == []
+    assert all(part["description"] for part in parts.values())

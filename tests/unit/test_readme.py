@@ -1,0 +1,119 @@
+"""What the documents tell people to type is typed here.
+
+Blocks ```sh and ```python of README.md and docs/*.md run from top to bottom in a copy of the tree, each document in
+a copy of its own. An HTML comment on the line before a block says when not to: `<!-- run: in tests/x.py -->` names
+the test that does it instead (which must exist), `<!-- run: no, because ... -->` gives a reason.
+In an sh block a line may begin with `$ `; then the lines without it are what the command prints.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("README.md", "docs", "gcs", "missions", "sim_bridge", "pyproject.toml", "tools")
+BLOCK = re.compile(
+    r"(?:^<!-- run: (?P<note>[^\n]*?) -->\n+)?^```(?P<language>sh|python)\n(?P<code>.*?)^```$", re.M | re.S
+)
+SETUP = "./tools/run "
+
+
+@dataclass(frozen=True)
+class Block:
+    document: str
+    line: int
+    language: str
+    code: str
+    note: str
+
+    @property
+    def commands(self) -> str:
+        """The lines to type: all, or those behind `$ ` where the block shows output too."""
+        lines = self.code.splitlines()
+        if any(line.startswith("$ ") for line in lines):
+            lines = [line[2:] for line in lines if line.startswith("$ ")]
+        return "\n".join(lines)
+
+
+def blocks_of(text: str, document: str) -> list[Block]:
+    return [
+        Block(document, text.count("\n", 0, m.start("code")), m["language"], m["code"], m["note"] or "")
+        for m in BLOCK.finditer(text)
+    ]
+
+
+def documents() -> list[Path]:
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+BLOCKS = {file.name: blocks_of(file.read_text(encoding="utf-8"), file.name) for file in documents()}
+
+
+@pytest.mark.parametrize("document", BLOCKS)
+def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
+    runnable = [block for block in BLOCKS[document] if not block.note]
+    if not runnable:
+        return
+    copy = tmp_path / "skein"
+    copy.mkdir()
+    for name in COPIED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        elif (ROOT / name).exists():
+            shutil.copy(ROOT / name, copy / name)
+    # The environment is there already: only what stands behind `./tools/run` is of interest.
+    (copy / "tools" / "run").write_text('#!/bin/sh\nexec "$@"\n')
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(copy), "MPLBACKEND": "Agg"}
+    for block in runnable:
+        command = ["sh", "-euc", block.commands] if block.language == "sh" else [sys.executable, "-c", block.code]
+        done = subprocess.run(
+            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
+        where = f"{block.document}:{block.line}"
+        assert done.returncode == 0, f"{where} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("document", BLOCKS)
+def test_what_does_not_run_here_has_a_test_or_a_reason(document: str) -> None:
+    for block in BLOCKS[document]:
+        if block.note.startswith("in "):
+            assert (ROOT / block.note.removeprefix("in ")).is_file(), f"{document}:{block.line}: {block.note}"
+        elif block.note:
+            assert re.match(r"no, because \S", block.note), f"{document}:{block.line}: {block.note}"
+
+
+@pytest.mark.parametrize("document", BLOCKS)
+def test_long_commands_are_left_to_the_end_to_end_test(document: str) -> None:
+    """A flight takes most of a minute: one test flies it, and the block names that test."""
+    for block in BLOCKS[document]:
+        heavy = re.search(r"\bgcs fly\b|\bpytest\b|\bsim-bridge\b", block.commands)
+        assert not heavy or block.note, f"{document}:{block.line}: put `<!-- run: in tests/... -->` before it"
+
+
+@pytest.mark.parametrize("document", documents(), ids=lambda file: file.name)
+def test_links_inside_the_repository_lead_somewhere(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", document.read_text(encoding="utf-8")):
+        if "://" not in target and not target.startswith("mailto:"):
+            assert (document.parent / target).exists(), f"{document.name}: {target}"
+
+
+def test_the_harness_reads_blocks_notes_and_prompts() -> None:
+    text = (
+        "x\n```sh\necho 1\n```\n<!-- run: in tests/a.py -->\n\n```sh\n$ echo 2\n2\n$ echo 3\n3\n```\n"
+        "```toml\na = 1\n```\n```python\nprint(4)\n```\n"
+    )
+    found = blocks_of(text, "X.md")
+    assert [(b.line, b.language, b.commands, b.note) for b in found] == [
+        (2, "sh", "echo 1", ""),
+        (7, "sh", "echo 2\necho 3", "in tests/a.py"),
+        (16, "python", "print(4)", ""),
+    ]
