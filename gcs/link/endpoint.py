@@ -47,6 +47,10 @@ class LinkSpec:
 class Endpoint(Protocol):
     """Sends and receives datagrams. `receive` is called on the event loop's thread for each that arrives."""
 
+    @property
+    def local_address(self) -> Address:
+        """The address it receives at, once open."""
+
     async def open(self, receive: Receive) -> None:
         """Starts to receive. Raises `LinkError` when the address cannot be had."""
 
@@ -71,7 +75,8 @@ def parse_link_spec(text: str) -> LinkSpec:
     host, colon, port_text = rest.rpartition(":")
     if not colon or not host or ":" in host:
         raise UsageError(f"{text!r} does not name a link: udpin:HOST:PORT or udpout:HOST:PORT.", hint=hint)
-    if not (port_text.isascii() and port_text.isdigit() and 0 < int(port_text) < 65536):
+    least = 0 if mode is LinkMode.LISTEN else 1  # listening at port 0 takes any free one
+    if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) < 65536):
         raise UsageError(f"{text!r} does not name a link: the port is a number from 1 to 65535.", hint=hint)
     return LinkSpec(mode, host, int(port_text))
 

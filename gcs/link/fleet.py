@@ -81,6 +81,11 @@ class Fleet:
                 await beating
             endpoint.close()
 
+    @property
+    def local_address(self) -> Address:
+        """Where vehicles can send to; tells the port that was free when the link asked for port 0."""
+        return self._endpoint.local_address
+
     async def vehicles(self, sysids: Collection[int], timeout_s: float) -> dict[int, VehicleSession]:
         """The sessions of these vehicles, once each has been heard.
 

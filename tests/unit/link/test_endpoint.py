@@ -19,7 +19,7 @@ def test_links_by_name(text, spec):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "14550", "udpin:", "udpin:host", "udpin:h:0", "udpin:h:99999", "tcp:h:1:2", "udpin::5", "h:²"]
+    "text", ["", "14550", "udpin:", "udpin:host", "udpout:h:0", "udpin:h:99999", "tcp:h:1:2", "udpin::5", "h:²"]
 )
 def test_bad_names_are_quoted_with_an_example(text):
     with pytest.raises(UsageError) as caught:

@@ -1,0 +1,85 @@
+"""`gcs fly`: plan, verify, export, upload, read back, fly, judge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
+from gcs.errors import UsageError
+
+CONFIRMATION = "arm"
+
+
+def fly(
+    mission: MissionArgument,
+    sim: Annotated[bool, typer.Option("--sim", help="Fly emulated vehicles, started for this flight.")] = False,
+    link: Annotated[
+        str | None, typer.Option("--link", help="Fly real vehicles or simulators, e.g. udpin:127.0.0.1:14550.")
+    ] = None,
+    mode: Annotated[
+        str, typer.Option("--mode", help="stream: timed setpoints; mission: the waypoints uploaded.")
+    ] = "stream",
+    speedup: Annotated[str, typer.Option("--speedup", help="With --sim: times real time, or max.")] = "10",
+    seed: Annotated[int, typer.Option("--seed", help="With --sim: of every sensor's noise.")] = 0,
+    fault: Annotated[
+        list[str] | None, typer.Option("--fault", help="With --sim: a fault, e.g. 3:die@60; see sim-bridge --help.")
+    ] = None,
+    to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
+    yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without asking.")] = False,
+    unverified: UnverifiedOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.
+
+    Exit status 0 only if the flight held everything the scenario asks.
+
+    Examples: gcs fly missions/simulation1 --sim
+
+    gcs fly missions/simulation1 --sim --mode mission --speedup max
+    """
+    screen = Screen(json=json)
+    _check(sim, link, mode, speedup)
+    from gcs.cli.flying import FlyRequest, fly_and_judge
+    from gcs.cli.planning import Stopwatch, plan_for
+    from gcs.flight.options import FlightMode
+
+    watch = Stopwatch(BEGAN_S)
+    watch.lap("start")
+    plan, report = plan_for(mission, screen, watch, unverified=unverified)
+    if link is not None and not yes_arm:
+        _confirm(link, len(plan.sysids))
+    request = FlyRequest(plan, report, FlightMode(mode), link, speedup, seed, tuple(fault or ()), to, screen, watch)
+    return fly_and_judge(request)
+
+
+def _check(sim: bool, link: str | None, mode: str, speedup: str) -> None:
+    """Refuse what cannot be meant before anything heavy starts."""
+    if sim == (link is not None):
+        raise UsageError(
+            "say what to fly: --sim for emulated vehicles, or --link for vehicles that are out there",
+            hint="for example `gcs fly missions/simulation1 --sim`",
+        )
+    if mode not in ("stream", "mission"):
+        raise UsageError(f"--mode {mode}: there are stream and mission")
+    if speedup != "max":
+        try:
+            positive = float(speedup) > 0
+        except ValueError:
+            positive = False
+        if not positive:
+            raise UsageError(f"--speedup {speedup}: give a number above 0, or max")
+
+
+def _confirm(link: str, vehicles: int) -> None:
+    """Real vehicles need a typed word."""
+    try:
+        answer = input(f"This arms and flies {vehicles} vehicles at {link}. Type '{CONFIRMATION}' to go on: ")
+    except EOFError:
+        answer = ""
+    if answer.strip() != CONFIRMATION:
+        raise UsageError("not armed: the word was not typed", hint="type it when asked, or give --yes-arm")

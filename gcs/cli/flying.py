@@ -1,0 +1,197 @@
+"""One flight from the command line: its folder, its vehicles, its display, its verdict.
+
+Knows: what to open and close around a flight, and how to show it. Does not know: how it is flown or judged.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from contextlib import AsyncExitStack, nullcontext
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from rich.live import Live
+from rich.table import Table
+
+from gcs.cli.console import Screen
+from gcs.cli.planning import Stopwatch
+from gcs.errors import JudgementError
+from gcs.flight.fly import Flight, FlightTimes
+from gcs.flight.journal import TelemetryLog, asked, new_folder, report_data, write_report
+from gcs.flight.judge import Verdict, judge
+from gcs.flight.monitor import Snapshot
+from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.simulator import SimulatorOptions, simulator
+from gcs.flight.truth import Truth, load_truth
+from gcs.link.fleet import Direction, Fleet
+from gcs.mission.build import build_missions
+from gcs.mission.export import export
+from gcs.mission.setpoints import build_stream
+from gcs.plan.store import save_plan
+from gcs.plan.trajectory import Plan
+from gcs.plan.verify import Report
+from gcs.quadrotor import POSITION
+
+SIM_LINK = "udpin:127.0.0.1:0"
+SIM_LEAD_S = 0.2
+_REFRESH_S = 0.25
+_LINE_EVERY_S = 5.0
+
+
+@dataclass(frozen=True)
+class FlyRequest:
+    """Everything one flight needs to know."""
+
+    plan: Plan
+    report: Report
+    mode: FlightMode
+    link: str | None  # None: emulated vehicles
+    speedup: str
+    seed: int
+    faults: tuple[str, ...]
+    root: Path
+    screen: Screen
+    watch: Stopwatch
+
+
+def fly_and_judge(request: FlyRequest) -> int:
+    """Fly, judge from the truth, leave the folder; raises JudgementError when the flight does not hold."""
+    plan, screen, watch = request.plan, request.screen, request.watch
+    folder = new_folder(request.root, plan.scenario.name, datetime.now())
+    save_plan(plan, request.report, folder / "plan.skein")
+    index = export(plan, folder / "export")
+    screen.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
+    watch.lap("export")
+    times = asyncio.run(_fly(request, folder))
+    watch.lap("fly")
+    if request.link is not None:
+        screen.say(f"landed. Telemetry: {folder / 'telemetry.tlog'}")
+        screen.result({"folder": folder, "judged": False})
+        return 0
+    truth = load_truth(folder / "truth.npz")
+    verdict = judge(plan, truth, times)
+    watch.lap("judge")
+    _draw(plan, truth, times, folder)
+    watch.lap("pictures")
+    extra = {"mode": request.mode.value, "folder": str(folder), "time_s": watch.laps_s}
+    data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
+    write_report(folder, data, verdict)
+    _show(screen, verdict, folder)
+    screen.say(f"time: {watch}")
+    screen.result(data)
+    if verdict.ok:
+        return 0
+    broken = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, {asked(c)}" for c in verdict.criteria if not c.ok)
+    failure = JudgementError(f"the flight did not hold: {broken}", hint=f"see {folder / 'report.md'} and its pictures")
+    if screen.json:
+        return failure.exit_code
+    raise failure
+
+
+async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
+    plan = request.plan
+    options = FlightOptions(mode=request.mode, lead_s=SIM_LEAD_S if request.link is None else 0.0)
+    loop = asyncio.get_running_loop()
+    fleet: Fleet | None = None
+
+    def vehicles_time_s() -> float | None:
+        if fleet is None:
+            return None
+        now_s = loop.time()
+        return max((t for s in fleet.sessions.values() if (t := s.clock.now_unix_s(now_s)) is not None), default=None)
+
+    async with AsyncExitStack() as stack:
+        log = stack.enter_context(TelemetryLog(folder / "telemetry.tlog", vehicles_time_s))
+
+        def note(direction: Direction, frame: bytes) -> None:
+            log.write(direction, frame)
+
+        fleet = await stack.enter_async_context(Fleet.open(request.link or SIM_LINK, on_frame=note))
+        if request.link is None:
+            await stack.enter_async_context(simulator(_simulator_options(request, folder, fleet.local_address[1])))
+        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s)
+        stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+        flight = Flight(plan, build_missions(plan), stream, sessions, options)
+        showing = asyncio.ensure_future(_show_live(request.screen, flight))
+        try:
+            return await flight.run()
+        finally:
+            showing.cancel()
+            await asyncio.gather(showing, return_exceptions=True)
+
+
+def _simulator_options(request: FlyRequest, folder: Path, port: int) -> SimulatorOptions:
+    """The emulated vehicles get the scenario the plan was made from, not what the file says by now."""
+    scenario = folder / "scenario.json"
+    scenario.write_text(request.plan.scenario.model_dump_json(indent=2))
+    return SimulatorOptions(
+        scenario,
+        port,
+        request.speedup,
+        request.seed,
+        log=folder / "simulator.log",
+        truth=folder / "truth.npz",
+        faults=request.faults,
+    )
+
+
+async def _show_live(screen: Screen, flight: Flight) -> None:
+    """A table that redraws where somebody watches, else a line now and then."""
+    live = Live(console=screen.console, refresh_per_second=4, transient=True) if screen.is_watched else None
+    with live or nullcontext():
+        last_line = ""
+        due_s = 0.0
+        while True:
+            snapshot = flight.snapshot()
+            if live is not None:
+                live.update(_table(snapshot))
+            else:
+                now_s = asyncio.get_running_loop().time()
+                if snapshot.phase != last_line or now_s >= due_s:
+                    last_line, due_s = snapshot.phase, now_s + _LINE_EVERY_S
+                    screen.say(_line(snapshot))
+            await asyncio.sleep(_REFRESH_S)
+
+
+def _line(snapshot: Snapshot) -> str:
+    if snapshot.plan_time_s is None:
+        return snapshot.phase
+    worst = max((e for e in snapshot.errors_m.values() if not math.isnan(e)), default=math.nan)
+    return (
+        f"{snapshot.phase}: t = {snapshot.plan_time_s:.0f} s ({snapshot.progress:.0%}), "
+        f"position error at most {worst:.2f} m, separation {snapshot.separation_m:.2f} m"
+    )
+
+
+def _table(snapshot: Snapshot) -> Table:
+    bar = "█" * round(30 * snapshot.progress)
+    time_text = "" if snapshot.plan_time_s is None else f"  t = {snapshot.plan_time_s:.0f} s"
+    separation = "" if math.isnan(snapshot.separation_m) else f"  separation {snapshot.separation_m:.2f} m"
+    table = Table("vehicle", "armed", "position error", "link", title=f"{snapshot.phase}{time_text}{separation}")
+    table.caption = f"{bar:░<30} {snapshot.progress:.0%}"
+    for sysid, error in snapshot.errors_m.items():
+        error_text = "–" if math.isnan(error) else f"{error:.3f} m"
+        age = snapshot.link_age_s[sysid]
+        table.add_row(str(sysid), "yes" if snapshot.armed[sysid] else "no", error_text, f"{age:.1f} s ago")
+    return table
+
+
+def _show(screen: Screen, verdict: Verdict, folder: Path) -> None:
+    table = Table("criterion", "flown", "asked", "holds", title="judged from the true states")
+    for c in verdict.criteria:
+        who = "" if c.sysid is None else f" (vehicle {c.sysid})"
+        table.add_row(c.name, f"{c.value:.3f} {c.unit}{who}", asked(c), "yes" if c.ok else "NO")
+    screen.show(table)
+    screen.say(f"flight {'held' if verdict.ok else 'NOT held'}. Report and pictures: {folder}")
+
+
+def _draw(plan: Plan, truth: Truth, times: FlightTimes, folder: Path) -> None:
+    from gcs.flight.pictures import draw_all
+
+    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
+    step = max(1, round(0.2 / float(np.median(np.diff(truth.unix_s)))))
+    tracks = truth.states[rows, ::step, POSITION]
+    draw_all(plan.scenario, plan.sysids, truth.unix_s[::step] - times.t0_unix_s, tracks, folder)

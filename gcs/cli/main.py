@@ -1,0 +1,108 @@
+"""The `gcs` command: which commands there are, and how every ending is told.
+
+Knows: command names, exit codes, that no one sees a traceback unasked. Does not know: what commands do.
+A command is a function in a file of its own whose docstring is its help. Heavy imports stand inside the function,
+so that `gcs --help` and mistyped arguments are answered at once; a test holds this.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.export import export
+from gcs.cli.fly import fly
+from gcs.cli.plan import plan
+from gcs.cli.schema import schema
+from gcs.cli.verify import verify
+from gcs.errors import GcsError
+
+STOPPED = 130
+BUG = 70
+EXAMPLES = """Examples:
+
+gcs fly missions/simulation1 --sim
+
+gcs plan missions/simulation1
+
+gcs schema > scenario.schema.json"""
+
+app = typer.Typer(
+    help="Plan, check and fly formations of quadrotors over MAVLink.",
+    epilog=EXAMPLES,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _command in (fly, plan, verify, export, schema):
+    app.command()(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"gcs {version('skein-gcs')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _gcs(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options that stand before the command."""
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line (default: the process's) and return its exit code; nothing escapes as a traceback."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    # Read here because the arguments may be what is wrong.
+    screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
+    try:
+        # Not standalone: the endings below are ours, and None is success.
+        code = app(args=arguments, prog_name="gcs", standalone_mode=False) or 0
+        sys.stdout.flush()
+    except BrokenPipeError:  # `gcs schema | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except SystemExit as ended:  # typer's own ending when the reader has left
+        return int(ended.code or 0)
+    except KeyboardInterrupt:
+        code = STOPPED
+    except typer.TyperException as error:
+        code = error.exit_code
+        hint = f"see `{_command_path(error)} --help`"
+        screen.error(error.format_message(), hint=hint, kind="UsageError", exit_code=code)
+    except GcsError as error:
+        code = error.exit_code
+        _trace(debug)
+        screen.failure(error)
+    except Exception as error:
+        code = BUG
+        _trace(debug)
+        screen.error(
+            f"a mistake in this program: {type(error).__name__}: {error}",
+            hint="please report it, with the output of the same command and --debug",
+            kind="Bug",
+            exit_code=code,
+        )
+    if code == STOPPED:
+        screen.stopped(code)
+    return int(code)
+
+
+def _trace(wanted: bool) -> None:
+    if wanted:
+        traceback.print_exc()
+
+
+def _command_path(error: typer.TyperException) -> str:
+    context = getattr(error, "ctx", None)
+    return context.command_path if context else "gcs"

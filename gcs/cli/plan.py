@@ -1,0 +1,86 @@
+"""`gcs plan`: from a scenario to a verified plan on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory import Plan
+    from gcs.plan.verify import Report
+
+
+def plan(
+    mission: MissionArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="plans/NAME.skein")
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Plan a mission, verify the plan and write it.
+
+    A plan that does not hold is written too, so that it can be looked at, and refused by every later command.
+
+    Example: gcs plan missions/simulation1
+    """
+    screen = Screen(json=json)
+    from gcs.cli.planning import Stopwatch, plan_for, refusal
+    from gcs.plan.store import SUFFIX, save_plan
+
+    watch = Stopwatch(BEGAN_S)
+    watch.lap("start")
+    made, report = plan_for(mission, screen, watch, unverified=True)
+    path = out or Path("plans") / f"{made.scenario.name}{SUFFIX}"
+    save_plan(made, report, path)
+    watch.lap("write")
+    _show(screen, made, report)
+    screen.say(f"time: {watch}")
+    screen.say(f"plan: {path}")
+    screen.result(
+        {
+            "ok": report.ok,
+            "plan": path,
+            "hash": made.hash,
+            "objective": made.objective,
+            "clearance_min_m": report.clearance_min_m,
+            "separation_min_m": report.separation_min_m,
+            "window_error_max_m": report.window_error_max_m,
+            "terminal_error_m": report.terminal_error_m,
+            "failures": [str(c) for c in report.failures],
+            "time_s": watch.laps_s,
+        }
+    )
+    if report.ok:
+        return 0
+    if json:
+        return refusal(report).exit_code
+    raise refusal(report)
+
+
+def _show(screen: Screen, made: Plan, report: Report) -> None:
+    """What a person wants to know about a plan, in a few lines."""
+    scenario = made.scenario
+    count = len(made.sysids)
+    screen.say("")
+    screen.say(f"{scenario.title or scenario.name}")
+    screen.say(
+        f"  {count} vehicle{'s' if count > 1 else ''}, {made.flight_s:g} s from T0 to the arrival, "
+        f"{made.t_end_s - made.t_start_s:g} s from the ground to the ground"
+    )
+    for phase in made.phases:
+        screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
+    screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks")
+    limits = scenario.limits
+    screen.say(f"  clearance above ground at least {report.clearance_min_m:.3f} m (asked {limits.clearance_min_m:g} m)")
+    if count > 1:
+        screen.say(f"  separation at least {report.separation_min_m:.3f} m (asked {limits.separation_min_m:g} m)")
+    screen.say(f"  Eq. 1 integrated again over 5 s: within {report.window_error_max_m * 1e3:.2f} mm (asked 10 mm)")
+    screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")
+    for check in report.failures:
+        screen.say(f"  NOT HELD: {check}")
