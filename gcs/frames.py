@@ -37,13 +37,9 @@ def ned_to_geodetic(ned_m: Array, origin: Origin) -> tuple[Array, Array, Array]:
     return np.asarray(lat), np.asarray(lon), np.asarray(alt)
 
 
-def geodetic_to_ned(
-    lat_deg: Array | float, lon_deg: Array | float, alt_amsl_m: Array | float, origin: Origin
-) -> Array:
+def geodetic_to_ned(lat_deg: Array | float, lon_deg: Array | float, alt_amsl_m: Array | float, origin: Origin) -> Array:
     """Geodetic coordinates, each (...) -> local NED (..., 3) in metres."""
-    parts = pymap3d.geodetic2ned(
-        lat_deg, lon_deg, alt_amsl_m, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m
-    )
+    parts = pymap3d.geodetic2ned(lat_deg, lon_deg, alt_amsl_m, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
     return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
 
 

@@ -34,6 +34,7 @@ _SAMPLE_S = 0.1
 _STILL_M = 0.01
 _ALTITUDE_DECIMALS = 3
 _SPEED_DECIMALS = 4
+_TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
 
 
@@ -99,52 +100,64 @@ def build_missions(plan: Plan, legs: TimedLegs | None = None) -> tuple[VehicleMi
 def _vehicle_mission(
     plan: Plan, origin: Origin, row: int, t_s: Array, position_ned_m: Array, yaw_ned_rad: Array
 ) -> VehicleMission:
-    ends_ned_m = np.stack([plan.pads_ned_m[row], plan.landing_points_ned_m[row]])
-    lat_deg, lon_deg, alt_m = ned_to_geodetic(np.concatenate([position_ned_m, ends_ned_m]), origin)
-    home = Home(float(lat_deg[-2]), float(lon_deg[-2]), float(alt_m[-2]))
-    above_home_m = alt_m - home.alt_amsl_m
+    """Items of the vehicle in this row, whose waypoints are positions (W, 3) and yaws (W,) at times (W,)."""
     takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
-    items: list[MissionItem] = []
-    arrival_s: list[float | None] = []
+    ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
+    places = np.stack(ned_to_geodetic(np.concatenate([position_ned_m, ends_ned_m]), origin), axis=-1)
+    home = Home(*places[-1].tolist())
+    places[:, 2] -= home.alt_amsl_m
+    length_m = np.linalg.norm(np.diff(position_ned_m, axis=0), axis=-1)
+    last = len(length_m) - 1
 
-    def fly_to(command: Command, point: int, yaw_rad: float, at_s: float, hold_s: float = 0.0) -> None:
-        items.append(
+    draft = _Draft([], [])
+    draft.fly_to(Command.NAV_TAKEOFF, places[0], yaw_ned_rad[0], takeoff.end_s)
+    draft.wait(t_s[0] - takeoff.end_s)
+    for leg, length in enumerate(length_m):
+        duration_s = t_s[leg + 1] - t_s[leg]
+        speed_mps = max(length / duration_s, SPEED_MIN_MPS)
+        moving_s = length / speed_mps if length > _STILL_M else 0.0
+        if moving_s or leg == last:
+            draft.do(Command.DO_CHANGE_SPEED, 1.0, round(float(speed_mps), _SPEED_DECIMALS), -1.0, 0.0)
+            hold_s = landing.start_s - t_s[-1] if leg == last else 0.0
+            arrival_s = t_s[leg] + moving_s
+            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], arrival_s, hold_s)
+        draft.wait(duration_s - moving_s)
+    draft.fly_to(Command.NAV_LAND, places[-2], yaw_ned_rad[-1], landing.end_s)
+    return VehicleMission(plan.sysids[row], home, tuple(draft.items), tuple(draft.arrival_s))
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A mission being written, item by item."""
+
+    items: list[MissionItem]
+    arrival_s: list[float | None]
+
+    def fly_to(self, command: Command, place: Array, yaw_ned_rad: float, at_s: float, hold_s: float = 0.0) -> None:
+        """An item at (lat_deg, lon_deg, metres above home)."""
+        lat_deg, lon_deg, above_home_m = place.tolist()
+        self.items.append(
             MissionItem(
                 command,
                 Frame.GLOBAL_RELATIVE_ALT,
-                (hold_s, 0.0, 0.0, _compass_deg(yaw_rad)),
-                to_degE7(lat_deg[point]),
-                to_degE7(lon_deg[point]),
-                round(float(above_home_m[point]), _ALTITUDE_DECIMALS),
+                (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, _compass_deg(yaw_ned_rad)),
+                to_degE7(lat_deg),
+                to_degE7(lon_deg),
+                round(above_home_m, _ALTITUDE_DECIMALS),
             )
         )
-        arrival_s.append(at_s)
+        self.arrival_s.append(float(at_s))
 
-    def do(command: Command, *params: float) -> None:
-        p1, p2, p3, p4 = params
-        items.append(MissionItem(command, Frame.MISSION, (p1, p2, p3, p4), 0, 0, 0.0))
-        arrival_s.append(None)
+    def do(self, command: Command, p1: float, p2: float, p3: float, p4: float) -> None:
+        """An item without a position."""
+        self.items.append(MissionItem(command, Frame.MISSION, (p1, p2, p3, p4), 0, 0, 0.0))
+        self.arrival_s.append(None)
 
-    def wait(duration_s: float) -> None:
-        # -1: a time from now, not a time of day.
-        if round(duration_s, 3) > 0:
-            do(Command.NAV_DELAY, round(duration_s, 3), -1.0, -1.0, -1.0)
-
-    length_m = np.linalg.norm(np.diff(position_ned_m, axis=0), axis=-1)
-    fly_to(Command.NAV_TAKEOFF, 0, float(yaw_ned_rad[0]), takeoff.end_s)
-    wait(float(t_s[0]) - takeoff.end_s)
-    for leg, length in enumerate(length_m.tolist()):
-        start_s, end_s = float(t_s[leg]), float(t_s[leg + 1])
-        speed_mps = max(length / (end_s - start_s), SPEED_MIN_MPS)
-        moving_s = length / speed_mps if length > _STILL_M else 0.0
-        last = leg == len(length_m) - 1
-        if moving_s or last:
-            do(Command.DO_CHANGE_SPEED, 1.0, round(speed_mps, _SPEED_DECIMALS), -1.0, 0.0)
-            hold_s = round(landing.start_s - end_s, 3) if last else 0.0
-            fly_to(Command.NAV_WAYPOINT, leg + 1, float(yaw_ned_rad[leg + 1]), start_s + moving_s, hold_s)
-        wait(end_s - start_s - moving_s)
-    fly_to(Command.NAV_LAND, -1, float(yaw_ned_rad[-1]), landing.end_s)
-    return VehicleMission(plan.sysids[row], home, tuple(items), tuple(arrival_s))
+    def wait(self, duration_s: float) -> None:
+        """A delay from now on (-1: not a time of day); none where it rounds to nothing."""
+        delay_s = round(float(duration_s), _TIME_DECIMALS)
+        if delay_s > 0:
+            self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
 
 
 def _compass_deg(yaw_ned_rad: float) -> float:

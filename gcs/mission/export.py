@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.errors import FileFormatError, UsageError
-from gcs.mission.autopilot import Autopilot
 from gcs.mission.build import build_missions, timed_legs
+from gcs.mission.firmware import Firmware
 from gcs.mission.model import Command, VehicleMission
 from gcs.mission.planfile import PlanFile, write_plan_file
 from gcs.mission.setpoints import build_stream, write_setpoints
@@ -38,7 +38,7 @@ class ExportIndex:
 
     scenario: str
     plan_hash: str
-    autopilot: Autopilot
+    firmware: Firmware
     setpoint_rate_hz: float
     waypoints: int  # positions with a planned time, per vehicle
     items: int  # mission items of the longest mission, home not counted
@@ -56,23 +56,23 @@ def export(plan: Plan, folder: Path, *, setpoint_rate_hz: float | None = None) -
     folder = folder.resolve()
     _refuse_foreign(folder)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    autopilot = Autopilot.named(plan.scenario.mission.autopilot)
+    firmware = Firmware.named(plan.scenario.mission.autopilot)
     legs = timed_legs(plan)
     missions = build_missions(plan, legs)
     files = {SETPOINTS: write_setpoints(build_stream(plan, rate_hz))}
     for mission in missions:
-        files |= _mission_files(mission, autopilot)
+        files |= _mission_files(mission, firmware)
     index = ExportIndex(
         plan.scenario.name,
         plan.hash,
-        autopilot,
+        firmware,
         rate_hz,
         len(legs.t_s),
         max(len(m.items) for m in missions),
         legs.error,
         {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
     )
-    document = {"format": _FORMAT, "version": _VERSION} | asdict(index) | {"autopilot": autopilot.name.lower()}
+    document = {"format": _FORMAT, "version": _VERSION} | asdict(index) | {"firmware": firmware.name.lower()}
     _swap_in(folder, files | {INDEX: json.dumps(document, indent=2) + "\n"})
     return index
 
@@ -82,14 +82,14 @@ def mission_name(sysid: int) -> str:
     return f"uav{sysid}"
 
 
-def _mission_files(mission: VehicleMission, autopilot: Autopilot) -> dict[str, str]:
+def _mission_files(mission: VehicleMission, firmware: Firmware) -> dict[str, str]:
     name = mission_name(mission.sysid)
     speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
     speed_mps = round(sum(speeds) / len(speeds), 1)
-    home = mission.home if autopilot.home_is_item_0 else None
+    home = mission.home if firmware.home_is_item_0 else None
     return {
         f"{name}.waypoints": write_waypoints(WaypointFile(home, mission.items)),
-        f"{name}.plan": write_plan_file(PlanFile(autopilot, mission.home, mission.items, speed_mps, speed_mps)),
+        f"{name}.plan": write_plan_file(PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps)),
     }
 
 

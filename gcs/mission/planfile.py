@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gcs.errors import FileFormatError
-from gcs.mission.autopilot import Autopilot
+from gcs.mission.firmware import Firmware
 from gcs.mission.model import Frame, Home, MissionItem
 from gcs.mission.waypoints import file_position, wire_position
 
@@ -29,7 +29,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 class PlanFile:
     """Contents of one file. The two speeds only serve QGroundControl's own time estimate."""
 
-    autopilot: Autopilot
+    firmware: Firmware
     home: Home
     items: tuple[MissionItem, ...]
     cruise_speed_mps: float = 15.0
@@ -73,7 +73,7 @@ def write_plan_file(file: PlanFile) -> str:
         "groundStation": "Skein",
         "mission": {
             "cruiseSpeed": file.cruise_speed_mps,
-            "firmwareType": int(file.autopilot),
+            "firmwareType": int(file.firmware),
             "globalPlanAltitudeMode": 1,
             "hoverSpeed": file.hover_speed_mps,
             "items": [_written(item, number) for number, item in enumerate(file.items, start=1)],
@@ -98,7 +98,7 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(map(str, first["loc"])) or "the file"
         raise FileFormatError(f"{source}: {key}: {first['msg']}.") from error
-    if mission.firmwareType not in tuple(Autopilot):
+    if mission.firmwareType not in tuple(Firmware):
         raise FileFormatError(
             f"{source}: mission.firmwareType: {mission.firmwareType} is neither PX4 (12) nor ArduPilot (3)."
         )
@@ -109,7 +109,7 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         except ValueError as error:
             raise FileFormatError(f"{source}: mission.items.{index}: {error}.") from error
     return PlanFile(
-        Autopilot(mission.firmwareType),
+        Firmware(mission.firmwareType),
         Home(*mission.plannedHomePosition),
         tuple(items),
         mission.cruiseSpeed,

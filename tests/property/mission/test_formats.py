@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gcs.errors import FileFormatError
-from gcs.mission.autopilot import Autopilot
+from gcs.mission.firmware import Firmware
 from gcs.mission.model import Home, MissionItem, SetpointStream
 from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
 from gcs.mission.setpoints import read_setpoints, write_setpoints
@@ -60,12 +60,12 @@ def test_waypoints_survive(home: Home | None, items: tuple[MissionItem, ...]) ->
     assert list(map(comparable, back.items)) == list(map(comparable, items))
 
 
-@given(st.sampled_from(Autopilot), homes, missions, finite, finite)
+@given(st.sampled_from(Firmware), homes, missions, finite, finite)
 def test_plan_files_survive(
-    autopilot: Autopilot, home: Home, items: tuple[MissionItem, ...], cruise: float, hover: float
+    firmware: Firmware, home: Home, items: tuple[MissionItem, ...], cruise: float, hover: float
 ) -> None:
-    back = read_plan_file(write_plan_file(PlanFile(autopilot, home, items, cruise, hover)), "x")
-    assert (back.autopilot, back.home, back.cruise_speed_mps, back.hover_speed_mps) == (autopilot, home, cruise, hover)
+    back = read_plan_file(write_plan_file(PlanFile(firmware, home, items, cruise, hover)), "x")
+    assert (back.firmware, back.home, back.cruise_speed_mps, back.hover_speed_mps) == (firmware, home, cruise, hover)
     assert list(map(comparable, back.items)) == list(map(comparable, items))
 
 
@@ -95,7 +95,7 @@ ITEMS = (
 STREAM = SetpointStream((1, 2), np.array([0.0, 0.04]), *[np.ones((2, 2, 3))] * 3, np.zeros((2, 2)))
 FORMATS: list[tuple[Callable[[bytes, str], Any], bytes]] = [
     (read_waypoints, write_waypoints(WaypointFile(HOME, ITEMS)).encode()),
-    (read_plan_file, write_plan_file(PlanFile(Autopilot.PX4, HOME, ITEMS)).encode()),
+    (read_plan_file, write_plan_file(PlanFile(Firmware.PX4, HOME, ITEMS)).encode()),
     (read_setpoints, write_setpoints(STREAM).encode()),
 ]
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.mission.autopilot import Autopilot
+from gcs.mission.firmware import Firmware
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
 
 FILE = PlanFile(
-    Autopilot.ARDUPILOT,
+    Firmware.ARDUPILOT,
     Home(47.39760099722707, 8.545373091190891, 488.8414160840376),
     (
         MissionItem(22, 3, (0.0, 0.0, 0.0, 45.0), 473976010, 85453731, 2.159),
@@ -39,15 +39,15 @@ def item(**changes: Any) -> dict[str, Any]:
     return plan
 
 
-@pytest.mark.parametrize("autopilot", list(Autopilot))
-def test_what_is_written_is_read(autopilot: Autopilot) -> None:
-    file = PlanFile(autopilot, FILE.home, FILE.items, 5.5, 4.5)
+@pytest.mark.parametrize("firmware", list(Firmware))
+def test_what_is_written_is_read(firmware: Firmware) -> None:
+    file = PlanFile(firmware, FILE.home, FILE.items, 5.5, 4.5)
     assert read_plan_file(write_plan_file(file), "x") == file
 
 
 def test_nan_is_null() -> None:
     yaw_free = MissionItem(16, 3, (0.0, 0.0, 0.0, math.nan), 1, 2, 3.0)
-    text = write_plan_file(PlanFile(Autopilot.PX4, FILE.home, (yaw_free,)))
+    text = write_plan_file(PlanFile(Firmware.PX4, FILE.home, (yaw_free,)))
     assert json.loads(text)["mission"]["items"][0]["params"] == [0, 0, 0, None, 1e-7, 2e-7, 3]
     assert math.isnan(read_plan_file(text, "x").items[0].params[3])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 
-class Autopilot(IntEnum):
+class Firmware(IntEnum):
     """MAV_AUTOPILOT values of the autopilots missions are written for."""
 
     ARDUPILOT = 3
@@ -17,9 +17,9 @@ class Autopilot(IntEnum):
     @property
     def home_is_item_0(self) -> bool:
         """Whether item 0 of a stored mission is home (ArduPilot) or already flown to (PX4)."""
-        return self is Autopilot.ARDUPILOT
+        return self is Firmware.ARDUPILOT
 
     @classmethod
-    def named(cls, name: str) -> Autopilot:
+    def named(cls, name: str) -> Firmware:
         """The autopilot a scenario names ("ardupilot", "px4")."""
         return cls[name.upper()]

@@ -1,0 +1,89 @@
+"""Simulation 1's exports against those under missions/simulation1/expected, as parsed data.
+
+The plan is an optimum found to 1e-6: another build of the solver moves it by less than the tolerances here. After a
+change on purpose: `./tools/run python tools/golden.py simulation1`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.mission.export import INDEX, SETPOINTS, export
+from gcs.mission.model import Frame, MissionItem
+from gcs.mission.planfile import read_plan_file
+from gcs.mission.setpoints import read_setpoints
+from gcs.mission.waypoints import read_waypoints
+from gcs.plan.trajectory import Plan
+
+POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05
+DEGE7 = round(POSITION_M / 0.0075)  # a unit of longitude is 7.5 mm at this latitude
+
+
+@pytest.fixture(scope="module")
+def expected(repo_root: Path) -> Path:
+    return repo_root / "missions" / "simulation1" / "expected"
+
+
+@pytest.fixture(scope="module")
+def fresh(simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("golden") / "export"
+    export(simulation1_plan, folder, setpoint_rate_hz=1.0)
+    return folder
+
+
+def assert_close(item: MissionItem, golden: MissionItem) -> None:
+    assert (item.command, item.frame, item.autocontinue) == (golden.command, golden.frame, golden.autocontinue)
+    assert abs(item.lat_degE7 - golden.lat_degE7) <= DEGE7
+    assert abs(item.lon_degE7 - golden.lon_degE7) <= DEGE7
+    assert item.alt_m == pytest.approx(golden.alt_m, abs=POSITION_M)
+    assert item.params[0] == pytest.approx(golden.params[0], abs=DELAY_S)
+    assert item.params[1:3] == pytest.approx(golden.params[1:3], abs=SPEED_MPS)
+    turn = (item.params[3] - golden.params[3] + 180) % 360 - 180
+    assert abs(turn) <= (YAW_DEG if item.frame == Frame.GLOBAL_RELATIVE_ALT else 0)
+
+
+def test_the_same_files(fresh: Path, expected: Path) -> None:
+    assert {p.name for p in fresh.iterdir()} == {p.name for p in expected.iterdir()}
+
+
+def test_nobody_edited_the_golden_files_by_hand(expected: Path) -> None:
+    index = json.loads((expected / INDEX).read_text())
+    for name, digest in index["sha256"].items():
+        assert hashlib.sha256((expected / name).read_bytes()).hexdigest() == digest, name
+
+
+def test_the_index(fresh: Path, expected: Path) -> None:
+    ours, golden = (json.loads((folder / INDEX).read_text()) for folder in (fresh, expected))
+    bound_to_one_solution = {"plan_hash", "sha256", "deviation"}
+    assert ours.keys() == golden.keys()
+    for key in ours.keys() - bound_to_one_solution:
+        assert ours[key] == golden[key], key
+
+
+@pytest.mark.parametrize("sysid", range(1, 7))
+def test_missions(fresh: Path, expected: Path, sysid: int) -> None:
+    ours, golden = (read_waypoints((d / f"uav{sysid}.waypoints").read_bytes(), str(d)) for d in (fresh, expected))
+    assert len(ours.items) == len(golden.items)
+    for item, other in zip(ours.items, golden.items, strict=True):
+        assert_close(item, other)
+    assert ours.home is not None
+    assert golden.home is not None
+    assert astuple(ours.home) == pytest.approx(astuple(golden.home), abs=1e-8)
+    plan = read_plan_file((expected / f"uav{sysid}.plan").read_bytes(), "expected")
+    assert (plan.home, plan.items) == (golden.home, golden.items)
+
+
+def test_setpoints(fresh: Path, expected: Path) -> None:
+    ours, golden = (read_setpoints((folder / SETPOINTS).read_bytes(), str(folder)) for folder in (fresh, expected))
+    assert ours.sysids == golden.sysids
+    assert np.array_equal(ours.t_s, golden.t_s)
+    assert np.allclose(ours.position_ned_m, golden.position_ned_m, rtol=0, atol=POSITION_M)
+    assert np.allclose(ours.velocity_ned_mps, golden.velocity_ned_mps, rtol=0, atol=SPEED_MPS)
+    assert np.allclose(ours.acceleration_ned_mps2, golden.acceleration_ned_mps2, rtol=0, atol=ACCELERATION_MPS2)
+    assert np.allclose(ours.yaw_ned_rad, golden.yaw_ned_rad, rtol=0, atol=np.radians(YAW_DEG))
