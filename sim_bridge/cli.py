@@ -1,0 +1,115 @@
+"""The `sim-bridge` command.
+
+Knows: options, signals, how endings are told. Does not know: vehicles. Heavy imports stand inside the function, so
+that `--help` and wrong arguments are answered at once.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.errors import GcsError, UsageError
+
+STOPPED = 130
+BUG = 70
+
+app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
+
+
+@app.command()
+def fly(
+    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission folder, or the scenario file.")],
+    udp: Annotated[str, typer.Option(help="Ground station that the vehicles call.")] = "127.0.0.1:14550",
+    speedup: Annotated[str, typer.Option(help="Times real time, or 'max'.")] = "1",
+    seed: Annotated[int, typer.Option(min=0, help="Of sensor noise and boot clocks.")] = 0,
+    truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(help="SYSID:silent, SYSID:reject-mission or SYSID:die@SECONDS of flight.")
+    ] = None,
+    until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Emulate the vehicles of MISSION: they call a ground station over UDP, each from a port of its own.
+
+    One line of JSON on stdout says when they are there and at which ports. They fly until Ctrl-C.
+    """
+    del debug  # read by `run`, because the arguments may be what is wrong
+    ground, rate = parse_ground(udp), parse_speedup(speedup)
+    if truth is not None and not truth.parent.is_dir():
+        raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
+    from gcs.scenario.load import load_scenario  # noqa: PLC0415
+    from gcs.scenario.physical import sysids  # noqa: PLC0415
+    from sim_bridge.faults import parse_faults  # noqa: PLC0415
+    from sim_bridge.fleet import Fleet, FleetOptions  # noqa: PLC0415
+
+    scenario = load_scenario(mission)
+    faults = parse_faults(fault or (), sysids(scenario))
+    options = FleetOptions(ground=ground, speedup=rate, seed=seed, faults=faults, record_truth=truth is not None)
+    with Fleet(scenario, options) as fleet:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: fleet.stop())
+        if until_eof:
+            fleet.stop_at_end_of(sys.stdin.fileno())
+        ready = {"ready": True, "ground": "{}:{}".format(*ground), "ports": fleet.ports, "seed": seed}
+        print(json.dumps(ready), flush=True)
+        fleet.run()
+        if truth is not None:
+            fleet.save_truth(truth)
+
+
+def parse_ground(text: str) -> tuple[str, int]:
+    """HOST:PORT. Raises `UsageError`."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise UsageError(f"--udp {text!r} is not HOST:PORT.", hint="write for example --udp 127.0.0.1:14550")
+    return host, int(port)
+
+
+def parse_speedup(text: str) -> float:
+    """A positive number, or `max` for inf. Raises `UsageError`."""
+    if text == "max":
+        return math.inf
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0 < rate < math.inf:
+        raise UsageError(f"--speedup {text!r} is neither a positive number nor 'max'.")
+    return rate
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code; nothing escapes as a traceback."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in arguments
+    try:
+        return app(args=arguments or ["--help"], prog_name="sim-bridge", standalone_mode=False) or 0
+    except KeyboardInterrupt:
+        return STOPPED
+    except typer.TyperException as error:
+        return _failed(error.format_message(), "see `sim-bridge --help`", error.exit_code)
+    except GcsError as error:
+        if debug:
+            traceback.print_exc()
+        return _failed(error.message, error.hint, error.exit_code)
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        text = f"{type(error).__name__}: {error}"
+        return _failed(f"this is a bug in sim-bridge: {text}", "run it again with --debug", BUG)
+
+
+def _failed(message: str, hint: str, code: int) -> int:
+    print(f"error: {message}", file=sys.stderr)
+    if hint:
+        print(f"next: {hint}", file=sys.stderr)
+    return code

@@ -1,0 +1,154 @@
+"""Smooth ways from one state of motion to another: to a point, to a stop, up, and down to the ground.
+
+Knows: polynomials that meet position, velocity, acceleration and jerk at their ends. Does not know: who asks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.quadrotor import Array
+from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.guidance.piece import TERMS, Piece
+
+# Peaks of the rest-to-rest polynomial of degree 7 over unit time and distance: velocity to snap.
+_SEPTIC_PEAKS = (2.1875, 7.5132, 52.5, 840.0)
+# Peaks of the smooth step of degree 5 that changes a velocity: its first and second derivative.
+_STEP_PEAK, _STEP_PEAK2 = 1.875, 5.7735
+_SHORTEST_S = 0.5
+
+
+def _conditions(n: int) -> Array:
+    """Matrix from coefficients to n derivatives at 0 and n at 1, inverted."""
+    at_0 = np.diag([float(math.factorial(j)) for j in range(n)])
+    at_1 = np.array([[float(math.perm(k, j)) for k in range(2 * n)] for j in range(n)])
+    return np.asarray(np.linalg.inv(np.vstack([np.hstack([at_0, np.zeros((n, n))]), at_1])))
+
+
+_SEPTIC = _conditions(4)
+_QUINTIC = _conditions(3)
+
+
+def _polynomial(inverse: Array, start: Array, end: Array, duration_s: float) -> Array:
+    """Coefficients (2n, C) of the polynomial with `start` and `end` derivatives (n, C) over `duration_s`."""
+    n = len(start)
+    scale = duration_s ** np.arange(n)[:, None]
+    unit = inverse @ np.vstack([start * scale, end * scale])
+    return np.asarray(unit / duration_s ** np.arange(2 * n)[:, None])
+
+
+def _shortest_s(distance: float, *peaks: float) -> float:
+    """Shortest duration whose velocity, acceleration, ... over `distance` stay below `peaks`."""
+    return max(
+        math.pow(factor * distance / peak, 1.0 / order)
+        for order, (factor, peak) in enumerate(zip(_SEPTIC_PEAKS, peaks, strict=False), start=1)
+    )
+
+
+def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -> Piece:
+    """From any motion `flat` (DERIVATIVES, 4) to rest at `target` (4,): north, east, down, yaw.
+
+    From rest it keeps to `limits`; from a fast start it takes the time to brake as well.
+    """
+    step = target - flat[0]
+    duration = max(
+        _SHORTEST_S,
+        _shortest_s(
+            math.hypot(step[0], step[1]),
+            limits.horizontal_mps,
+            limits.horizontal_mps2,
+            limits.horizontal_mps3,
+            limits.horizontal_mps4,
+        ),
+        _shortest_s(abs(step[2]), limits.vertical_mps, limits.vertical_mps2),
+        _shortest_s(abs(step[3]), limits.yaw_radps),
+    )
+    if np.any(flat[1:3]):
+        duration += _braking_time(flat, limits)
+    end = np.zeros((4, 4))
+    end[0] = target
+    return Piece(start_s, start_s + duration, _polynomial(_SEPTIC, flat[:4], end, duration))
+
+
+def brake(start_s: float, flat: Array, limits: MotionLimits) -> Piece:
+    """From any motion to rest, wherever that is reached; yaw comes to rest too."""
+    if not np.any(flat[1:3]):
+        c = np.zeros((TERMS, 4))
+        c[0] = flat[0]
+        return Piece(start_s, start_s, c)
+    duration = _braking_time(flat, limits)
+    velocity = _polynomial(_QUINTIC, flat[1:4], np.zeros((3, 4)), duration)
+    return Piece(start_s, start_s + duration, _integral(flat[0], velocity))
+
+
+def _braking_time(flat: Array, limits: MotionLimits) -> float:
+    speed, climb = math.hypot(flat[1, 0], flat[1, 1]), abs(flat[1, 2])
+    pull = math.hypot(flat[2, 0], flat[2, 1])
+    return float(
+        max(
+            _SHORTEST_S,
+            _STEP_PEAK * speed / limits.horizontal_mps2,
+            math.sqrt(_STEP_PEAK2 * speed / limits.horizontal_mps3),
+            4.0 * pull / limits.horizontal_mps3,
+            _STEP_PEAK * climb / limits.vertical_mps2,
+        )
+    )
+
+
+def _integral(position: Array, velocity: Array) -> Array:
+    """Coefficients (TERMS, 4) of the position whose derivative has coefficients (n, 4)."""
+    n = len(velocity)
+    c = np.zeros((TERMS, 4))
+    c[0] = position
+    c[1 : n + 1] = velocity / np.arange(1, n + 1)[:, None]
+    return c
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How to come down: at `fast_mps`, and at `slow_mps` below the height `slow_below_ned_m` (down)."""
+
+    slow_below_ned_m: float
+    fast_mps: float
+    slow_mps: float
+
+
+def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> list[Piece]:
+    """Straight down from rest until somebody stops it.
+
+    The last piece never ends: only contact tells a vehicle where the ground is.
+    """
+    fast, slow = min(way.fast_mps, limits.vertical_mps), way.slow_mps
+    quicken_s = _STEP_PEAK * fast / limits.vertical_mps2
+    slacken_s = _STEP_PEAK * abs(fast - slow) / limits.vertical_mps2
+    room_m = way.slow_below_ned_m - flat[0, 2]
+    cruise_m = room_m - 0.5 * fast * quicken_s - 0.5 * (fast + slow) * slacken_s
+    if fast > slow and cruise_m > 0:
+        pieces = [_change_descent(start_s, flat[0], (0.0, fast), quicken_s)]
+        pieces.append(_sink(pieces[-1], fast, cruise_m / fast))
+        pieces.append(_change_descent(pieces[-1].end_s, _end(pieces[-1]), (fast, slow), slacken_s))
+    else:
+        pieces = [_change_descent(start_s, flat[0], (0.0, slow), _STEP_PEAK * slow / limits.vertical_mps2)]
+    pieces.append(_sink(pieces[-1], slow, math.inf))
+    return pieces
+
+
+def _change_descent(start_s: float, position: Array, down_mps: tuple[float, float], duration_s: float) -> Piece:
+    start, end = np.zeros((3, 4)), np.zeros((3, 4))
+    start[0, 2], end[0, 2] = down_mps
+    velocity = _polynomial(_QUINTIC, start, end, duration_s)
+    return Piece(start_s, start_s + duration_s, _integral(position, velocity))
+
+
+def _sink(before: Piece, speed_mps: float, duration_s: float) -> Piece:
+    c = np.zeros((TERMS, 4))
+    c[0] = _end(before)
+    c[1, 2] = speed_mps
+    return Piece(before.end_s, before.end_s + duration_s, c)
+
+
+def _end(piece: Piece) -> Array:
+    return np.asarray(piece.at(piece.end_s)[0])

@@ -1,0 +1,61 @@
+"""The parameter protocol of one vehicle: read by name or index, set, list.
+
+Knows: ArduPilot's manners (names match in any case and come back as they were asked for; unknown ones get silence).
+Does not know: what the parameters do.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcs.link.message import Message
+from sim_bridge.personality import Personality
+
+_BY_NAME = 0xFFFF  # param_index of an answer to a question by name
+
+
+class Params:
+    """Name, value and type of every parameter, in order."""
+
+    def __init__(self, personality: Personality, sysid: int) -> None:
+        self._values = {name: value for name, value, _ in personality.params}
+        self._types = {name: kind for name, _, kind in personality.params}
+        self._values["SYSID_THISMAV"] = float(sysid)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._values[name] = value
+
+    def receive(self, message: Message) -> list[Message]:
+        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
+        fields = message.fields
+        if message.name == "PARAM_REQUEST_LIST":
+            return [self._value(name, index) for index, name in enumerate(self._values)]
+        if message.name == "PARAM_SET":
+            asked, value = fields["param_id"], fields["param_value"]
+            if asked.upper() not in self._values or not math.isfinite(value):
+                return []
+            self._values[asked.upper()] = float(value)
+            return [self._value(asked, _BY_NAME)]
+        if message.name == "PARAM_REQUEST_READ":
+            index = fields["param_index"]
+            if 0 <= index < len(self._values):
+                return [self._value(list(self._values)[index], index)]
+            asked = fields["param_id"]
+            return [self._value(asked, _BY_NAME)] if asked.upper() in self._values else []
+        return []
+
+    def _value(self, asked: str, index: int) -> Message:
+        name = asked.upper()
+        return Message(
+            "PARAM_VALUE",
+            {
+                "param_id": asked,
+                "param_value": self._values[name],
+                "param_type": self._types[name],
+                "param_count": len(self._values),
+                "param_index": index,
+            },
+        )
