@@ -1,0 +1,1 @@
+"""Skein: plan, check and fly formations of quadrotors over MAVLink."""

@@ -1,0 +1,174 @@
+"""The frame of the command line: help, endings, exit codes, and what goes to which stream."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+
+from gcs.cli import main
+from gcs.cli.console import Screen, to_json
+from gcs.cli.options import DebugOption, JsonOption
+from gcs.errors import PeerTimeout, ScenarioError
+
+# typer brings pydantic itself.
+HEAVY = {"numpy", "casadi", "scipy", "pymavlink", "matplotlib", "pymap3d", "filterpy", "mavsdk", "gcs.scenario"}
+
+Ending = Callable[[], None]
+
+
+@pytest.fixture
+def with_command(monkeypatch: pytest.MonkeyPatch) -> Callable[[Ending], None]:
+    """The real frame around one command `x` that ends as given."""
+
+    def install(ending: Ending) -> None:
+        app = typer.Typer()
+
+        @app.command()
+        def x(json: JsonOption = False, debug: DebugOption = False) -> None:
+            ending()
+
+        @app.callback()
+        def group() -> None:
+            pass
+
+        monkeypatch.setattr(main, "app", app)
+
+    return install
+
+
+def raises(error: BaseException) -> Ending:
+    def ending() -> None:
+        raise error
+
+    return ending
+
+
+def test_help_lists_every_command_and_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert "Examples:" in text
+    for command in main.app.registered_commands:
+        assert command.callback is not None
+        assert command.callback.__name__.replace("_", "-") in text
+    assert main.run([]) == 0
+    assert capsys.readouterr().out == text
+
+
+def test_help_and_mistyped_arguments_load_nothing_heavy() -> None:
+    for arguments in (["--help"], ["schema", "--nonsense"], ["schema", "--help"], ["nonsense"]):
+        code = (
+            f"import sys; from gcs.cli.main import run; run({arguments!r}); "
+            f"sys.exit(' '.join({HEAVY!r} & set(sys.modules)) or 0)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{arguments}: {done.stderr}"
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("gcs 0.")
+
+
+@pytest.mark.parametrize("arguments", [["nonsense"], ["schema", "--nonsense"], ["schema", "extra"]])
+def test_usage_errors_are_a_sentence_and_a_next_step(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    first, second = err.splitlines()
+    assert first.startswith("error: ")
+    assert second.startswith("next: see `gcs")
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(ScenarioError("broken", hint="mend it"), 3), (PeerTimeout("silent", hint="mend it"), 8)]
+)
+def test_our_errors_end_with_their_code(
+    with_command: Callable[[Ending], None], error: BaseException, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_command(raises(error))
+    assert main.run(["x"]) == code
+    assert capsys.readouterr() == ("", f"error: {error}\nnext: mend it\n")
+    assert main.run(["x", "--json"]) == code
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {
+        "ok": False,
+        "error": {"kind": type(error).__name__, "message": str(error), "hint": "mend it", "exit_code": code},
+    }
+    assert err == ""
+    assert main.run(["x", "--debug"]) == code
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_bug_asks_for_a_report(with_command: Callable[[Ending], None], capsys: pytest.CaptureFixture[str]) -> None:
+    with_command(raises(ZeroDivisionError("by zero")))
+    assert main.run(["x"]) == 70
+    assert capsys.readouterr().err == (
+        "error: a mistake in this program: ZeroDivisionError: by zero\n"
+        "next: please report it, with the output of the same command and --debug\n"
+    )
+    assert main.run(["x", "--debug"]) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_ctrl_c_says_stopped(with_command: Callable[[Ending], None], capsys: pytest.CaptureFixture[str]) -> None:
+    with_command(raises(KeyboardInterrupt()))
+    assert main.run(["x"]) == 130
+    assert capsys.readouterr() == ("", "stopped\n")
+    assert main.run(["x", "--json"]) == 130
+    assert json.loads(capsys.readouterr().out)["error"]["kind"] == "Stopped"
+
+
+def test_usage_errors_are_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["nonsense", "--json"]) == 2
+    out, err = capsys.readouterr()
+    assert json.loads(out)["error"]["kind"] == "UsageError"
+    assert err == ""
+
+
+def test_a_reader_that_leaves_early_ends_it_quietly() -> None:
+    """`gcs schema | head -1`: the pipe's end is closed before anything is written."""
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run(['schema']))"],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+def test_screen_keeps_stdout_for_the_object(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = Screen(json=True)
+    screen.say("planning [0, 1] " + "x" * 200)
+    screen.show("table")
+    screen.result({"path": Path("a"), "worst_m": 0.5})
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {"ok": True, "path": "a", "worst_m": 0.5}
+    assert err == "planning [0, 1] " + "x" * 200 + "\ntable\n"
+
+
+def test_screen_speaks_plainly_to_people(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = Screen()
+    screen.say("height [red] " + "y" * 200)
+    screen.result({"worst_m": 0.5})
+    assert capsys.readouterr() == ("height [red] " + "y" * 200 + "\n", "")
+    assert not screen.is_watched
+
+
+def test_json_has_arrays_and_no_nan() -> None:
+    import numpy as np
+
+    assert to_json({"a": np.arange(3), "b": np.float64(0.5), "c": "ü"}) == '{"a": [0, 1, 2], "b": 0.5, "c": "ü"}'
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        to_json(float("nan"))
+    with pytest.raises(TypeError, match="object has no JSON form"):
+        to_json(object())
