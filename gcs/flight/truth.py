@@ -32,7 +32,7 @@ def load_truth(path: Path) -> Truth:
     """Read a truth file; raises FileFormatError when it is missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return Truth(tuple(int(i) for i in archive["sysids"]), archive["t_unix_s"], archive["states"])
+            return Truth(tuple(int(i) for i in archive["sysid"]), archive["t_unix_s"], archive["state"])
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as problem:
         raise FileFormatError(
             f"{path}: no true states of a simulated flight ({type(problem).__name__})",

@@ -1,10 +1,11 @@
 """From a mission folder or file to a `Scenario`, or to one error that lists everything wrong with it.
 
-Knows: files, TOML, the order in which mistakes are told. Does not know: what the keys mean.
+Knows: files, TOML and JSON, the order in which mistakes are told. Does not know: what the keys mean.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -28,10 +29,7 @@ def load_scenario(path: Path) -> Scenario:
     """
     file = scenario_file(path)
     text = _read(file)
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(_syntax(file, text, error), hint="mend the line; the file is TOML 1.0") from None
+    data = _parsed(file, text)
     mistakes: list[Mistake] = []
     try:
         scenario = Scenario.model_validate(data)
@@ -43,6 +41,19 @@ def load_scenario(path: Path) -> Scenario:
     if mistakes:
         raise _all_at_once(file, text, mistakes)
     return scenario
+
+
+def _parsed(file: Path, text: str) -> dict[str, Any]:
+    """TOML, as people write it; or JSON, as programs hand a scenario on."""
+    try:
+        if file.suffix == ".json":
+            data: dict[str, Any] = json.loads(text)
+            return data
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(_syntax(file, text, error), hint="mend the line; the file is TOML 1.0") from None
+    except json.JSONDecodeError as error:
+        raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="mend the line") from None
 
 
 def scenario_file(path: Path) -> Path:
@@ -97,7 +108,7 @@ def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _all_at_once(file: Path, text: str, mistakes: list[Mistake]) -> ScenarioError:
-    lines = key_lines(text)
+    lines = {} if file.suffix == ".json" else key_lines(text)
     placed = sorted(((line_of(lines, mistake.key) or 0), str(mistake)) for mistake in mistakes)
     told = [f"{file}:{line}: {sentence}" if line else f"{file}: {sentence}" for line, sentence in placed]
     if len(told) > 1:
