@@ -24,8 +24,8 @@ _STEPS_PER_GNSS = round(GNSS_PERIOD_S / CONTROL_PERIOD_S)
 class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
-    Attributes: `t_s` since construction; `control` (V, 4) and `rotors_radps` (V, 4) as last applied;
-    `wind_ned_mps` (V, 3), which may be replaced between steps.
+    Attributes: `control` (V, 4) and `rotors_radps` (V, 4) as last applied; `wind_ned_mps` (V, 3), which may be
+    replaced between steps; `sensors` and `estimator`, for those who study them.
     """
 
     def __init__(
@@ -51,8 +51,8 @@ class Airframes:
         limits = limits or motor_limits(quadrotor)
         self._quadrotor = quadrotor
         self._plant = Plant(quadrotor, ground_height_m, pads_ned_m, yaw_ned_rad)
-        self._sensors = Sensors(grade, vehicles, seed)
-        self._estimator = Estimator(quadrotor, limits, grade, vehicles)
+        self.sensors = Sensors(grade, vehicles, seed)
+        self.estimator = Estimator(quadrotor, limits, grade, vehicles)
         self._controller = Controller(quadrotor, limits)
         self._steps = 0
         self.control = np.zeros((vehicles, 4))
@@ -72,7 +72,7 @@ class Airframes:
     @property
     def estimate(self) -> Array:
         """Estimated states (V, 12): all that an autopilot knows."""
-        return self._estimator.state
+        return self.estimator.state
 
     @property
     def landed(self) -> Mask:
@@ -82,12 +82,12 @@ class Airframes:
     @property
     def innovation(self) -> Ratios:
         """Innovation test ratios of the filters; above 1 a measurement was refused."""
-        return self._estimator.ratios
+        return self.estimator.ratios
 
     @property
     def healthy(self) -> Mask:
         """Vehicles (V,) whose filter has converged and agrees with its sensors."""
-        return self._estimator.healthy
+        return self.estimator.healthy
 
     def step(self, reference: Reference, motors_on: Mask) -> None:
         """Advance by CONTROL_PERIOD_S: command from the estimate, move, measure, estimate.
@@ -95,15 +95,15 @@ class Airframes:
         Motors do not turn where motors_on (V,) is False, nor before the filters are aligned (two seconds).
         """
         landed = self._plant.landed
-        spin = motors_on & self._estimator.aligned
-        wanted = self._controller.command(reference, self._estimator.state, landed)
+        spin = motors_on & self.estimator.aligned
+        wanted = self._controller.command(reference, self.estimator.state, landed)
         self.rotors_radps = rotors_from_control(wanted, self._quadrotor) * spin[:, None]
         self.control = control_from_rotors(self.rotors_radps, self._quadrotor)
         self._plant.step(self.control, self.wind_ned_mps, CONTROL_PERIOD_S)
-        self._estimator.propagate(self.control, self._plant.landed, CONTROL_PERIOD_S)
+        self.estimator.propagate(self.control, self._plant.landed, CONTROL_PERIOD_S)
         self._steps += 1
         if self._steps % _STEPS_PER_INERTIAL == 0:
             truth = self._plant.state
-            inertial = self._sensors.read_inertial(truth)
-            gnss = self._sensors.read_gnss(truth) if self._steps % _STEPS_PER_GNSS == 0 else None
-            self._estimator.measure(inertial, gnss, self._plant.landed)
+            inertial = self.sensors.read_inertial(truth)
+            gnss = self.sensors.read_gnss(truth) if self._steps % _STEPS_PER_GNSS == 0 else None
+            self.estimator.measure(inertial, gnss, self._plant.landed)

@@ -40,7 +40,7 @@ def motor_limits(q: Quadrotor) -> ControlLimits:
 
 
 def chain_gain(links: tuple[float, ...], scales: tuple[float, ...], authority: float) -> Array:
-    """LQR gain (n,) of x_1' = link_1 x_2, ..., x_n' = u for the cost Σ (x_i / scale_i)² + (u / authority)²."""
+    """LQR gain (n,) of x_1' = link_1 x_2, ..., x_n' = u; cost Σ (x_i / scale_i)² + (u / authority)²."""
     n = len(scales)
     b = np.zeros((n, 1))
     b[-1] = 1.0
@@ -52,27 +52,30 @@ def chain_gain(links: tuple[float, ...], scales: tuple[float, ...], authority: f
 class Gains:
     """State feedback of one vehicle type, to the acceleration (m/s² or rad/s²) that ends each chain."""
 
-    tilt: Array  # (2, 4): roll, pitch; on distance, speed, angle, angular rate
-    height: Array  # (2,): on height, climb
-    yaw: Array  # (2,): on angle, rate
+    tilt: Array  # (4,) on distance, speed, angle, angular rate; roll and pitch alike
+    height: Array  # (2,) on height, climb
+    yaw: Array  # (2,) on angle, rate
+
+
+def turn_authority_radps2(q: Quadrotor, limits: ControlLimits) -> Array:
+    """Largest roll, pitch and yaw accelerations (3,), roll and pitch both as the weaker of the two."""
+    turn = np.array(limits.torque) * [q.arm_m, q.arm_m, 1.0] / np.array(q.inertia_kgm2)
+    turn[:2] = turn[:2].min()
+    return np.asarray(turn)
 
 
 def lqr_gains(q: Quadrotor, limits: ControlLimits) -> Gains:
     """Gains for the share of the authority that is left to feedback."""
     g = q.gravity_mps2
-    tilt = []
-    for torque, inertia in zip(limits.torque[:2], q.inertia_kgm2[:2], strict=True):
-        turn = FEEDBACK_SHARE * q.arm_m * torque / inertia
-        outer = min((g * turn / POSITION_SCALE_M) ** 0.25, POSITION_BANDWIDTH_MAX_RADPS)
-        inner = min((turn / ANGLE_SCALE_RAD) ** 0.5, TILT_BANDWIDTH_MAX_RADPS)
-        scales = (g * turn / outer**4, np.inf, turn / inner**2, turn / inner)
-        tilt.append(chain_gain((1.0, g, 1.0), scales, turn))
+    turn, _, spin = FEEDBACK_SHARE * turn_authority_radps2(q, limits)
+    outer = min((g * turn / POSITION_SCALE_M) ** 0.25, POSITION_BANDWIDTH_MAX_RADPS)
+    inner = min(max((turn / ANGLE_SCALE_RAD) ** 0.5, outer), TILT_BANDWIDTH_MAX_RADPS)
+    angle_scale = turn / inner**2 if inner > outer else np.inf  # a weak vehicle spends everything on position
     climb = FEEDBACK_SHARE * (limits.thrust_N / q.mass_kg - g)
-    outer = min((climb / POSITION_SCALE_M) ** 0.5, POSITION_BANDWIDTH_MAX_RADPS)
-    spin = FEEDBACK_SHARE * limits.torque[2] / q.inertia_kgm2[2]
-    inner = min((spin / ANGLE_SCALE_RAD) ** 0.5, YAW_BANDWIDTH_MAX_RADPS)
+    height = min((climb / POSITION_SCALE_M) ** 0.5, POSITION_BANDWIDTH_MAX_RADPS)
+    yaw = min((spin / ANGLE_SCALE_RAD) ** 0.5, YAW_BANDWIDTH_MAX_RADPS)
     return Gains(
-        tilt=np.array(tilt),
-        height=chain_gain((1.0,), (climb / outer**2, climb / outer), climb),
-        yaw=chain_gain((1.0,), (spin / inner**2, spin / inner), spin),
+        tilt=chain_gain((1.0, g, 1.0), (g * turn / (outer * inner) ** 2, np.inf, angle_scale, np.inf), turn),
+        height=chain_gain((1.0,), (climb / height**2, climb / height), climb),
+        yaw=chain_gain((1.0,), (spin / yaw**2, spin / yaw), spin),
     )

@@ -105,10 +105,7 @@ class Sensors:
         g = grade
         self._inertial_sigma = np.array([g.gyro_radps] * 3 + [g.mag_rad, g.baro_m])
         self._gnss_sigma = np.array(
-            [g.gnss_horizontal_m] * 2
-            + [g.gnss_vertical_m]
-            + [g.gnss_horizontal_mps] * 2
-            + [g.gnss_vertical_mps]
+            [g.gnss_horizontal_m] * 2 + [g.gnss_vertical_m] + [g.gnss_horizontal_mps] * 2 + [g.gnss_vertical_mps]
         )
         first = self._inertial.draw()
         self.gyro_bias_radps = g.gyro_bias_radps * first[:, 6:]  # (V, 3), truth for tests
