@@ -21,14 +21,15 @@ from matplotlib.colors import LightSource
 from matplotlib.patches import Circle
 
 _COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
-_DPI = 130
-_GRID = 301
+_DPI = 110
+_GRID = 141
+_CLOSE_UP_S = 6.0
 
 
 def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, folder: Path) -> list[Path]:
     """Write tracks.png, map.png and formation.png of tracks (V, N, 3) at plan times (N,)."""
     pictures = {
-        "tracks.png": draw_tracks(scenario, sysids, tracks_ned_m),
+        "tracks.png": draw_tracks(scenario, sysids, t_s, tracks_ned_m),
         "map.png": draw_map(scenario, sysids, tracks_ned_m),
         "formation.png": draw_formation(scenario, sysids, t_s, tracks_ned_m),
     }
@@ -41,22 +42,42 @@ def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned
     return paths
 
 
-def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -> Any:
-    """3D view over the ground; heights are exaggerated, which the axis says."""
+def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:
+    """3D view over the ground, heights exaggerated, and beside it a stretch of the same tracks close up."""
     north, east, height = _ground(scenario, tracks_ned_m)
-    figure = plt.figure(figsize=(9.6, 6.0), layout="constrained")
-    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-    shade = LightSource(315, 40).shade(height, plt.get_cmap("gist_earth"), vert_exag=8, vmin=-15, vmax=70)
-    axes.plot_surface(east, north, height, facecolors=shade, rstride=2, cstride=2, linewidth=0, antialiased=False)
-    for i, (sysid, track) in enumerate(zip(sysids, tracks_ned_m, strict=True)):
-        colour = _COLOURS[i % len(_COLOURS)]
-        axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, label=f"vehicle {sysid}", zorder=9)
-        axes.plot(track[:, 1], track[:, 0], 0 * track[:, 2], color="black", lw=0.4, alpha=0.4, zorder=8)
-    axes.set(xlabel="east, m", ylabel="north, m", zlabel="height, m (exaggerated)", title=scenario.title)
-    axes.set_box_aspect((1, 1, 0.28))
-    axes.view_init(elev=38, azim=-125)
-    axes.legend(loc="upper left", fontsize=8, ncols=2)
+    figure = plt.figure(figsize=(12.0, 5.6), layout="constrained")
+    grid = figure.add_gridspec(1, 2, width_ratios=(2.3, 1))
+    axes: Any = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)
+    shade = LightSource(315, 50).shade(height, plt.get_cmap("terrain"), vert_exag=4, vmin=-22, vmax=62)
+    axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
+    for colour, track in zip(_colours(sysids), tracks_ned_m, strict=True):
+        axes.plot(track[:, 1], track[:, 0], 0 * track[:, 2], color="black", lw=0.4, alpha=0.3, zorder=8)
+        axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, zorder=9)
+    axes.set(xlabel="east, m", ylabel="north, m", zlabel="height, m", title=scenario.title)
+    axes.set_box_aspect((1, 1, 0.25), zoom=1.15)
+    axes.view_init(elev=35, azim=-60)
+    _draw_close_up(figure.add_subplot(grid[1]), sysids, t_s, tracks_ned_m, 0.5 * scenario.time.flight_s)
     return figure
+
+
+def _draw_close_up(axes: Any, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, middle_s: float) -> None:
+    """Ten seconds from above: what looks like one line from afar."""
+    during = np.flatnonzero(np.abs(t_s - middle_s) <= _CLOSE_UP_S / 2)
+    for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
+        axes.plot(track[during, 1], track[during, 0], color=colour, lw=1.3, label=f"vehicle {sysid}")
+        axes.plot(track[during[-1], 1], track[during[-1], 0], "o", color=colour, ms=5)
+    axes.set(
+        xlabel="east, m",
+        ylabel="north, m",
+        aspect="equal",
+        title=f"close up: {_CLOSE_UP_S:g} s at t = {middle_s:.0f} s",
+    )
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+
+
+def _colours(sysids: tuple[int, ...]) -> list[str]:
+    return [_COLOURS[i % len(_COLOURS)] for i in range(len(sysids))]
 
 
 def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -> Any:
@@ -68,8 +89,8 @@ def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -
     figure.colorbar(filled, label="ground height, m", shrink=0.85)
     for disk in scenario.no_fly:
         axes.add_patch(Circle((disk.east_m, disk.north_m), disk.radius_m, color="red", alpha=0.35))
-    for i, (sysid, track) in enumerate(zip(sysids, tracks_ned_m, strict=True)):
-        axes.plot(track[:, 1], track[:, 0], color=_COLOURS[i % len(_COLOURS)], lw=1.2, label=f"vehicle {sysid}")
+    for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
+        axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, label=f"vehicle {sysid}")
     axes.plot(tracks_ned_m[:, 0, 1], tracks_ned_m[:, 0, 0], "k^", ms=5, label="take-off")
     axes.plot(tracks_ned_m[:, -1, 1], tracks_ned_m[:, -1, 0], "ks", ms=5, label="landing")
     axes.set(xlabel="east, m", ylabel="north, m", title=f"{scenario.name}: from above", aspect="equal")
@@ -84,8 +105,8 @@ def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, trac
     for axes, share in zip(panels, (0.0, 1 / 3, 2 / 3, 1.0), strict=True):
         instant = int(np.argmin(np.abs(t_s - share * scenario.time.flight_s)))
         relative = tracks_ned_m[:, instant] - tracks_ned_m[leader, instant]
-        for i, (sysid, place) in enumerate(zip(sysids, relative, strict=True)):
-            axes.plot(place[1], place[0], "o", ms=9, color=_COLOURS[i % len(_COLOURS)])
+        for colour, sysid, place in zip(_colours(sysids), sysids, relative, strict=True):
+            axes.plot(place[1], place[0], "o", ms=9, color=colour)
             axes.annotate(str(sysid), (place[1], place[0]), xytext=(7, 4), textcoords="offset points", fontsize=8)
         axes.set(title=f"t = {t_s[instant]:.0f} s", xlabel="east of leader, m", aspect="equal")
         axes.grid(alpha=0.3)
