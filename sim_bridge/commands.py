@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gcs.frames import from_degE7
+from gcs.link.command import CommandMemory, command_ack
 from gcs.link.dialect import CopterMode, MavCommand, MavResult, MessageId
-from gcs.link.message import Message, Station
+from gcs.link.message import Message
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.telemetry import Telemetry
 
@@ -36,6 +37,7 @@ class Commands:
     def __init__(self, autopilot: Autopilot, telemetry: Telemetry) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
+        self._memory = CommandMemory()
         self._handlers: dict[int, Callable[[Request, float], tuple[MavResult, list[Message]]]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.NAV_TAKEOFF: lambda r, t: (autopilot.take_off(t, r.z), []),
@@ -51,12 +53,20 @@ class Commands:
             MavCommand.GET_HOME_POSITION: lambda r, t: self._request(MessageId.HOME_POSITION),
         }
 
-    def receive(self, message: Message, t_s: float) -> list[Message]:
-        """Carry out the command; the COMMAND_ACK comes first, then what it brought forth."""
+    def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
+        """Carry out the command; the COMMAND_ACK comes first, then what it brought forth.
+
+        A command that is only repeated, because its COMMAND_ACK was lost, is acknowledged and not obeyed again.
+        """
+        known = self._memory.repeated(message, now_s)
+        if known is not None:
+            return [known]
         request = _request_in(message)
         handler = self._handlers.get(request.command)
         result, messages = handler(request, t_s) if handler is not None else (MavResult.UNSUPPORTED, [])
-        return [command_ack(request.command, result, message.source), *messages]
+        ack = command_ack(message, result)
+        self._memory.answered(message, ack, now_s)
+        return [ack, *messages]
 
     def _arm(self, request: Request, t_s: float) -> tuple[MavResult, list[Message]]:
         arm, force = request.params[0], request.params[1] == _FORCE
@@ -95,21 +105,6 @@ class Commands:
             return MavResult.FAILED, []
         message = self._telemetry.build(number)
         return MavResult.ACCEPTED, [message] if message is not None else []
-
-
-def command_ack(command: int, result: MavResult, target: Station) -> Message:
-    """COMMAND_ACK to `target`."""
-    return Message(
-        "COMMAND_ACK",
-        {
-            "command": command,
-            "result": int(result),
-            "progress": 0,
-            "result_param2": 0,
-            "target_system": target.sysid,
-            "target_component": target.compid,
-        },
-    )
 
 
 def _whole(value: float) -> int:

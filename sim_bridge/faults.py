@@ -17,7 +17,7 @@ class Faults:
     """What is wrong with one vehicle."""
 
     silent: bool = False  # never says anything
-    reject_mission: bool = False  # answers every upload with MAV_MISSION_ERROR
+    reject_mission: bool = False  # refuses every upload at its first item
     dies_after_s: float = math.inf  # of flight: its motors stop and it falls silent
 
 

@@ -40,7 +40,7 @@ from sim_bridge.pace import Pace
 from sim_bridge.personality import ARDUPILOT, Personality
 from sim_bridge.sensors import GRADES
 from sim_bridge.sockets import Address, Sockets
-from sim_bridge.telemetry import Instruments
+from sim_bridge.telemetry import Instruments, Whereabouts
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.vehicle import Vehicle
 
@@ -99,12 +99,14 @@ class Fleet:
         boot_ms = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
         motion = MotionLimits.of(quadrotor, scenario.limits)
         origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
+        whereabouts = Whereabouts(self.airframes, origin)
         self.vehicles: list[Vehicle] = []
         for row, sysid in enumerate(self.sysids):
             pad_ned_m = pads_ned_m[row]
             guide = Guide(motion, origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0)  # speeds come from the parameters
             instruments = Instruments(
                 airframes=self.airframes,
+                whereabouts=whereabouts,
                 row=row,
                 pad_ned_m=pad_ned_m,
                 origin=origin,

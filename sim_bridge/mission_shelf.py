@@ -12,11 +12,11 @@ from dataclasses import replace
 
 from gcs.frames import Origin
 from gcs.link.dialect import MavCommand, MissionResult, MissionType
-from gcs.link.items import home_item, item_to_message
+from gcs.link.items import home_item, item_from_message, item_to_message
 from gcs.link.message import Message, Station
 from gcs.link.mission import mission_ack, mission_type_of
 from gcs.link.mission_compare import has_position
-from gcs.link.mission_receiver import MissionReceiver
+from gcs.link.mission_receiver import ItemCheck, MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import Command, Frame, Home, MissionItem
 from sim_bridge.personality import Personality
@@ -76,7 +76,7 @@ class MissionShelf:
         upload, download = self._uploads.get(kind), self._downloads.get(kind)
         replies = upload.receive(message, now_s) if upload is not None else []
         if download is not None and download.peer == message.source:
-            replies += download.receive(message, now_s)
+            replies += self._told(download.receive(message, now_s))
         elif message.name in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):
             replies += self._single(message, kind)
         return replies + self._finish()
@@ -85,14 +85,12 @@ class MissionShelf:
         """Timers of the transfers under way."""
         machines: list[MissionReceiver | MissionSender] = [*self._uploads.values(), *self._downloads.values()]
         messages = [message for machine in machines for message in machine.tick(now_s)]
-        return messages + self._finish()
+        return self._told(messages) + self._finish()
 
     def _offered(self, message: Message, kind: int, now_s: float) -> list[Message]:
         peer = message.source
         if kind not in self._items:
             return [mission_ack(peer, MissionResult.UNSUPPORTED, kind)]
-        if self._reject:
-            return [mission_ack(peer, MissionResult.ERROR, kind)]
         upload = self._uploads.get(kind)
         if kind in self._downloads or (upload is not None and upload.peer != peer):
             return [mission_ack(peer, MissionResult.DENIED, kind)]
@@ -103,10 +101,15 @@ class MissionShelf:
                 mission_type=kind,
                 timers=self._personality.mission_timers,
                 capacity=self._personality.mission_capacity,
-                check=check_item if kind == MissionType.MISSION else accept_item,
+                check=self._check(kind),
                 int_requests=self._personality.int_requests,
             )
         return upload.receive(message, now_s) + self._finish()
+
+    def _check(self, kind: int) -> ItemCheck:
+        if self._reject:
+            return refuse_item
+        return check_item if kind == MissionType.MISSION else accept_item
 
     def _asked(self, message: Message, kind: int, now_s: float) -> list[Message]:
         peer = message.source
@@ -129,7 +132,15 @@ class MissionShelf:
         seq, items = message.fields["seq"], self._items.get(kind, ())
         if seq >= len(items):
             return []
-        return [item_to_message(items[seq], seq, message.source, mission_type=kind)]
+        return self._told([item_to_message(items[seq], seq, message.source, mission_type=kind)])
+
+    def _told(self, messages: list[Message]) -> list[Message]:
+        """Items in the frames that this autopilot names."""
+        if self._personality.tells_file_frames:
+            for message in messages:
+                if message.name == "MISSION_ITEM_INT":
+                    message.fields["frame"] = item_from_message(message).frame
+        return messages
 
     def _clear(self, kind: int) -> MissionResult:
         if kind not in self._items:
@@ -172,6 +183,11 @@ def kept(item: MissionItem) -> MissionItem:
 def accept_item(_seq: int, _item: MissionItem) -> MissionResult:
     """Fences and rally points are kept as they come."""
     return MissionResult.ACCEPTED
+
+
+def refuse_item(_seq: int, _item: MissionItem) -> MissionResult:
+    """A fault: nothing pleases this vehicle."""
+    return MissionResult.INVALID
 
 
 def check_item(seq: int, item: MissionItem) -> MissionResult:

@@ -29,6 +29,7 @@ class Personality:
     mission_capacity: int
     mission_timers: Timers
     int_requests: bool  # asks for items with MISSION_REQUEST_INT
+    tells_file_frames: bool  # reads items back in frames 0, 3, 10 rather than 5, 6, 11
     params: tuple[tuple[str, float, int], ...]  # name, value, MAV_PARAM_TYPE
 
 
@@ -54,6 +55,7 @@ ARDUPILOT = Personality(
     mission_capacity=650,
     mission_timers=ARDUPILOT_TIMERS,
     int_requests=False,
+    tells_file_frames=True,
     params=(
         ("SYSID_THISMAV", 1.0, _INT16),
         ("SYSID_MYGCS", 255.0, _INT16),

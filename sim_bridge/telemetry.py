@@ -30,11 +30,30 @@ _UID_BYTES = 18
 _MISSION_STATES = {"none": 1, "not started": 2, "active": 3}  # MISSION_STATE
 
 
+class Whereabouts:
+    """Where all vehicles think they are on Earth, worked out once for all of them when the first one asks."""
+
+    def __init__(self, airframes: Airframes, origin: Origin) -> None:
+        self._airframes = airframes
+        self._origin = origin
+        self._t_s = math.nan
+        self._places: list[Origin] = []
+
+    def of(self, row: int, t_s: float) -> Origin:
+        """Estimated place of one vehicle at `t_s`, which is now."""
+        if t_s != self._t_s:
+            columns = ned_to_geodetic(self._airframes.estimate[:, :3], self._origin)
+            self._places = [Origin(*place) for place in np.stack(columns, axis=-1).tolist()]
+            self._t_s = t_s
+        return self._places[row]
+
+
 @dataclass
 class Instruments:
     """One row of a fleet's airframes, its clock and its place on Earth."""
 
     airframes: Airframes
+    whereabouts: Whereabouts
     row: int
     pad_ned_m: Array  # (3,): origin of the vehicle's LOCAL_NED
     origin: Origin
@@ -66,6 +85,11 @@ class Instruments:
     def unix_us(self) -> int:
         """GNSS time: the same for all vehicles."""
         return self.epoch_unix_us + round(self.t_s * 1e6)
+
+    @property
+    def here(self) -> Origin:
+        """Where the vehicle thinks it is."""
+        return self.whereabouts.of(self.row, self.t_s)
 
     def place(self, ned_m: Array) -> Origin:
         """A point of common local NED on Earth."""
@@ -179,7 +203,7 @@ def _global_position(tm: Telemetry) -> Message | None:
         return None
     instruments = tm.instruments
     state = instruments.estimate
-    place = instruments.place(state[:3])
+    place = instruments.here
     vx, vy, vz = (state[3:6] * 100.0).tolist()
     return Message(
         "GLOBAL_POSITION_INT",
@@ -202,7 +226,7 @@ def _gps_raw(tm: Telemetry) -> Message:
     fields |= {"eph": 0xFFFF, "epv": 0xFFFF, "vel": 0, "cog": 0, "satellites_visible": 0}
     if _located(tm):
         state = tm.instruments.estimate
-        place = tm.instruments.place(state[:3])
+        place = tm.instruments.here
         fields |= {
             "fix_type": 6,  # RTK fixed
             "lat": to_degE7(place.lat_deg),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import GcsError
+from gcs.quadrotor import Array
 from sim_bridge.airframes import Airframes
 
 PERIOD_STEPS = 2  # of 10 ms: 50 Hz
@@ -30,8 +31,8 @@ class TruthRecord:
         self._boot_offset_s = boot_offset_s
         self._epoch_unix_s = epoch_unix_s
         self._t_s: list[float] = []
-        self._states: list[np.ndarray] = []
-        self._controls: list[np.ndarray] = []
+        self._states: list[Array] = []
+        self._controls: list[Array] = []
         self._flags: list[list[tuple[bool, bool, int]]] = []
 
     def add(self, t_s: float, airframes: Airframes, flags: list[tuple[bool, bool, int]]) -> None:
@@ -41,16 +42,25 @@ class TruthRecord:
         self._controls.append(airframes.control.copy())
         self._flags.append(flags)
 
+    @property
+    def t_s(self) -> Array:
+        """Simulated times (N,)."""
+        return np.array(self._t_s)
+
+    @property
+    def state(self) -> Array:
+        """True states (V, N, 12)."""
+        return self._by_vehicle(self._states, 12)
+
     def save(self, path: Path) -> None:
         """Write the file in one piece, in place of what was there. Raises `GcsError` where that is impossible."""
-        t_s = np.array(self._t_s)
-        rows = len(self._sysids)
-        flags = np.array(self._flags, dtype=np.int64).reshape(len(t_s), rows, 3)
+        t_s = self.t_s
+        flags = np.array(self._flags, dtype=np.int64).reshape(len(t_s), len(self._sysids), 3)
         arrays: dict[str, Any] = {
             "t_s": t_s,
             "t_unix_s": t_s + self._epoch_unix_s,
-            "state": np.array(self._states).reshape(len(t_s), rows, 12).swapaxes(0, 1),
-            "control": np.array(self._controls).reshape(len(t_s), rows, 4).swapaxes(0, 1),
+            "state": self.state,
+            "control": self._by_vehicle(self._controls, 4),
             "armed": flags[:, :, 0].astype(bool).T,
             "flying": flags[:, :, 1].astype(bool).T,
             "mode": flags[:, :, 2].T,
@@ -63,3 +73,6 @@ class TruthRecord:
             Path(file.name).replace(path)
         except OSError as error:
             raise GcsError(f"the truth of the flight cannot be written to {path}: {error.strerror}.") from error
+
+    def _by_vehicle(self, rows: list[Array], width: int) -> Array:
+        return np.array(rows).reshape(len(rows), len(self._sysids), width).swapaxes(0, 1)

@@ -13,12 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from gcs.link.command import command_ack
 from gcs.link.dialect import MessageId, SetpointMask, WireFrame
 from gcs.link.message import Message, Station
 from gcs.link.timesync import answer_timesync
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Armed, Autopilot, ModeChanged, Reached, Said
-from sim_bridge.commands import Commands, command_ack
+from sim_bridge.commands import Commands
 from sim_bridge.faults import Faults
 from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
 from sim_bridge.mission_shelf import MissionShelf
@@ -70,7 +71,7 @@ class Vehicle:
             self._take_setpoint(message)
             return []
         if name in ("COMMAND_LONG", "COMMAND_INT"):
-            return self._commands.receive(message, self._instruments.t_s)
+            return self._commands.receive(message, self._instruments.t_s, now_s)
         if name == "MISSION_SET_CURRENT":
             self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
             return [m for m in [self._telemetry.build(MessageId.MISSION_CURRENT)] if m is not None]
@@ -85,7 +86,7 @@ class Vehicle:
             return [answer] if answer is not None else []
         if name == "SET_MODE":
             result = self.autopilot.set_mode(self._instruments.t_s, message.fields["custom_mode"])
-            return [command_ack(_SET_MODE_NUMBER, result, message.source)]
+            return [command_ack(Message(name, {"command": _SET_MODE_NUMBER}, *message.source), result)]
         return []
 
     def step(self, t_s: float, now_s: float, landed: bool) -> Sequence[Message]:

@@ -1,0 +1,119 @@
+"""Manoeuvres: smooth at their joints, within their limits, exact derivatives."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_bridge.guidance.legs import Leg, fly_legs
+from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.guidance.manoeuvres import Descent, brake, descend, transfer
+from sim_bridge.guidance.piece import TERMS, Piece, PieceBatch, hold
+
+LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)
+REST = hold(0.0, np.array([1.0, 2.0, -3.0, 0.5])).at(0.0)
+
+
+def sampled(piece: Piece, n: int = 400) -> np.ndarray:
+    """Flat outputs (n, DERIVATIVES, 4) over a piece."""
+    return np.array([piece.at(t) for t in np.linspace(piece.start_s, piece.end_s, n)])
+
+
+def moving(north_mps: float, down_mps: float, pull_mps2: float) -> np.ndarray:
+    flat = REST.copy()
+    flat[1, 0], flat[1, 2], flat[2, 1] = north_mps, down_mps, pull_mps2
+    return flat
+
+
+def test_derivatives_are_derivatives():
+    random = np.random.default_rng(1)
+    piece = Piece(5.0, 9.0, random.normal(size=(TERMS, 4)))
+    h = 1e-4
+    for t in (5.5, 7.0):
+        slope = (piece.at(t + h) - piece.at(t - h)) / (2 * h)
+        np.testing.assert_allclose(slope[:-1], piece.at(t)[1:], rtol=1e-5)
+
+
+def test_batch_agrees_with_each_piece():
+    random = np.random.default_rng(2)
+    pieces = [Piece(float(i), 9.0, random.normal(size=(TERMS, 4))) for i in range(3)]
+    batch = PieceBatch([REST_PIECE, *pieces[1:]])
+    batch.put(0, pieces[0])
+    reference = batch.reference(4.2)
+    for row, piece in enumerate(pieces):
+        flat = piece.at(4.2)
+        np.testing.assert_allclose(reference.position_ned_m[row], flat[0, :3], rtol=1e-12)
+        np.testing.assert_allclose(reference.snap_ned_mps4[row], flat[4, :3], rtol=1e-12)
+        assert reference.yaw_rate_radps[row] == pytest.approx(flat[1, 3])
+
+
+REST_PIECE = hold(0.0, REST)
+
+
+@given(st.floats(-200, 200), st.floats(-30, 30), st.floats(-3, 3))
+def test_transfer_from_rest_keeps_to_the_limits(north_m, up_m, turn_rad):
+    target = REST[0] + [north_m, 0.3 * north_m, -up_m, turn_rad]
+    piece = transfer(10.0, REST, target, LIMITS)
+    flat = sampled(piece)
+    np.testing.assert_allclose(flat[-1, 0], target, atol=1e-6)
+    np.testing.assert_allclose(flat[-1, 1:4], 0.0, atol=1e-6)
+    horizontal = np.linalg.norm(flat[:, :, :2], axis=2).max(axis=0)
+    slack = 1.001
+    assert horizontal[1] <= LIMITS.horizontal_mps * slack
+    assert horizontal[2] <= LIMITS.horizontal_mps2 * slack
+    assert horizontal[3] <= LIMITS.horizontal_mps3 * slack
+    assert horizontal[4] <= LIMITS.horizontal_mps4 * slack
+    assert abs(flat[:, 1, 2]).max() <= LIMITS.vertical_mps * slack
+    assert abs(flat[:, 2, 2]).max() <= LIMITS.vertical_mps2 * slack
+    assert abs(flat[:, 1, 3]).max() <= LIMITS.yaw_radps * slack
+
+
+@given(st.floats(-5, 5), st.floats(-1.5, 1.5), st.floats(-0.5, 0.5))
+def test_braking_ends_at_rest_and_begins_where_it_was(north_mps, down_mps, pull_mps2):
+    flat = moving(north_mps, down_mps, pull_mps2)
+    piece = brake(3.0, flat, LIMITS)
+    np.testing.assert_allclose(piece.at(3.0)[:4], flat[:4], atol=1e-9)
+    np.testing.assert_allclose(piece.at(piece.end_s)[1:4], 0.0, atol=1e-9)
+    if not pull_mps2:
+        assert abs(sampled(piece)[:, 2, 2]).max() <= LIMITS.vertical_mps2 * 1.001
+
+
+@pytest.mark.parametrize("height_m", [3.0, 12.0, 60.0])
+def test_descent_is_smooth_and_slow_at_the_end(height_m):
+    start = hold(0.0, np.array([0.0, 0.0, -height_m, 0.0])).at(0.0)
+    pieces = descend(0.0, start, Descent(-10.0, 1.5, 0.5), LIMITS)
+    for before, after in itertools.pairwise(pieces):
+        np.testing.assert_allclose(before.at(before.end_s)[:3], after.at(after.start_s)[:3], atol=1e-9)
+    last = pieces[-1]
+    assert math.isinf(last.end_s)
+    assert last.at(last.start_s)[1, 2] == pytest.approx(0.5)
+    assert last.at(last.start_s)[0, 2] <= max(-10.0, -height_m + 5.0) + 1e-9
+    for piece in pieces[:-1]:
+        assert abs(sampled(piece)[:, 2, 2]).max() <= LIMITS.vertical_mps2 * 1.001
+
+
+def test_legs_pass_every_waypoint_on_time_and_smoothly():
+    places = [np.array(p) for p in ([30.0, 0, -3], [60, 8, -4], [95, 8, -6], [120, 0, -3])]
+    speeds = [3.0, 3.5, 4.0, 2.0]
+    start = np.array([0.0, 0.0, -3.0, 0.7])
+    pieces, passed = fly_legs(100.0, start, [Leg(p, v) for p, v in zip(places, speeds, strict=True)])
+    lengths = np.linalg.norm(np.diff([start[:3], *places], axis=0), axis=1)
+    np.testing.assert_allclose(passed, 100.0 + np.cumsum(lengths / speeds))
+    for piece, place, t_s in zip(pieces, places, passed, strict=True):
+        np.testing.assert_allclose(piece.at(t_s)[0], [*place, 0.7], atol=1e-6)
+    for before, after in itertools.pairwise(pieces):
+        np.testing.assert_allclose(before.at(before.end_s), after.at(after.start_s), atol=1e-6)
+    np.testing.assert_allclose(pieces[0].at(100.0)[1:3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(pieces[-1].at(passed[-1])[1:3], 0.0, atol=1e-6)
+
+
+def test_waypoints_on_the_spot_take_no_time():
+    start = np.array([0.0, 0.0, -3.0, 0.0])
+    pieces, passed = fly_legs(7.0, start, [Leg(start[:3], 2.0)])
+    assert pieces == []
+    assert passed == [7.0]
