@@ -162,9 +162,8 @@ class Estimator:
 
     def _predict(self, landed: Mask) -> None:
         dt = INERTIAL_PERIOD_S
-        change = np.zeros((len(self._filters), STATES, STATES))
-        change[:, :12, :12] = dt * jacobian(self._mean[:12], self._control, self._q)
-        transition = np.eye(STATES) + change + 0.5 * change @ change
+        transition = np.tile(np.eye(STATES), (len(self._filters), 1, 1))
+        transition[:, :12, :12] += dt * jacobian(self._mean[:12], self._control, self._q)
         transition[landed] = np.diag(_STANDS)
         for i, (ekf, mean) in enumerate(zip(self._filters, self._mean.T.copy(), strict=True)):
             ekf.F = transition[i]

@@ -58,7 +58,7 @@ class Course:
 
 
 def course(*, yaw_swing_rad: float) -> Course:
-    """Up 3 m; to 5.6 m/s in 30 s; an S at a load factor of 0.1 while climbing at 1 m/s; stop; down to 0.1 m below the pad, to land."""
+    """Up 3 m; to 5.6 m/s in 30 s; an S at a load factor of 0.1, climbing at 1 m/s; stop; down to below the pad."""
     fine_s = CONTROL_PERIOD_S / 10.0
     t = np.arange(0.0, 125.0, fine_s)
     height = 3.0 * _step_up(t, 1.0, 12.0) + 12.0 * _step_up(t, 45.0, 30.0) - 15.1 * _step_up(t, 100.0, 23.0)

@@ -60,7 +60,7 @@ def test_the_estimate_is_better_than_a_fix(paper_flight):
 
 def test_a_vehicle_of_the_two_kilogram_class_flies_with_the_same_rules():
     pads = 3.0 * PADS_NED_M[:3]
-    flight = fly(stand(FIELD, None, RTK, pads, seed=3), course(yaw_swing_rad=0.4).part(0, 6000), pads)
+    flight = fly(stand(FIELD, None, RTK, pads, seed=3), course(yaw_swing_rad=0.4).part(0, 5000), pads)
     error_m = np.linalg.norm(flight.truth[..., :3] - flight.wanted_ned_m, axis=-1)
     assert np.sqrt(np.mean(error_m**2)) < 0.02
     assert error_m.max() < 0.05
