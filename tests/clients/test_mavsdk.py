@@ -1,0 +1,106 @@
+"""MAVSDK 4, a ground station that nobody here wrote, meets the emulated fleet."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mavsdk
+import pytest
+from mavsdk.plugins.mission_raw import MissionItem as RawItem
+from mavsdk.plugins.mission_raw import MissionRaw
+
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.link.fleet import Fleet as Ground
+from gcs.link.items import with_home
+from gcs.link.mission_compare import compare_missions
+from gcs.mission.model import Home, MissionItem, VehicleMission
+from gcs.scenario import physical
+from sim_bridge.fleet import FleetOptions
+from tests.fleets import free_port, running_fleet
+
+
+def missions(scenario) -> dict[int, VehicleMission]:
+    """Take-off, two timed legs and a landing for every vehicle, different for each."""
+    origin = Origin(**scenario.origin.model_dump())
+    found = {}
+    for sysid, pad in zip(physical.sysids(scenario), physical.pads_ned_m(scenario), strict=True):
+        lat, lon, alt = map(float, ned_to_geodetic(pad, origin))
+        north = round(lat * 1e7) + 1000 * sysid
+        items = (
+            MissionItem(22, 3, (0.0,) * 4, 0, 0, 3.0),
+            MissionItem(178, 2, (1.0, 1.5 + 0.1 * sysid, -1.0, 0.0), 0, 0, 0.0),
+            MissionItem(16, 3, (0.0,) * 4, north, round(lon * 1e7), 3.0 + 0.25 * sysid),
+            MissionItem(93, 2, (2.0, -1.0, -1.0, -1.0), 0, 0, 0.0),
+            MissionItem(16, 3, (0.0,) * 4, north, round(lon * 1e7) + 500, 4.0),
+            MissionItem(21, 3, (0.0,) * 4, 0, 0, 0.0),
+        )
+        found[sysid] = VehicleMission(sysid, Home(lat, lon, alt), items, (None,) * len(items))
+    return found
+
+
+@contextmanager
+def client(port: int) -> Iterator[dict[int, mavsdk.System]]:
+    """MAVSDK listening at a port, with the six systems it finds there."""
+    configuration = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
+    sdk = mavsdk.Mavsdk(configuration)
+    try:
+        assert sdk.add_any_connection(f"udpin://127.0.0.1:{port}") == mavsdk.ConnectionResult.SUCCESS
+        end_s = time.monotonic() + 20.0
+        systems: dict[int, mavsdk.System] = {}
+        while len(systems) < 6:
+            assert time.monotonic() < end_s, f"MAVSDK found only {sorted(systems)}"
+            time.sleep(0.05)
+            found = [s for s in sdk.get_systems() if s.is_connected() and s.has_autopilot()]
+            systems = {s.get_system_id(): s for s in found}
+        yield systems
+    finally:
+        sdk.destroy()
+
+
+def to_raw(seq: int, item: MissionItem) -> RawItem:
+    params = (float(p) for p in item.params)
+    place = (item.lat_degE7, item.lon_degE7, item.alt_m)
+    return RawItem(seq, item.frame, item.command, int(seq == 0), 1, *params, *place, 0)
+
+
+def from_raw(raw: RawItem) -> MissionItem:
+    params = (raw.param1, raw.param2, raw.param3, raw.param4)
+    return MissionItem(raw.command, raw.frame, params, raw.x, raw.y, raw.z, bool(raw.autocontinue))
+
+
+async def upload_all(port: int, wanted: dict[int, VehicleMission]) -> None:
+    async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
+        vehicles = await ground.vehicles(wanted, 20.0)
+        await asyncio.gather(*(vehicles[sysid].upload_mission(wanted[sysid]) for sysid in wanted))
+
+
+def test_mavsdk_finds_six_vehicles_and_reads_the_missions_they_were_sent(simulation1):
+    port, wanted = free_port(), missions(simulation1)
+    with running_fleet(simulation1, FleetOptions(ground=("127.0.0.1", port), speedup=5.0)):
+        asyncio.run(upload_all(port, wanted))
+        with client(port) as systems:
+            assert set(systems) == set(wanted)
+            for sysid, system in systems.items():
+                assert system.autopilot_type() == mavsdk.Autopilot.ARDUPILOT
+                read_back = [from_raw(raw) for raw in MissionRaw(system).download_mission()]
+                assert compare_missions(wanted[sysid].items, read_back[1:]) == []
+
+
+@pytest.mark.parametrize("sysid", [4])
+def test_mavsdk_uploads_what_it_reads_back(simulation1, sysid):
+    port, wanted = free_port(), missions(simulation1)[sysid]
+    with (
+        running_fleet(simulation1, FleetOptions(ground=("127.0.0.1", port), speedup=5.0)) as fleet,
+        client(port) as systems,
+    ):
+        plugin = MissionRaw(systems[sysid])
+        sent = with_home(wanted.items, wanted.home)
+        plugin.upload_mission([to_raw(seq, item) for seq, item in enumerate(sent)])
+        read_back = [from_raw(raw) for raw in plugin.download_mission()]
+        assert compare_missions(sent[1:], read_back[1:]) == []
+        assert len(fleet.vehicles[sysid - 1].autopilot.mission) == len(sent)
+        plugin.clear_mission()
+        assert fleet.vehicles[sysid - 1].autopilot.mission[1:] == ()  # MAVSDK leaves ArduPilot its home
