@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 
+_GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, what ground stations call themselves
+
+
 class Station(NamedTuple):
     """One end of a conversation: MAVLink system and component id. Component 0 stands for any component."""
 
@@ -16,10 +19,11 @@ class Station(NamedTuple):
     compid: int
 
     def __str__(self) -> str:
-        return f"system {self.sysid}"
+        kind = "ground station" if self.compid == _GROUND_COMPONENT else "vehicle"
+        return f"{kind} {self.sysid}"
 
 
-GROUND = Station(255, 190)
+GROUND = Station(255, _GROUND_COMPONENT)
 
 
 @dataclass(frozen=True, slots=True)

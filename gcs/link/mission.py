@@ -62,9 +62,12 @@ class MissionRefused(PeerRefusal):
     `result` is the MAV_MISSION_RESULT; `seq` the item it was about, or None if none had been asked for.
     """
 
-    def __init__(self, peer: Station, result: int, seq: int | None, *, hint: str = "") -> None:
+    def __init__(self, peer: Station, result: int, seq: int | None) -> None:
         where = "the mission" if seq is None else f"the mission at item {seq}"
-        super().__init__(f"{peer} refused {where}: {mission_result_words(result)}.", hint=hint)
+        super().__init__(
+            f"{peer} refused {where}: {mission_result_words(result)}.",
+            hint="nothing was armed; look at that item, or at the vehicle's own messages, and upload again",
+        )
         self.result = result
         self.seq = seq
 

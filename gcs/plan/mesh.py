@@ -58,7 +58,8 @@ def end_refined(start_s: float, end_s: float, longest_s: float, shortest_s: floa
         step = min(1.5 * step, longest_s)
     steps.append(half - sum(steps))
     if len(steps) > 1 and steps[-1] < 0.5 * steps[-2]:
-        steps[-2] += steps.pop()
+        last = steps.pop()
+        steps[-1] += last
     lengths = np.array(steps + steps[::-1])
     joints = start_s + np.concatenate([[0.0], np.cumsum(lengths)])
     joints[-1] = end_s

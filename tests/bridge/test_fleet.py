@@ -177,7 +177,7 @@ def test_commands_refusals_and_silence():
             assert current.fields["seq"] == 7
             with pytest.raises(CommandRefused, match="not today"):
                 await session.command(400, 1.0)
-            with pytest.raises(PeerTimeout, match="system 3"):
+            with pytest.raises(PeerTimeout, match="vehicle 3"):
                 await session.command(300, timers=quick)
             with pytest.raises(PeerTimeout, match="vehicle 3: its attitude"):
                 await session.wait_for(lambda m: m.name == "ATTITUDE", 0.1, "its attitude")

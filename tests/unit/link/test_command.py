@@ -47,7 +47,7 @@ def test_repeats_count_their_confirmation_and_end():
         sent += sender.tick(sender.deadline_s)
     assert [m.fields["confirmation"] for m in sent] == [1, 2]
     assert isinstance(sender.error, PeerTimeout)
-    assert "system 2" in sender.error.message
+    assert "vehicle 2" in sender.error.message
     assert "MAV_CMD_COMPONENT_ARM_DISARM" in sender.error.message
 
 

@@ -131,7 +131,7 @@ def test_count_is_repeated_until_the_vehicle_counts_as_silent():
         sent += [(now_s, m.name) for m in sender.tick(now_s)]
     assert sent == [(1.0, "MISSION_COUNT"), (2.0, "MISSION_COUNT")]
     assert isinstance(sender.error, PeerTimeout)
-    assert "system 4" in sender.error.message
+    assert "vehicle 4" in sender.error.message
     assert "first mission item" in sender.error.message
     assert not sender.all_sent
 

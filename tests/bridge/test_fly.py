@@ -1,0 +1,215 @@
+"""`gcs fly --sim` over real sockets, as a user starts it: processes, files, exit codes, what is said."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink import mavutil
+
+from gcs.flight.truth import load_truth
+from gcs.scenario.model import Scenario
+
+GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+
+
+def fly(*arguments: object, timeout_s: float = 120.0, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*GCS, "fly", *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s, check=False, **options
+    )
+
+
+def simulators_running_under(folder: Path) -> list[str]:
+    """Command lines of emulators that were given a file in `folder`."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = entry.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if "sim_bridge" in line and str(folder) in line:
+            found.append(line)
+    return found
+
+
+@pytest.fixture(scope="session")
+def short_mission(simulation1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Simulation 1's vehicles and formation on a flight of half a minute."""
+    data = simulation1.model_dump(mode="json")
+    data["name"] = "short"
+    data["time"]["flight_s"] = 30.0
+    data["end"]["position_m"] = [62.0, 51.0, 3.0]
+    data["objective"]["height_ref_m"] = 4.0
+    path = tmp_path_factory.mktemp("short") / "scenario.json"
+    path.write_text(json.dumps(data))
+    return path
+
+
+@pytest.fixture(scope="session")
+def simulation1_flight(
+    repo_root: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[subprocess.CompletedProcess[str], Path]:
+    """The README's first command, as fast as the machine can, with --json."""
+    root = tmp_path_factory.mktemp("flights")
+    mission = repo_root / "missions" / "simulation1"
+    return fly(mission, "--sim", "--speedup", "max", "--json", "--to", root, timeout_s=240.0), root
+
+
+def test_simulation1_is_planned_uploaded_flown_and_held(
+    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+) -> None:
+    done, root = simulation1_flight
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads(done.stdout)
+    assert report["ok"] is True
+    figures = {c["name"]: c for c in report["criteria"]}
+    assert figures["position error (RMS)"]["value"] <= 0.15
+    assert figures["separation"]["value"] >= 0.3
+    assert figures["clearance above ground"]["value"] > 0.0
+    assert figures["arrival time"]["value"] <= 0.5
+    assert figures["arrival position"]["value"] <= 0.3
+    assert simulators_running_under(root) == []
+
+
+def test_a_flight_leaves_a_folder_that_others_can_read(
+    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+) -> None:
+    _, root = simulation1_flight
+    (folder,) = root.iterdir()
+    names = {p.name for p in folder.iterdir()}
+    wanted = {"plan.skein", "export", "telemetry.tlog", "truth.npz", "report.json", "report.md"}
+    assert wanted | {"tracks.png", "map.png", "formation.png"} <= names
+    assert all((folder / name).stat().st_size > 10_000 for name in ("tracks.png", "map.png", "formation.png"))
+    log = mavutil.mavlink_connection(str(folder / "telemetry.tlog"))
+    seen: dict[str, int] = {}
+    while (message := log.recv_match()) is not None:
+        seen[message.get_type()] = seen.get(message.get_type(), 0) + 1
+    assert seen["MISSION_ITEM_INT"] >= 2 * 6 * 80  # sent and read back
+    assert seen["SET_POSITION_TARGET_LOCAL_NED"] == 6 * 7626
+    assert seen["LOCAL_POSITION_NED"] > 6 * 275 * 5
+    assert "BAD_DATA" not in seen
+
+
+def test_nothing_arms_before_every_mission_was_read_back(
+    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+) -> None:
+    _, root = simulation1_flight
+    (folder,) = root.iterdir()
+    log = mavutil.mavlink_connection(str(folder / "telemetry.tlog"))
+    acked: set[int] = set()
+    while (message := log.recv_match(type=["MISSION_ACK", "COMMAND_LONG"])) is not None:
+        if message.get_type() == "MISSION_ACK" and message.get_srcSystem() == 255 and message.type == 0:
+            acked.add(message.target_system)  # our word that the read-back is complete
+        elif message.get_type() == "COMMAND_LONG" and message.command == 400:
+            assert acked == {1, 2, 3, 4, 5, 6}
+            return
+    pytest.fail("nobody was armed")
+
+
+def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) -> None:
+    errors = {}
+    for speedup in ("8", "max"):
+        done = fly(short_mission, "--sim", "--speedup", speedup, "--json", "--to", tmp_path / speedup)
+        assert done.returncode == 0, done.stdout + done.stderr
+        report = json.loads(done.stdout)
+        truth = load_truth(Path(report["folder"]) / "truth.npz")
+        t_s = truth.unix_s - report["times"]["t0_unix_s"]
+        errors[speedup] = [np.interp(np.arange(-20.0, 32.0, 0.5), t_s, truth.states[0, :, i]) for i in range(3)]
+    # Same motion; the noise of the sensors falls on other instants, because T0 is another second.
+    assert np.abs(np.subtract(errors["8"], errors["max"])).max() < 0.1
+
+
+def test_waypoint_missions_hold_as_well(short_mission: Path, tmp_path: Path) -> None:
+    done = fly(short_mission, "--sim", "--mode", "mission", "--speedup", "10", "--json", "--to", tmp_path)
+    report = json.loads(done.stdout)
+    assert done.returncode == 0, report
+    assert report["mode"] == "mission"
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        ("3:reject-mission", 8, ("vehicle 3",)),
+        ("5:silent", 8, ("vehicle 5",)),
+        ("2:die@10", 9, ("vehicle 2", "lost")),
+    ],
+)
+def test_a_fault_ends_in_one_sentence(
+    short_mission: Path, tmp_path: Path, fault: str, code: int, words: tuple[str, ...]
+) -> None:
+    done = fly(short_mission, "--sim", "--fault", fault, "--to", tmp_path)
+    assert done.returncode == code, done.stdout + done.stderr
+    sentence = next(line for line in done.stderr.splitlines() if line.startswith("error: "))
+    assert all(word in sentence for word in words), done.stderr
+    assert "next: " in done.stderr
+    assert "Traceback" not in done.stderr
+    assert simulators_running_under(tmp_path) == []
+
+
+def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    while "take-off" not in (line := process.stdout.readline()):
+        assert line, "it ended before the take-off"
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert simulators_running_under(tmp_path) == []
+
+
+def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    while "take-off" not in (line := process.stdout.readline()):
+        assert line, "it ended before the take-off"
+    assert len(simulators_running_under(tmp_path)) == 1
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 20.0
+    while simulators_running_under(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert simulators_running_under(tmp_path) == []
+
+
+def test_a_port_in_use_is_said(short_mission: Path, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        port = other.getsockname()[1]
+        done = fly(short_mission, "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", tmp_path)
+    assert done.returncode == 7
+    assert str(port) in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_vehicles_out_there_need_a_typed_word(short_mission: Path, tmp_path: Path) -> None:
+    done = fly(short_mission, "--link", "udpin:127.0.0.1:0", "--to", tmp_path, input="yes\n")
+    assert done.returncode == 2
+    assert "not armed" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_say_what_to_fly(short_mission: Path) -> None:
+    done = fly(short_mission)
+    assert done.returncode == 2
+    assert "--sim" in done.stderr
