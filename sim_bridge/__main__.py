@@ -1,4 +1,4 @@
-"""`python -m sim_bridge`: the same as the `sim-bridge` command."""
+"""`python -m sim_bridge` is `sim-bridge`."""
 
 import sys
 
