@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -57,6 +58,7 @@ class Course:
         return Reference(pads_ned_m + p, v, a, j, s, yaw, np.full(vehicles, self.yaw_rate_radps[k]))
 
 
+@lru_cache
 def course(*, yaw_swing_rad: float) -> Course:
     """Up 3 m; to 5.6 m/s in 30 s; an S at a load factor of 0.1, climbing at 1 m/s; stop; down to below the pad."""
     fine_s = CONTROL_PERIOD_S / 10.0

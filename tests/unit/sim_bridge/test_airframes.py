@@ -59,7 +59,7 @@ def test_the_estimate_is_better_than_a_fix(paper_flight):
 
 
 def test_a_vehicle_of_the_two_kilogram_class_flies_with_the_same_rules():
-    pads = 3.0 * PADS_NED_M[:3]
+    pads = 3.0 * PADS_NED_M[:1]
     flight = fly(stand(FIELD, None, RTK, pads, seed=3), course(yaw_swing_rad=0.4).part(0, 5000), pads)
     error_m = np.linalg.norm(flight.truth[..., :3] - flight.wanted_ned_m, axis=-1)
     assert np.sqrt(np.mean(error_m**2)) < 0.02
@@ -67,12 +67,12 @@ def test_a_vehicle_of_the_two_kilogram_class_flies_with_the_same_rules():
 
 
 def test_metre_level_receivers_keep_a_fleet_within_metres():
-    pads = 20.0 * PADS_NED_M
-    flight = fly(stand(F150, F150_LIMITS, GNSS, pads, seed=5), course(yaw_swing_rad=0.0).part(0, 3000), pads)
+    pads = 20.0 * PADS_NED_M[:3]
+    flight = fly(stand(F150, F150_LIMITS, GNSS, pads, seed=5), course(yaw_swing_rad=0.0).part(0, 2400), pads)
     error_m = np.linalg.norm(flight.truth[..., :3] - flight.wanted_ned_m, axis=-1)
     assert 0.2 < np.sqrt(np.mean(error_m**2)) < 3.0
     # It flies its estimate well; what is left is the receiver's.
-    believed_m = np.linalg.norm(flight.estimate[1500:, :, :3] - flight.wanted_ned_m[1500:], axis=-1)
+    believed_m = np.linalg.norm(flight.estimate[1200:, :, :3] - flight.wanted_ned_m[1200:], axis=-1)
     assert np.sqrt(np.mean(believed_m**2)) < 0.3
 
 

@@ -74,7 +74,7 @@ def test_filters_are_about_as_wrong_as_they_think(name):
 
     Below, because the filters allow for disturbances that still air does not bring; above would be overconfidence.
     """
-    vehicles = 16
+    vehicles = 10
     pads = np.zeros((vehicles, 3))
     airframes = stand(F150, F150_LIMITS, GRADES[name], pads, seed=21)
     flight = course(yaw_swing_rad=0.3)
