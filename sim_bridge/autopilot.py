@@ -193,6 +193,13 @@ class Autopilot:
             return LandedState.TAKEOFF
         return self._state_in_air
 
+    @property
+    def awaits_orders(self) -> bool:
+        """Whether it is armed and has nothing to do: on the ground, or hovering."""
+        if not self.flying:
+            return self.armed
+        return self.mode in _HOVERING and not self._streaming and math.isinf(self.piece.end_s)
+
     def awaits_setpoint(self, t_s: float) -> bool:
         """Whether it flies a stamped stream and has to guess how it goes on from `t_s`."""
         return self._streaming and self._stream is not None and self._stream.awaits_more(t_s)

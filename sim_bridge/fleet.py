@@ -2,9 +2,10 @@
 
 Knows: the order of things within a step, and when to wait. Does not know: what vehicles decide or say.
 
-Time. A step is 10 ms of simulated time. `speedup` says how fast steps follow one another; three things hold it back:
-- the ground: while a vehicle stands armed, or nobody is armed at all, time runs at most `GROUND_RATE` times real
-  time, because people and ground stations answer in real time (10 s to disarming would be 0.2 s);
+Time. A step is 10 ms of simulated time. `speedup` says how fast steps follow one another; three things hold it
+back:
+- orders: while a vehicle stands armed or hovers with nothing to do, or nobody is armed at all, time runs at most
+  `WAITING_RATE` times real time, because ground stations answer in real time (10 s to disarming would be 0.2 s);
 - the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on, up
   to `STREAM_PATIENCE_S`, so that a flight is the same at any speed-up;
 - the machine: what it cannot do in time is made up for later, within reason (`Pace`).
@@ -44,7 +45,7 @@ from sim_bridge.telemetry import Instruments, Whereabouts
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.vehicle import Vehicle
 
-GROUND_RATE = 10.0
+WAITING_RATE = 10.0
 STREAM_PATIENCE_S = 0.25
 DEFAULT_GROUND: Address = ("127.0.0.1", 14550)
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
@@ -184,13 +185,9 @@ class Fleet:
             self.truth.save(path)
 
     def _rate(self) -> float:
-        armed = flying = 0
-        for vehicle in self.vehicles:
-            armed += vehicle.autopilot.armed
-            flying += vehicle.autopilot.flying
-        if flying and flying == armed:
-            return self.options.speedup
-        return min(self.options.speedup, GROUND_RATE)
+        pilots = [vehicle.autopilot for vehicle in self.vehicles]
+        under_way = any(pilot.flying for pilot in pilots) and not any(pilot.awaits_orders for pilot in pilots)
+        return self.options.speedup if under_way else min(self.options.speedup, WAITING_RATE)
 
     def _stream_is_due(self, now_s: float) -> bool:
         """Whether to wait for a setpoint; each vehicle's stream is waited for once, until it goes on."""
