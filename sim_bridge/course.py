@@ -21,6 +21,8 @@ from sim_bridge.guidance.manoeuvres import Descent, brake, descend, transfer
 from sim_bridge.guidance.piece import Piece, hold
 
 _SLOW_BELOW_M = 10.0  # above home: ArduPilot's LAND_ALT_LOW
+_DAY_S = 86400.0
+_NEAR_M = 1.0
 _MOVED_M = 0.05  # less is no reason to fly anywhere
 
 
@@ -54,6 +56,7 @@ class Guide:
     land_mps: float
     descend_mps: float
     rtl_height_m: float
+    epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
         """Straight up to `height_m` above home."""
@@ -109,6 +112,7 @@ class _MissionCourse:
         self._marks: list[Mark] = []
         self._t_s = t_s
         self._flat = flat
+        self._item_ned_m: Array | None = None  # where the last item with a position was
         self._speed_mps = guide.speed_mps
         self._legs: list[Leg] = []
         self._leg_seqs: list[int] = []
@@ -130,16 +134,19 @@ class _MissionCourse:
         if command == Command.DO_CHANGE_SPEED and p1 in (0.0, 1.0) and p2 > 0:
             self._speed_mps = p2
         elif command == Command.NAV_WAYPOINT:
-            self._legs.append(Leg(self._place(item), self._speed_mps))
-            self._leg_seqs.append(seq)
+            self._add_leg(seq, self._place(item))
             if p1 > 0:
                 self._fly_legs(p1)
+        elif command == Command.NAV_DELAY and p1 > 0 and self._legs:
+            self._legs.append(Leg(self._legs[-1].to_ned_m, p1))
+            self._leg_seqs.append(seq)
         elif command == Command.NAV_TAKEOFF:
             self._fly_legs()
             self._climb(seq, self._place(item)[2])
+            self._item_ned_m = self._place(item)
         elif command == Command.NAV_DELAY:
             self._fly_legs()
-            self._wait(max(p1, 0.0))
+            self._wait(p1 if p1 > 0 else self._until_time_of_day_s(item))
             self._completed(seq, self._t_s)
         elif command == Command.NAV_LAND:
             self._fly_legs()
@@ -150,13 +157,24 @@ class _MissionCourse:
             self._pieces += home.pieces
             self._landing_from_s = home.landing_from_s
 
+    def _add_leg(self, seq: int, place: Array) -> None:
+        """A leg's time counts from the item before it: a hover some centimetres off must not change it."""
+        here = self._flat[0, :3]
+        origin = self._legs[-1].to_ned_m if self._legs else self._item_ned_m
+        if origin is None or (not self._legs and np.linalg.norm(origin - here) > _NEAR_M):
+            origin = here
+        self._legs.append(Leg(place, float(np.linalg.norm(place - origin)) / self._speed_mps))
+        self._leg_seqs.append(seq)
+
     def _fly_legs(self, wait_s: float = 0.0) -> None:
-        pieces, passed = fly_legs(self._t_s, self._flat[0], self._legs)
+        pieces, passed = fly_legs(self._t_s, self._flat[0], self._legs, self._guide.limits)
         for piece in pieces:
             self._follow(piece)
         self._wait(wait_s)
         for seq, t_s in zip(self._leg_seqs, passed, strict=True):
             self._completed(seq, t_s if seq != self._leg_seqs[-1] else self._t_s)
+        if self._legs:
+            self._item_ned_m = self._legs[-1].to_ned_m
         self._legs, self._leg_seqs = [], []
 
     def _climb(self, seq: int, down_m: float) -> None:
@@ -181,6 +199,13 @@ class _MissionCourse:
         if duration_s > 0:
             still = hold(self._t_s, self._flat)
             self._follow(Piece(self._t_s, self._t_s + duration_s, still.coefficients))
+
+    def _until_time_of_day_s(self, item: MissionItem) -> float:
+        """Seconds until the UTC time of day that parameters 2 to 4 name; a time just gone by is tomorrow's."""
+        hour, minute, second = item.params[1:]
+        if min(hour, minute, second) < 0:
+            return 0.0
+        return (hour * 3600.0 + minute * 60.0 + second - self._guide.epoch_unix_s - self._t_s) % _DAY_S
 
     def _follow(self, piece: Piece) -> None:
         self._pieces.append(piece)

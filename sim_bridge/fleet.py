@@ -104,7 +104,7 @@ class Fleet:
         self.vehicles: list[Vehicle] = []
         for row, sysid in enumerate(self.sysids):
             pad_ned_m = pads_ned_m[row]
-            guide = Guide(motion, origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0)  # speeds come from the parameters
+            guide = Guide(motion, origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, epoch_s)  # speeds come from the parameters
             instruments = Instruments(
                 airframes=self.airframes,
                 whereabouts=whereabouts,

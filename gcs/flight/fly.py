@@ -25,6 +25,7 @@ from gcs.link.dialect import Autopilot, CopterMode, EkfFlag, MavCommand, Message
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
+from gcs.mission.start import starting_at
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION
 
@@ -71,6 +72,8 @@ class Flight:
         self.options = options
         self.monitor = Monitor(plan)
         self.step = Step.UPLOAD
+        self._leaving_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
+        self._start_unix_s = 0
         self._loop = asyncio.get_running_loop()
         self._woken = asyncio.Event()
 
@@ -110,10 +113,13 @@ class Flight:
 
     async def _run(self) -> FlightTimes:
         self._check_autopilots()
-        await self._each(lambda s: s.upload_mission(self.missions[s.sysid]))
         await self._each(self._ask_for_telemetry)
         self.step = Step.READY
         await self._each(self._until_ready)
+        self.step = Step.UPLOAD
+        if self.options.mode is FlightMode.MISSION:
+            self._set_common_start()
+        await self._each(lambda s: s.upload_mission(self.missions[s.sysid]))
         self.step = Step.TAKEOFF
         await self._each(self._take_off)
         await self._each(self._until_hovering)
@@ -208,10 +214,23 @@ class Flight:
         await self._each(lambda s: self._set_mode(s, CopterMode.LAND))
         return t0_unix_s
 
+    def _set_common_start(self) -> None:
+        """Missions leave the hover at one GNSS second, far enough ahead to upload, arm and take off before it."""
+        takeoff = self.plan.phase("takeoff")
+        ahead_s = self.options.start_after_takeoff_s + 2.0 * (takeoff.end_s - takeoff.start_s)
+        self._start_unix_s = math.ceil(self._fleet_time_s() + ahead_s)
+        self.missions = {i: starting_at(m, self._start_unix_s) for i, m in self.missions.items()}
+
     async def _fly_missions(self) -> float:
-        """Start all missions at once; their takeoff item is done at once, since everyone hovers; returns T0."""
+        """Switch all to their missions, which wait in the hover for the common start; returns T0."""
         await self._each(lambda s: s.command(MavCommand.MISSION_START))
-        t0_unix_s = self._fleet_time_s() - self.plan.phase("takeoff").end_s
+        late_s = self._fleet_time_s() - self._start_unix_s
+        if late_s > 0:
+            raise FlightError(
+                f"the common start was missed by {late_s:.1f} s: not everyone was in the air and ready in time.",
+                hint="start again; a slow link needs more time between upload and start",
+            )
+        t0_unix_s = self._start_unix_s - self._leaving_s
         self.monitor.t0_unix_s = t0_unix_s
         await self._until_fleet_time(t0_unix_s + self.plan.phase("landing").start_s)
         return t0_unix_s

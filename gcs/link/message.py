@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-
 _GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, what ground stations call themselves
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.errors import ScenarioError
-from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
 from gcs.quadrotor import POSITION, Array
@@ -105,8 +105,12 @@ def _vehicle_mission(
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     places = np.stack(ned_to_geodetic(np.concatenate([position_ned_m, ends_ned_m]), origin), axis=-1)
     home = Home(*places[-1].tolist())
+    # Lengths as written, not as planned: the time of a slow leg depends on its last centimetre.
+    written = _as_written(places[:-2])
+    length_m = np.linalg.norm(
+        np.diff(geodetic_to_ned(written[:, 0], written[:, 1], written[:, 2], origin), axis=0), axis=-1
+    )
     places[:, 2] -= home.alt_amsl_m
-    length_m = np.linalg.norm(np.diff(position_ned_m, axis=0), axis=-1)
     last = len(length_m) - 1
 
     draft = _Draft([], [])
@@ -158,6 +162,13 @@ class _Draft:
         delay_s = round(float(duration_s), _TIME_DECIMALS)
         if delay_s > 0:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
+
+
+def _as_written(places: Array) -> Array:
+    """Places (N, 3) of lat_deg, lon_deg, alt_m with the angles rounded to degE7."""
+    rounded = places.copy()
+    rounded[:, :2] = [[from_degE7(to_degE7(angle)) for angle in pair] for pair in places[:, :2].tolist()]
+    return rounded
 
 
 def _compass_deg(yaw_ned_rad: float) -> float:

@@ -113,8 +113,8 @@ def test_arming_is_refused_with_a_reason_until_the_estimator_is_ready(simulation
         ground.ready(4)
         assert ground.command(4, MavCommand.DO_SET_MODE, 1, GUIDED) == MavResult.ACCEPTED
         assert ground.command(4, MavCommand.COMPONENT_ARM_DISARM, 1) == MavResult.ACCEPTED
-        assert ground.hear("HEARTBEAT", 4).base_mode & 128
         assert ground.hear("HOME_POSITION", 4).altitude
+        assert ground.hear("HEARTBEAT", 4, custom_mode=GUIDED).base_mode & 128
 
 
 def test_takeoff_hover_and_landing(simulation1, station):

@@ -77,7 +77,8 @@ def test_all_vehicles_pass_at_the_same_times_T0_and_arrival_among_them(simulatio
     missions = build_missions(simulation1_plan)
     arrivals = [[a for a in m.arrival_s if a is not None] for m in missions]
     for mission, arrival in zip(missions, arrivals, strict=True):
-        assert arrival == pytest.approx(arrivals[0], abs=1e-9)
+        # The slowest legs, waited out, end when the centimetres left by rounding have been flown at 0.2 m/s.
+        assert arrival == pytest.approx(arrivals[0], abs=2 * ROUNDING_M / 0.2)
         assert arrival == sorted(arrival)
         assert arrival[-1] == simulation1_plan.t_end_s
         at_T0 = mission.items[mission.arrival_s.index(0.0)]
