@@ -128,8 +128,9 @@ def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) ->
     assert np.abs(np.subtract(errors["8"], errors["max"])).max() < 0.1
 
 
-def test_waypoint_missions_hold_as_well(short_mission: Path, tmp_path: Path) -> None:
-    done = fly(short_mission, "--sim", "--mode", "mission", "--speedup", "10", "--json", "--to", tmp_path)
+def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None:
+    mission = repo_root / "missions" / "simulation1"
+    done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=240.0)
     report = json.loads(done.stdout)
     assert done.returncode == 0, report
     assert report["mode"] == "mission"

@@ -124,7 +124,7 @@ def test_legs_pass_every_waypoint_on_time_and_smoothly():
 
 
 def test_many_uneven_legs_do_not_swing():
-    """A curve that shares its derivatives over legs of 1 s and 80 s would overshoot by metres; this stays on the path."""
+    """A curve that shares derivatives over legs of 1 s and 80 s would overshoot by metres; this keeps to the path."""
     start = np.array([0.0, 0.0, -3.0, 0.0])
     lengths, speeds = [1.0, 2.0, 400.0, 3.0, 2.0, 350.0, 4.0, 1.0], [1.0, 2.0, 5.0, 5.0, 4.8, 5.2, 3.0, 1.0]
     legs = legs_of(start, [np.array([x, 0.0, -3.0]) for x in np.cumsum(lengths)], speeds)
