@@ -88,7 +88,7 @@ class Commands:
 
     def _set_interval(self, request: Request, _: float) -> tuple[MavResult, list[Message]]:
         number = _whole(request.params[0])
-        if not self._telemetry.knows(number):
+        if not self._telemetry.knows(number) or not math.isfinite(request.params[1]):
             return MavResult.DENIED, []
         self._telemetry.set_interval(number, request.params[1])
         return MavResult.ACCEPTED, []

@@ -23,6 +23,7 @@ from sim_bridge.guidance.piece import Piece, hold
 _SLOW_BELOW_M = 10.0  # above home: ArduPilot's LAND_ALT_LOW
 _DAY_S = 86400.0
 _NEAR_M = 1.0
+_FASTEST_MPS = 20.0  # ArduPilot's bound of WPNAV_SPEED
 _MOVED_M = 0.05  # less is no reason to fly anywhere
 
 
@@ -132,7 +133,7 @@ class _MissionCourse:
     def _take(self, seq: int, item: MissionItem) -> None:
         command, (p1, p2, *_) = item.command, item.params
         if command == Command.DO_CHANGE_SPEED and p1 in (0.0, 1.0) and p2 > 0:
-            self._speed_mps = p2
+            self._speed_mps = min(p2, _FASTEST_MPS)
         elif command == Command.NAV_WAYPOINT:
             self._add_leg(seq, self._place(item))
             if p1 > 0:

@@ -196,7 +196,7 @@ def check_item(seq: int, item: MissionItem) -> MissionResult:
         return MissionResult.UNSUPPORTED
     if item.frame not in _FRAMES:
         return MissionResult.UNSUPPORTED_FRAME
-    if math.isnan(item.params[0]):
+    if not math.isfinite(item.params[0]):
         return MissionResult.INVALID_PARAM1
     if not has_position(item.command) or seq == 0:
         return MissionResult.ACCEPTED

@@ -18,8 +18,8 @@ class Params:
     """Name, value and type of every parameter, in order."""
 
     def __init__(self, personality: Personality, sysid: int) -> None:
-        self._values = {name: value for name, value, _ in personality.params}
-        self._types = {name: kind for name, _, kind in personality.params}
+        self._table = {param.name: param for param in personality.params}
+        self._values = {param.name: param.value for param in personality.params}
         self._values["SYSID_THISMAV"] = float(sysid)
 
     def __getitem__(self, name: str) -> float:
@@ -27,6 +27,10 @@ class Params:
 
     def __setitem__(self, name: str, value: float) -> None:
         self._values[name] = value
+
+    def used(self, name: str) -> float:
+        """What the vehicle goes by: the value, within its bounds."""
+        return min(max(self._values[name], self._table[name].low), self._table[name].high)
 
     def receive(self, message: Message) -> list[Message]:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
@@ -54,7 +58,7 @@ class Params:
             {
                 "param_id": asked,
                 "param_value": self._values[name],
-                "param_type": self._types[name],
+                "param_type": self._table[name].kind,
                 "param_count": len(self._values),
                 "param_index": index,
             },

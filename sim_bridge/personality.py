@@ -6,10 +6,22 @@ Another autopilot is another instance, not an `if`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from gcs.link.dialect import Autopilot, Capability, CopterMode
 from gcs.link.mission import ARDUPILOT_TIMERS, Timers
+
+
+class Param(NamedTuple):
+    """One parameter; outside `low` to `high` it is stored as it is and used as the nearer bound."""
+
+    name: str
+    value: float
+    kind: int  # MAV_PARAM_TYPE
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -30,7 +42,7 @@ class Personality:
     mission_timers: Timers
     int_requests: bool  # asks for items with MISSION_REQUEST_INT
     tells_file_frames: bool  # reads items back in frames 0, 3, 10 rather than 5, 6, 11
-    params: tuple[tuple[str, float, int], ...]  # name, value, MAV_PARAM_TYPE
+    params: tuple[Param, ...]
 
 
 _INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
@@ -57,18 +69,18 @@ ARDUPILOT = Personality(
     int_requests=False,
     tells_file_frames=True,
     params=(
-        ("SYSID_THISMAV", 1.0, _INT16),
-        ("SYSID_MYGCS", 255.0, _INT16),
-        ("FRAME_CLASS", 1.0, _INT8),
-        ("FRAME_TYPE", 1.0, _INT8),
-        ("FS_GCS_ENABLE", 0.0, _INT8),
-        ("GUID_TIMEOUT", 3.0, _REAL32),
-        ("LAND_SPEED", 50.0, _INT16),
-        ("MIS_TOTAL", 0.0, _INT16),
-        ("RTL_ALT", 1500.0, _INT32),
-        ("WPNAV_SPEED", 500.0, _REAL32),
-        ("WPNAV_SPEED_DN", 150.0, _REAL32),
-        ("WPNAV_SPEED_UP", 250.0, _REAL32),
-        ("WP_YAW_BEHAVIOR", 0.0, _INT8),
+        Param("SYSID_THISMAV", 1.0, _INT16),
+        Param("SYSID_MYGCS", 255.0, _INT16),
+        Param("FRAME_CLASS", 1.0, _INT8),
+        Param("FRAME_TYPE", 1.0, _INT8),
+        Param("FS_GCS_ENABLE", 0.0, _INT8),
+        Param("GUID_TIMEOUT", 3.0, _REAL32, 0.1, 5.0),
+        Param("LAND_SPEED", 50.0, _INT16, 30.0, 200.0),
+        Param("MIS_TOTAL", 0.0, _INT16),
+        Param("RTL_ALT", 1500.0, _INT32, 30.0, 300_000.0),
+        Param("WPNAV_SPEED", 500.0, _REAL32, 20.0, 2000.0),
+        Param("WPNAV_SPEED_DN", 150.0, _REAL32, 10.0, 500.0),
+        Param("WPNAV_SPEED_UP", 250.0, _REAL32, 10.0, 1000.0),
+        Param("WP_YAW_BEHAVIOR", 0.0, _INT8),
     ),
 )

@@ -27,6 +27,7 @@ _BEFORE_READY = (
 )
 _READY = EkfFlag(0x33F)
 _UID_BYTES = 18
+_LONGEST_US = 2**31 - 1  # that MESSAGE_INTERVAL can tell
 _MISSION_STATES = {"none": 1, "not started": 2, "active": 3}  # MISSION_STATE
 
 
@@ -144,7 +145,7 @@ class Telemetry:
         self._interval_s.pop(number, None)
         self._due_s.pop(number, None)
         if interval_us > 0:
-            self._interval_s[number] = interval_us / 1e6
+            self._interval_s[number] = min(interval_us, _LONGEST_US) / 1e6
             self._due_s[number] = self._next_s = self.instruments.t_s
 
 

@@ -29,6 +29,7 @@ from sim_bridge.telemetry import Instruments, Telemetry, heartbeat
 
 _COMPID = 1
 _SET_MODE_NUMBER = 11  # ArduPilot acknowledges this message with its own number
+_FAR = 1e6  # m, m/s, m/s²: no setpoint is as large as this
 _SILENCE: tuple[Message, ...] = ()
 
 
@@ -141,11 +142,12 @@ class Vehicle:
         if not mask & SetpointMask.IGNORE_ACCELERATION:
             flat[2, :3] = f["afx"], f["afy"], f["afz"]
         if not mask & SetpointMask.IGNORE_YAW:
-            flat[0, 3] += math.remainder(f["yaw"] - flat[0, 3], math.tau)
+            flat[0, 3] = f["yaw"]
         if not mask & SetpointMask.IGNORE_YAW_RATE:
             flat[1, 3] = f["yaw_rate"]
-        if not np.isfinite(flat).all():
+        if not np.abs(flat).max() < _FAR:  # neither NaN nor nonsense
             return
+        flat[0, 3] = flat_now[0, 3] + math.remainder(flat[0, 3] - flat_now[0, 3], math.tau)
         if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
             self.autopilot.go_to(t_s, flat[0])
             return
@@ -159,13 +161,13 @@ class Vehicle:
 
     def _apply_params(self) -> None:
         params, guide = self._params, self.autopilot.guide
-        self.autopilot.guided_timeout_s = params["GUID_TIMEOUT"]
+        self.autopilot.guided_timeout_s = params.used("GUID_TIMEOUT")
         self.autopilot.guide = replace(
             guide,
-            speed_mps=min(params["WPNAV_SPEED"] / 100.0, guide.limits.horizontal_mps),
-            descend_mps=params["WPNAV_SPEED_DN"] / 100.0,
-            land_mps=params["LAND_SPEED"] / 100.0,
-            rtl_height_m=params["RTL_ALT"] / 100.0,
+            speed_mps=min(params.used("WPNAV_SPEED") / 100.0, guide.limits.horizontal_mps),
+            descend_mps=params.used("WPNAV_SPEED_DN") / 100.0,
+            land_mps=params.used("LAND_SPEED") / 100.0,
+            rtl_height_m=params.used("RTL_ALT") / 100.0,
         )
 
     def _watch_fault(self, t_s: float) -> None:
