@@ -1,1 +1,55 @@
-"""Skein: plan, check and fly formations of quadrotors over MAVLink."""
+"""Skein, the ground station for formations of quadrotors: the public Python API.
+
+    import gcs
+    scenario = gcs.load_scenario("missions/simulation1")
+    plan = gcs.make_plan(scenario)
+
+Everything is loaded when it is first used: `import gcs` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gcs.errors import GcsError as GcsError
+    from gcs.flight.judge import Verdict as Verdict
+    from gcs.mission.build import build_missions as build_missions
+    from gcs.mission.export import export as export
+    from gcs.mission.setpoints import build_stream as build_stream
+    from gcs.plan.planner import make_plan as make_plan
+    from gcs.plan.store import load_plan as load_plan
+    from gcs.plan.store import save_plan as save_plan
+    from gcs.plan.trajectory import Plan as Plan
+    from gcs.plan.verify import Report as Report
+    from gcs.plan.verify import verify as verify
+    from gcs.scenario.load import load_scenario as load_scenario
+    from gcs.scenario.model import Scenario as Scenario
+
+_HOME = {
+    "GcsError": "gcs.errors",
+    "Plan": "gcs.plan.trajectory",
+    "Report": "gcs.plan.verify",
+    "Scenario": "gcs.scenario.model",
+    "Verdict": "gcs.flight.judge",
+    "build_missions": "gcs.mission.build",
+    "build_stream": "gcs.mission.setpoints",
+    "export": "gcs.mission.export",
+    "load_plan": "gcs.plan.store",
+    "load_scenario": "gcs.scenario.load",
+    "make_plan": "gcs.plan.planner",
+    "save_plan": "gcs.plan.store",
+    "verify": "gcs.plan.verify",
+}
+__all__ = sorted(_HOME)  # noqa: PLE0605 (one table names them all)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'gcs' has no attribute {name!r}; it has {', '.join(__all__)}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -46,14 +46,14 @@ class ExportIndex:
     sha256: dict[str, str]  # by file name
 
 
-def export(plan: Plan, folder: Path, *, setpoint_rate_hz: float | None = None) -> ExportIndex:
+def export(plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = None) -> ExportIndex:
     """Write `.waypoints` and `.plan` per vehicle, setpoints.csv and index.json into `folder`.
 
     All is written beside and swapped in at the end: the folder holds the old export or the new one. The rate is the
     scenario's unless given. Raises `UsageError` when the folder holds anything that no export made, and OSError as
     the file system does.
     """
-    folder = folder.resolve()
+    folder = Path(folder).resolve()
     _refuse_foreign(folder)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
     firmware = Firmware.named(plan.scenario.mission.autopilot)

@@ -25,7 +25,7 @@ SUFFIX = ".skein"
 _FORMAT = 1
 
 
-def save_plan(plan: Plan, report: Report, path: Path) -> None:
+def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
     """Write plan and verdict; an older file is replaced only when the new one is whole."""
     meta = {
         "format": _FORMAT,
@@ -48,10 +48,10 @@ def save_plan(plan: Plan, report: Report, path: Path) -> None:
         shape_joints_s=plan.shape.x,
         shape=plan.shape.c,
     )
-    atomic_write(path, buffer.getvalue())
+    atomic_write(Path(path), buffer.getvalue())
 
 
-def load_plan(path: Path) -> tuple[Plan, Report]:
+def load_plan(path: Path | str) -> tuple[Plan, Report]:
     """Read a plan and its verdict; raises FileFormatError for anything else or anything damaged."""
     hint = "make it anew with `gcs plan`"
     try:

@@ -22,12 +22,12 @@ from gcs.scenario.model import Scenario
 FILE_NAME = "scenario.toml"
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: Path | str) -> Scenario:
     """The scenario in a mission folder or scenario file.
 
     Raises ScenarioError: one line for each mistake with file, line, key, value and what is allowed.
     """
-    file = scenario_file(path)
+    file = scenario_file(Path(path))
     text = _read(file)
     data = _parsed(file, text)
     mistakes: list[Mistake] = []
