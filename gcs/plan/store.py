@@ -87,5 +87,5 @@ def load_plan(path: Path | str) -> tuple[Plan, Report]:
     ) as problem:
         raise FileFormatError(f"{path}: not a plan of this program ({type(problem).__name__})", hint=hint) from problem
     if not intact:
-        raise FileFormatError(f"{path}: the plan was changed after it was written", hint=hint)
+        raise FileFormatError(f"{path}: the plan was changed after it was written, or written by another version", hint=hint)
     return plan, report

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,10 @@ import pytest
 from pymavlink import mavutil
 
 from gcs.flight.truth import load_truth
+from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
+from sim_bridge.fleet import Fleet, FleetOptions
+from tests.fleets import free_port, running_fleet, wait_until
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
 
@@ -191,6 +195,46 @@ def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, 
     while simulators_running_under(tmp_path) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert simulators_running_under(tmp_path) == []
+
+
+@pytest.fixture
+def vehicles_out_there(short_mission: Path) -> Iterator[tuple[Fleet, str]]:
+    """Vehicles that `gcs fly` did not start, and the link they can be flown by."""
+    port = free_port()
+    with running_fleet(load_scenario(short_mission), FleetOptions(ground=("127.0.0.1", port), speedup=10.0)) as fleet:
+        yield fleet, f"udpin:127.0.0.1:{port}"
+
+
+def test_a_link_is_flown_like_the_simulation(
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[Fleet, str]
+) -> None:
+    fleet, link = vehicles_out_there
+    done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "landed" in done.stdout
+    goal = np.array([62.0, 51.0])
+    leader = fleet.airframes.truth[0, :2]
+    assert np.linalg.norm(leader - goal) < 0.5
+
+
+def test_ctrl_c_lands_vehicles_that_are_not_ours(
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[Fleet, str]
+) -> None:
+    fleet, link = vehicles_out_there
+    process = subprocess.Popen(
+        [*GCS, "fly", str(short_mission), "--link", link, "--yes-arm", "--to", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    while not (line := process.stdout.readline()).startswith("flying: t = "):
+        assert line, "it ended before it flew"
+    assert not fleet.airframes.landed.any()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    wait_until(lambda: bool(fleet.airframes.landed.all()))
 
 
 def test_a_port_in_use_is_said(short_mission: Path, tmp_path: Path) -> None:
