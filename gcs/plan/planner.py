@@ -66,25 +66,16 @@ def make_plan(scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda
 
 
 def _phases(scenario: Scenario) -> tuple[Phase, ...]:
-    """Phases in order; those of no length are left out."""
+    """Phases in order, laid outwards from the mission so that they meet to the last bit; none of no length."""
     ground = scenario.ground_phases
-    moving = any(scenario.start.velocity_mps)
-    lengths = [
-        ("takeoff", ground.takeoff_s),
-        ("hover", ground.hover_s),
-        ("run-up", ground.run_up_s if moving else 0.0),
-        ("mission", scenario.time.flight_s),
-        ("arrival-hover", ground.hover_s),
-        ("landing", ground.landing_s),
-    ]
-    start = -sum(length for _, length in lengths[:3])
-    phases = []
-    for name, length in lengths:
-        # The instants that matter are exact, not sums of roundings.
-        start = {"run-up": -length, "mission": 0.0, "arrival-hover": scenario.time.flight_s}.get(name, start)
+    run_up_s = ground.run_up_s if any(scenario.start.velocity_mps) else 0.0
+    phases = [Phase("mission", 0.0, scenario.time.flight_s)]
+    for name, length in (("run-up", run_up_s), ("hover", ground.hover_s), ("takeoff", ground.takeoff_s)):
         if length > 0:
-            phases.append(Phase(name, start, scenario.time.flight_s if name == "mission" else start + length))
-        start += length
+            phases.insert(0, Phase(name, phases[0].start_s - length, phases[0].start_s))
+    for name, length in (("arrival-hover", ground.hover_s), ("landing", ground.landing_s)):
+        if length > 0:
+            phases.append(Phase(name, phases[-1].end_s, phases[-1].end_s + length))
     return tuple(phases)
 
 

@@ -184,7 +184,7 @@ class Plan:
     @cached_property
     def hash(self) -> str:
         """Hex digest over everything that is flown."""
-        digest = hashlib.sha256(self.scenario.model_dump_json().encode())
+        digest = hashlib.sha256(self.scenario.model_dump_json().encode() + repr(self.phases).encode())
         for part in (self.leader_trajectory.state, self.leader_trajectory.control, self.shape):
             digest.update(np.ascontiguousarray(part.x).tobytes())
             digest.update(np.ascontiguousarray(part.c).tobytes())
