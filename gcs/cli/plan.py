@@ -78,7 +78,7 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks")
     limits = scenario.limits
     screen.say(f"  clearance above ground at least {report.clearance_min_m:.3f} m (asked {limits.clearance_min_m:g} m)")
-    if count > 1:
+    if report.separation_min_m is not None:
         screen.say(f"  separation at least {report.separation_min_m:.3f} m (asked {limits.separation_min_m:g} m)")
     screen.say(f"  Eq. 1 integrated again over 5 s: within {report.window_error_max_m * 1e3:.2f} mm (asked 10 mm)")
     screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")

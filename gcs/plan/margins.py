@@ -83,8 +83,9 @@ def control_limits(scenario: Scenario, controls: Array) -> list[Margin]:
     ]
     vehicle = quadrotor(scenario)
     reached = control_from_rotors(rotors_from_control(controls, vehicle), vehicle)
-    shortfall = np.max(np.abs(reached - controls), axis=-1)
-    return [*margins, Margin("rotor speed", "N", -shortfall, vehicle.weight_N)]
+    # Each control against its own limit: a yaw moment is hundreds of times smaller than a thrust.
+    shortfall = np.max(np.abs(reached - controls) / [limits.thrust_N[1], *limits.torque], axis=-1)
+    return [*margins, Margin("rotor speed", "of a control's limit", -shortfall, 1.0)]
 
 
 def turning(scenario: Scenario, states: Array, controls: Array) -> Margin:

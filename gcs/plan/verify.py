@@ -16,7 +16,7 @@ from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
 from gcs.plan.windows import window_errors
 from gcs.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
-from gcs.scenario.physical import boundary_state
+from gcs.scenario.physical import boundary_state, offsets_ned_m
 
 GRID_S = 0.05
 LENGTH_TOLERANCE_M = 1e-3  # clearance, terminal position, joints
@@ -57,7 +57,7 @@ class Report:
 
     checks: tuple[Check, ...]
     clearance_min_m: float
-    separation_min_m: float
+    separation_min_m: float | None  # of one vehicle there is none
     window_error_max_m: float
     terminal_error_m: float
 
@@ -78,7 +78,7 @@ def verify(plan: Plan) -> Report:
     for phase in plan.phases:
         checks += _phase_checks(plan, phase.name, phase.start_s, phase.end_s)
     clearance = min(c.worst for c in checks if c.name == "clearance above ground")
-    separation = min(c.worst for c in checks if c.name == "separation")
+    separations = [c.worst + plan.scenario.limits.separation_min_m for c in checks if c.name == "separation"]
     windows = window_errors(plan.states, plan.controls, plan.joints_s, plan.quadrotor)
     vehicle, window = np.unravel_index(np.argmax(windows.error_m), windows.error_m.shape)
     drift = float(windows.error_m[vehicle, window])
@@ -95,11 +95,10 @@ def verify(plan: Plan) -> Report:
     )
     checks.append(_joint_check(plan))
     boundary, terminal = _boundary_checks(plan)
-    limits = plan.scenario.limits
     return Report(
         (*checks, *boundary),
-        clearance + limits.clearance_min_m,
-        separation + limits.separation_min_m,
+        clearance + plan.scenario.limits.clearance_min_m,
+        min(separations, default=None),
         drift,
         terminal,
     )
@@ -121,7 +120,7 @@ def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[
     ]
     clearance = margins.clearance(scenario, states)
     if phase in AIRBORNE:
-        found.append((clearance, LENGTH_TOLERANCE_M))
+        found += [(clearance, LENGTH_TOLERANCE_M), (_place_in_formation(plan, states), LENGTH_TOLERANCE_M)]
     else:
         above = clearance.value + scenario.limits.clearance_min_m
         found.append((Margin("height above ground", "m", above, 1.0), LENGTH_TOLERANCE_M))
@@ -132,6 +131,13 @@ def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[
     if len(plan.sysids) > 1:
         checks.append(_separation(plan, states[..., POSITION], phase, times))
     return checks
+
+
+def _place_in_formation(plan: Plan, states: Array) -> Margin:
+    """Eq. 22: every vehicle where the scenario's formation has it, seen from the leader."""
+    places = states[..., POSITION] - states[plan.leader, :, POSITION]
+    off = np.linalg.norm(places - offsets_ned_m(plan.scenario)[:, None], axis=-1)
+    return Margin("place in formation", "m", -off, 1.0)
 
 
 def _worst(margin: Margin, tolerance: float, phase: str, sysids: tuple[int, ...], times: Array) -> Check:
