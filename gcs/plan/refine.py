@@ -15,16 +15,16 @@ from gcs.plan import margins
 from gcs.plan.guess import straight_line
 from gcs.plan.mesh import end_refined
 from gcs.plan.problem import Problem
-from gcs.plan.solve import solve
+from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
-from gcs.plan.windows import window_errors
+from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import POSITION, Array
 
 DEGREE = 5
 LONGEST_S, SHORTEST_S = 9.0, 1.0
 MAX_ROUNDS = 8
-LOOK_EVERY_S = 0.1
+LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
 # Half of what the verifier tolerates, so that its own finer grid finds nothing new.
 CLEARANCE_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
@@ -37,10 +37,11 @@ def optimise(
     """Trajectory, objective and mesh history; raises PlanningError when no mesh holds between its nodes."""
     mesh = end_refined(problem.start_s, problem.end_s, LONGEST_S, SHORTEST_S, DEGREE)
     trajectory = straight_line(problem)
+    solution: Solution | None = None
     history: list[MeshRound] = []
-    for number in range(MAX_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         program = transcribe(problem, mesh)
-        solution = solve(program, program.scaled(trajectory), warm=number > 0)
+        solution = solve(program, program.scaled(trajectory), solution)
         trajectory = program.trajectory(solution.y)
         missed, complaints = _broken_constraints(problem, trajectory)
         drifting, drift = _drifting_intervals(problem, trajectory)
@@ -101,7 +102,7 @@ def _stretches(mask: Array) -> list[tuple[int, int]]:
 
 
 def _drifting_intervals(problem: Problem, trajectory: Trajectory) -> tuple[set[int], tuple[str, ...]]:
-    """Intervals in which a 5 s window that drifts too far has its start, and the complaint in words."""
+    """Intervals in which a window that drifts too far has its start, and the complaint in words."""
     joints = trajectory.joints_s
     windows = window_errors(
         lambda t: trajectory.state(t)[None], lambda t: trajectory.control(t)[None], joints, problem.quadrotor
@@ -110,11 +111,13 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory) -> tuple[set[i
     if error.max() <= WINDOW_TOLERANCE_M:
         return set(), ()
     bad = windows.start_s[error > WINDOW_TOLERANCE_M]
-    intervals = {i for start in bad for i in _overlapping(joints, start, start + 5.0)}
+    intervals = {i for start in bad for i in _overlapping(joints, start, start + WINDOW_S)}
     longest = max(np.diff(joints)[list(intervals)])
     # The long ones are to blame; halving the short ones beside them would only cost time.
     intervals = {i for i in intervals if joints[i + 1] - joints[i] > 0.5 * longest}
-    return intervals, (f"Eq. 1 drifts {error.max() * 1e3:.1f} mm in 5 s from {windows.start_s[error.argmax()]:.1f} s",)
+    return intervals, (
+        f"Eq. 1 drifts {error.max() * 1e3:.1f} mm in {WINDOW_S:g} s from {windows.start_s[error.argmax()]:.1f} s",
+    )
 
 
 def _overlapping(joints: Array, start: float, end: float) -> list[int]:

@@ -6,6 +6,7 @@ Knows: IPOPT's options and statuses. Does not know: what the unknowns mean beyon
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +33,8 @@ _WARM_OPTIONS = {
     "ipopt.warm_start_bound_frac": 1e-6,
     "ipopt.warm_start_slack_bound_push": 1e-6,
     "ipopt.warm_start_slack_bound_frac": 1e-6,
-    "ipopt.mu_init": 1e-4,
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+    "ipopt.mu_init": 1e-6,
 }
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no motion satisfies all constraints near the one it tried",
@@ -47,33 +49,65 @@ class Solution:
     """Unknowns that satisfy the program to the solver's tolerance, and what they cost."""
 
     y: Array
+    y_multipliers: Array  # of the bounds of y
+    g_multipliers: dict[tuple[str, float], float]  # of the rows of g, by their names
     objective: float
     iterations: int
     seconds: float
 
 
-def solve(program: Program, start: Array, *, warm: bool = False) -> Solution:
-    """Minimise; raises Infeasible or PlanningError with the solver's status and the worst constraint."""
+def solve(program: Program, start: Array, before: Solution | None = None) -> Solution:
+    """Minimise from `start`, warm where there is a solution on the mesh `before`.
+
+    Raises Infeasible or PlanningError with the solver's status, the worst constraint and what stands against it.
+    """
     began = time.perf_counter()
-    options: dict[str, Any] = {**program.derivatives, **_OPTIONS, **(_WARM_OPTIONS if warm else {})}
+    options: dict[str, Any] = {**program.derivatives, **_OPTIONS}
+    guess: dict[str, Any] = {"x0": start}
+    if before is not None:
+        options |= _WARM_OPTIONS
+        guess["lam_g0"] = [before.g_multipliers.get(row, 0.0) for row in program.g_names]
+        if len(before.y) == len(start):
+            guess["lam_x0"] = before.y_multipliers
     solver = ca.nlpsol("solver", "ipopt", program.nlp, options)
-    result = solver(x0=start, lbx=program.y_low, ubx=program.y_high, lbg=program.g_low, ubg=program.g_high)
+    result = solver(lbx=program.y_low, ubx=program.y_high, lbg=program.g_low, ubg=program.g_high, **guess)
     stats = solver.stats()
-    y = np.asarray(result["x"]).ravel()
+    y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if not stats["success"]:
-        raise _failure(program, y, stats["return_status"])
-    return Solution(y, float(result["f"]), int(stats["iter_count"]), time.perf_counter() - began)
+        raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
+    return Solution(
+        y,
+        y_multipliers,
+        dict(zip(program.g_names, g_multipliers.tolist(), strict=True)),
+        float(result["f"]),
+        int(stats["iter_count"]),
+        time.perf_counter() - began,
+    )
 
 
-def _failure(program: Program, y: Array, status: str) -> PlanningError:
+def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Array, status: str) -> PlanningError:
     g = np.asarray(program.nlp(y, [])[1]).ravel()
     excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
     worst = int(np.argmax(excess))
     name, t_s = program.g_names[worst]
     reason = _IN_WORDS.get(status, "the solver gave up")
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
+    against = _in_the_way(program, y_multipliers, g_multipliers)
     return kind(
-        f"no plan: {reason} (IPOPT: {status}); "
-        f"furthest from being held is {name} at t = {t_s:.1f} s, by {excess[worst]:.3g}",
+        f"no plan: {reason} (IPOPT: {status}); furthest from being held is {name} at t = {t_s:.1f} s"
+        + (f", against the {against}" if against else ""),
         hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m) or a smaller clearance",
     )
+
+
+def _in_the_way(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
+    """The inequality that the equations push against hardest over the whole flight, by its multipliers; or nothing."""
+    push: dict[str, float] = defaultdict(float)
+    free = program.y_low < program.y_high
+    inequality = program.g_low < program.g_high
+    for i in np.flatnonzero(free):
+        push[program.y_names[i]] += abs(y_multipliers[i])
+    for i in np.flatnonzero(inequality):
+        push[program.g_names[i][0]] += abs(g_multipliers[i])
+    name = max(push, key=push.__getitem__)
+    return name if np.isfinite(push[name]) and push[name] > 0.0 else ""

@@ -32,6 +32,12 @@ from gcs.quadrotor import Array
 
 NX, NU = 12, 4
 NZ = NX + NU
+# What people call each number.
+STATE_WORDS = (
+    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
+    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
+)
+CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
 
@@ -68,6 +74,12 @@ class Layout:
     def control(self, i: int) -> int:
         """Index of the first control component at joint i."""
         return NX * (self.mesh.intervals + 1 + self.nodes) + NU * i
+
+    def names(self) -> tuple[str, ...]:
+        """What limits each unknown, in words."""
+        states, controls = self.mesh.intervals + 1 + self.nodes, self.mesh.intervals + 1
+        words = [f"limit of {name}" for name in (*STATE_WORDS, *CONTROL_WORDS)]
+        return (*words[:NX] * states, *words[NX:] * controls)
 
     def node_times_s(self) -> Array:
         """Instants (N,) of all nodes."""
@@ -121,6 +133,11 @@ class Layout:
             row += NX
         return a.matrix((row, self.size)), b.matrix((row, NX * self.nodes))
 
+    def collocation_times_s(self) -> Array:
+        """Instants (N + M,) of the rows of A and B, twelve rows each: an interval's nodes, then its end."""
+        ends = np.cumsum(self.mesh.degrees)
+        return np.insert(self.node_times_s(), ends, self.mesh.joints_s[1:])
+
     def quadrature(self) -> Array:
         """Weights (N,) that integrate a function of time over the whole flight (Eq. 47)."""
         lengths = np.diff(self.mesh.joints_s)
@@ -171,7 +188,8 @@ class Program:
     y_high: Array
     g_low: Array
     g_high: Array
-    g_names: tuple[tuple[str, float], ...]  # what each row of g is, and when
+    y_names: tuple[str, ...]  # what limits each unknown
+    g_names: tuple[tuple[str, float], ...]  # what each row of g is, and when: no two alike
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
 
@@ -226,10 +244,10 @@ def transcribe(problem: Problem, mesh: Mesh) -> Program:
     y_low, y_high = _bounds(problem, layout)
     dynamics_rows = a.shape[0]
     path_rows = len(parts.path_names)
-    names = [("Eq. 1 between nodes (defect)", float(mesh.joints_s[0]))] * dynamics_rows
-    names += [(name, float(t)) for t in times for name in parts.path_names]
-    names += [("limit of Eq. 51", float(t)) for t in mesh.watch_s for _ in range(NX)]
     watched = len(mesh.watch_s)
+    names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in STATE_WORDS]
+    names += [(name, float(t)) for t in times for name in parts.path_names]
+    names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in STATE_WORDS]
     return Program(
         layout,
         unit,
@@ -250,6 +268,7 @@ def transcribe(problem: Problem, mesh: Mesh) -> Program:
                 np.tile(problem.state_high / STATE_UNIT, watched),
             ]
         ),
+        layout.names(),
         tuple(names),
         nlp,
         derivatives,

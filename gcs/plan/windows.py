@@ -13,6 +13,7 @@ import numpy as np
 
 from gcs.quadrotor import POSITION, Array, Quadrotor, derivative
 
+WINDOW_S = 5.0
 STEP_S = 0.05
 _INSIDE_S = 1e-9  # a joint is looked at from within the step
 
@@ -30,7 +31,7 @@ def window_errors(
     controls: Callable[[Array], Array],
     joints_s: Array,
     quadrotor: Quadrotor,
-    window_s: float = 5.0,
+    window_s: float = WINDOW_S,
     stride_s: float = 1.0,
 ) -> WindowErrors:
     """Re-integrate Eq. 1 under the planned control over every window of `window_s`.
