@@ -55,7 +55,7 @@ def barycentric_weights(support: Array) -> Array:
 def lagrange_matrix(support: Array, barycentric: Array, points: Array) -> Array:
     """Lagrange basis at `points`: (T, S), by the second barycentric formula."""
     gaps = np.atleast_1d(points)[:, None] - support[None, :]
-    hit = gaps == 0.0
+    hit = np.abs(gaps) < 1e-300  # nearer than that, one divided by it is no number
     gaps[hit] = 1.0
     terms = barycentric / gaps
     on_node = hit.any(axis=1)
