@@ -76,9 +76,13 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
     # Smoothed at rest, where |v|^3 has no second derivative.
     speed = ca.sqrt(vx**2 + vy**2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
     energy = (speed / wanted.speed_ref_mps) ** 3
-    # Yaw alone cannot bend a quadrotor's path: flying in from a direction needs yaw *and* course.
-    slip = (vy * ca.cos(yaw) - vx * ca.sin(yaw)) / wanted.speed_ref_mps
-    heading = ((yaw - wanted.heading_ref_rad) / wanted.heading_scale_rad) ** 2 + slip**2
+    # Yaw alone cannot bend a quadrotor's path: flying in from a direction needs yaw *and* course. An angle between them
+    # costs what the same angle off the reference costs, at the reference's speed: (2 v sin(angle / 2))^2, so that flying
+    # backwards costs most.
+    ground_speed = ca.sqrt(vx**2 + vy**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
+    forward = vx * ca.cos(yaw) + vy * ca.sin(yaw)
+    slip = 2.0 * ground_speed * (ground_speed - forward) / (wanted.speed_ref_mps * wanted.heading_scale_rad) ** 2
+    heading = ((yaw - wanted.heading_ref_rad) / wanted.heading_scale_rad) ** 2 + slip
     height = ((-x[2] - wanted.height_ref_m) / wanted.height_scale_m) ** 2
     return shares[0] * wanted.energy_weight * energy + shares[1] * (
         wanted.heading_weight * heading + wanted.height_weight * height
