@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import casadi as ca
@@ -101,13 +102,14 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
 
 
 def _in_the_way(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
-    """The inequality that the equations push against hardest over the whole flight, by its multipliers; or nothing."""
-    push: dict[str, float] = defaultdict(float)
-    free = program.y_low < program.y_high
-    inequality = program.g_low < program.g_high
-    for i in np.flatnonzero(free):
-        push[program.y_names[i]] += abs(y_multipliers[i])
-    for i in np.flatnonzero(inequality):
-        push[program.g_names[i][0]] += abs(g_multipliers[i])
-    name = max(push, key=push.__getitem__)
-    return name if np.isfinite(push[name]) and push[name] > 0.0 else ""
+    """The limit and the obstacle that the equations push against hardest, by multipliers summed over the flight."""
+    limits: dict[str, float] = defaultdict(float)
+    obstacles: dict[str, float] = defaultdict(float)
+    for i in np.flatnonzero(program.y_low < program.y_high):
+        limits[program.y_names[i]] += abs(y_multipliers[i])
+    for i in np.flatnonzero(program.g_low < program.g_high):
+        name, _ = program.g_names[i]
+        (limits if name in limits else obstacles)[name] += abs(g_multipliers[i])
+    most = [max(push.items(), key=itemgetter(1)) for push in (limits, obstacles) if push]
+    least = 0.01 * max(push for _, push in most)
+    return " and the ".join(name for name, push in most if np.isfinite(push) and push > least)
