@@ -1,0 +1,111 @@
+"""No quiet result: what cannot be flown ends in an error with the solver's status and what stands in the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.errors import Infeasible, PlanningError
+from gcs.plan import refine
+from gcs.plan import solve as solve_module
+from gcs.plan.mesh import Mesh
+from gcs.plan.planner import make_plan
+from gcs.plan.problem import flight_problem
+from gcs.plan.solve import solve
+from gcs.plan.transcription import Program, transcribe
+from gcs.scenario.model import Scenario
+from tests.unit.plan.problems import alone, meadow, straight
+
+# Right across the way, far higher than the ceiling of 35 m.
+WALL = {
+    "north_m": [100.0],
+    "east_m": [7.0],
+    "height_m": [200.0],
+    "spread_north_m": [30.0],
+    "spread_east_m": [4000.0],
+}
+
+
+FAR = {"position_m": [200.0, 14.0, 5.0]}
+WALLED = {"terrain": {"ripple": None, "mountains": WALL}, "time": {"flight_s": 60.0}, "end": FAR}
+# 498 m in 60 s, where 5 m/s are allowed.
+TOO_FAST = {"time": {"flight_s": 60.0}, "end": {"position_m": [500.0, 14.0, 5.0]}}
+
+
+def program(scenario: Scenario) -> Program:
+    problem = flight_problem(scenario)
+    return transcribe(problem, Mesh(np.linspace(problem.start_s, problem.end_s, 7), (4,) * 6))
+
+
+def attempt(scenario: Scenario) -> PlanningError:
+    made = program(scenario)
+    with pytest.raises(PlanningError) as caught:
+        solve(made, made.scaled(straight(flight_problem(scenario))))
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("tables", "against"),
+    [
+        (TOO_FAST, "limit of north speed"),
+        (WALLED, "limit of north speed and the clearance of vehicle 1"),
+        (
+            {"no_fly": [{"north_m": 20.0, "east_m": 700.0, "radius_m": 698.0}]},
+            "limit of east position and the no-fly disk 1 for vehicle 1",
+        ),
+    ],
+    ids=["too little time", "a wall under a low ceiling", "a disk across the box"],
+)
+def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_way(
+    simulation1: Scenario, tables: dict[str, Any], against: str
+) -> None:
+    failure = attempt(meadow(alone(simulation1), **tables))
+    assert isinstance(failure, Infeasible)
+    assert failure.exit_code == 4
+    assert "IPOPT: Infeasible_Problem_Detected" in failure.message
+    assert "furthest from being held is Eq. 1 for" in failure.message
+    assert f"against the {against}" in failure.message
+    assert "flight_s" in failure.hint
+
+
+def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(solve_module._OPTIONS, "ipopt.max_iter", 3)
+    failure = attempt(meadow(alone(simulation1)))
+    assert not isinstance(failure, Infeasible)
+    assert "it ran out of iterations (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
+
+
+def test_functions_without_a_value_are_a_failure_and_do_not_hide_the_rest(simulation1: Scenario) -> None:
+    scenario = meadow(alone(simulation1))
+    problem = flight_problem(scenario)
+    broken = replace(problem, quadrotor=replace(problem.quadrotor, drag_Nspm=(float("nan"),) * 3))
+    made = transcribe(broken, Mesh(np.linspace(0.0, 20.0, 4), (3, 3, 3)))
+    with pytest.raises(PlanningError, match="not finite"):
+        solve(made, made.scaled(straight(problem)))
+
+
+@pytest.mark.parametrize("tables", [{"time": {"flight_s": 6.0}}, WALLED], ids=["time", "wall"])
+def test_the_planner_passes_it_on(simulation1: Scenario, tables: dict[str, Any]) -> None:
+    with pytest.raises(PlanningError) as caught:
+        make_plan(meadow(alone(simulation1), **tables))
+    assert caught.value.message
+    assert caught.value.hint
+
+
+def test_a_mesh_that_is_never_good_enough_is_a_failure(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, "MAX_ROUNDS", 1)
+    disk = {"north_m": 20.0, "east_m": 8.0, "radius_m": 4.0}
+    with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly disk 1 broken by .* m at .* s"):
+        make_plan(meadow(alone(simulation1), no_fly=[disk]))
+
+
+def test_a_second_solve_knows_the_first(simulation1: Scenario) -> None:
+    made = program(meadow(alone(simulation1)))
+    first = solve(made, made.scaled(straight(flight_problem(meadow(alone(simulation1))))))
+    again = solve(made, first.y, first)
+    assert again.iterations < first.iterations / 2
+    assert again.objective == pytest.approx(first.objective, rel=1e-6)
+    np.testing.assert_allclose(again.y, first.y, atol=1e-3)
