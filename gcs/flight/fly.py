@@ -183,8 +183,11 @@ class Flight:
         hover = self.plan.states(np.array([self.plan.phase("takeoff").end_s]))[row, 0, POSITION]
         view = self.monitor.views[session.sysid]
 
+        # A vehicle climbs by height above its own start, which it knows no better than where it will arrive.
+        near_m = max(_SETTLED_M, self.plan.scenario.judge.arrival_position_m)
+
         def settled() -> bool:
-            near = np.linalg.norm(view.position_ned_m - hover) < _SETTLED_M
+            near = np.linalg.norm(view.position_ned_m - hover) < near_m
             return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
 
         await self._until(settled, self.options.phase_timeout_s, f"vehicle {session.sysid}: hover over its pad")
