@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,9 @@ def plan(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="plans/NAME.skein")
     ] = None,
+    alternatives: Annotated[
+        bool, typer.Option("--alternatives", help="Optimise every way through the map and show what each costs.")
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -35,11 +39,13 @@ def plan(
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    made, report = plan_for(mission, screen, watch, unverified=True)
+    made, report = plan_for(mission, screen, watch, unverified=True, every_way=alternatives)
     path = out or Path("plans") / f"{made.scenario.name}{SUFFIX}"
     save_plan(made, report, path)
     watch.lap("write")
     _show(screen, made, report)
+    if alternatives:
+        _show_alternatives(screen, made)
     screen.say(f"time: {watch}")
     screen.say(f"plan: {path}")
     screen.result(
@@ -53,6 +59,8 @@ def plan(
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
             "failures": [str(c) for c in report.failures],
+            "alternatives": [asdict(a) for a in made.alternatives],
+            "mesh": [asdict(r) for r in made.mesh_history],
             "time_s": watch.laps_s,
         }
     )
@@ -84,3 +92,14 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")
     for check in report.failures:
         screen.say(f"  NOT HELD: {check}")
+
+
+def _show_alternatives(screen: Screen, made: Plan) -> None:
+    """Every way through the map, shortest first."""
+    from rich.table import Table
+
+    table = Table("way", "length", "cost", "verdict", title="ways through the map")
+    for number, way in enumerate(made.alternatives, start=1):
+        cost = "–" if way.objective is None else f"{way.objective:.4f}"
+        table.add_row(str(number), f"{way.length_m:.0f} m", cost, way.verdict)
+    screen.show(table)

@@ -41,10 +41,13 @@ class Stopwatch:
         return f"{self.total_s:.2f} s ({parts})"
 
 
-def plan_for(mission: Path, screen: Screen, watch: Stopwatch, *, unverified: bool = False) -> tuple[Plan, Report]:
+def plan_for(
+    mission: Path, screen: Screen, watch: Stopwatch, *, unverified: bool = False, every_way: bool = False
+) -> tuple[Plan, Report]:
     """The plan of a mission folder, a scenario file or a `.skein` file, with its verdict.
 
-    Raises VerificationError for a plan that does not hold, unless `unverified`.
+    `every_way` optimises all ways through the map, for comparison. Raises VerificationError for a plan that does not
+    hold, unless `unverified`.
     """
     if mission.suffix == SUFFIX:
         plan, report = load_plan(mission)
@@ -53,7 +56,7 @@ def plan_for(mission: Path, screen: Screen, watch: Stopwatch, *, unverified: boo
         scenario = load_scenario(mission)
         watch.lap("scenario")
         with _progress(screen) as on_round:
-            plan = make_plan(scenario, on_round)
+            plan = make_plan(scenario, on_round, every_way=every_way)
         watch.lap("optimise")
         report = verify(plan)
         watch.lap("verify")

@@ -12,7 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.plan.alternatives import best_way
 from gcs.plan.ground_phases import smooth_step, vertical
+from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.refine import optimise
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
@@ -28,10 +30,16 @@ from gcs.scenario.physical import (
 )
 
 
-def make_plan(scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda _: None) -> Plan:
-    """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none."""
+def make_plan(
+    scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda _: None, *, every_way: bool = False
+) -> Plan:
+    """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none.
+
+    `every_way` optimises all ways through the map that the search finds, not only those that can still win.
+    """
     began = time.perf_counter()
-    trajectory, objective, history = optimise(flight_problem(scenario), on_round)
+    best, alternatives = best_way(flight_problem(scenario), on_round, every_way=every_way)
+    trajectory = best.trajectory
     flight_done = time.perf_counter()
     run_up = _run_up(scenario, on_round)
     run_up_done = time.perf_counter()
@@ -59,8 +67,9 @@ def make_plan(scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda
         joined(parts),
         _shape(scenario, phases),
         phases,
-        objective,
-        history,
+        best.objective,
+        best.history,
+        alternatives,
         {"flight": flight_done - began, "run-up": run_up_done - flight_done},
     )
 
@@ -84,7 +93,7 @@ def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajec
     if not any(scenario.start.velocity_mps):
         return None
     problem = run_up_problem(scenario, hover_start_ned_m(scenario)[leader_index(scenario)])
-    return optimise(_holding_height(problem), on_round)[0]
+    return optimise(_holding_height(problem), along(problem, straight_way(problem)), on_round).trajectory
 
 
 def _holding_height(problem: Problem) -> Problem:

@@ -7,12 +7,12 @@ Constraints broken between nodes are enforced where they are broken most; interv
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.errors import PlanningError
 from gcs.plan import margins
-from gcs.plan.guess import straight_line
 from gcs.plan.mesh import end_refined
 from gcs.plan.problem import Problem
 from gcs.plan.solve import Solution, solve
@@ -31,12 +31,19 @@ LIMIT_TOLERANCE = 0.5e-3
 WINDOW_TOLERANCE_M = 5e-3
 
 
-def optimise(
-    problem: Problem, on_round: Callable[[MeshRound], None] = lambda _: None
-) -> tuple[Trajectory, float, tuple[MeshRound, ...]]:
-    """Trajectory, objective and mesh history; raises PlanningError when no mesh holds between its nodes."""
+@dataclass(frozen=True)
+class Optimum:
+    """A trajectory that holds between its nodes, what it costs and how it was found."""
+
+    trajectory: Trajectory
+    objective: float
+    history: tuple[MeshRound, ...]
+
+
+def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None) -> Optimum:
+    """The best trajectory near a guess; raises PlanningError when no mesh holds between its nodes."""
     mesh = end_refined(problem.start_s, problem.end_s, LONGEST_S, SHORTEST_S, DEGREE)
-    trajectory = straight_line(problem)
+    trajectory = guess
     solution: Solution | None = None
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
@@ -58,7 +65,7 @@ def optimise(
         )
         on_round(history[-1])
         if not complaints and not drift:
-            return trajectory, solution.objective, tuple(history)
+            return Optimum(trajectory, solution.objective, tuple(history))
         mesh = mesh.split(drifting).watching(missed)
     raise PlanningError(
         f"no plan: after {MAX_ROUNDS} refinements of the mesh there is still {'; '.join(history[-1].complaints)}",

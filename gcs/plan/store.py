@@ -18,7 +18,7 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
 from gcs.files import atomic_write
-from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory
+from gcs.plan.trajectory import Alternative, MeshRound, Phase, Plan, Trajectory
 from gcs.plan.verify import Check, Report
 from gcs.scenario.model import Scenario
 
@@ -34,6 +34,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "phases": [asdict(p) for p in plan.phases],
         "objective": plan.objective,
         "mesh_history": [asdict(r) for r in plan.mesh_history],
+        "alternatives": [asdict(a) for a in plan.alternatives],
         "timings_s": plan.timings_s,
         "report": asdict(report),
     }
@@ -70,6 +71,7 @@ def load_plan(path: Path | str) -> tuple[Plan, Report]:
             tuple(Phase(**p) for p in meta["phases"]),
             meta["objective"],
             tuple(MeshRound(**{**r, "complaints": tuple(r["complaints"])}) for r in meta["mesh_history"]),
+            tuple(Alternative(**a) for a in meta["alternatives"]),
             meta["timings_s"],
         )
         verdict = meta["report"]

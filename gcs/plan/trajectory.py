@@ -93,6 +93,15 @@ class MeshRound:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """One way through the map and what became of it."""
+
+    length_m: float
+    objective: float | None  # None: not optimised, or without success
+    verdict: str  # in words
+
+
+@dataclass(frozen=True)
 class Plan:
     """A formation's whole flight: the leader's trajectory and everyone's offset from it. t = 0 is T0."""
 
@@ -102,6 +111,7 @@ class Plan:
     phases: tuple[Phase, ...]
     objective: float
     mesh_history: tuple[MeshRound, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

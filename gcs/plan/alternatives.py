@@ -1,0 +1,63 @@
+"""Of several ways through the map the best: each optimised as long as it can still win, each accounted for.
+
+Knows: routes, their lower bounds, what to try when none works. Does not know: how one way is optimised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gcs.errors import PlanningError
+from gcs.plan.feasibility import check_time, why_not
+from gcs.plan.guess import along, straight_way
+from gcs.plan.problem import Problem
+from gcs.plan.refine import Optimum, optimise
+from gcs.plan.route import Route, find_routes, survey
+from gcs.plan.trajectory import Alternative, MeshRound
+
+# Taut ways on a grid are up to so much longer than the shortest way on the same sides.
+_GRID_EXCESS = 1.02
+
+
+def best_way(
+    problem: Problem, on_round: Callable[[MeshRound], None], *, every_way: bool = False
+) -> tuple[Optimum, tuple[Alternative, ...]]:
+    """The best optimum over all ways found, and what became of each way, shortest first.
+
+    Raises Infeasible (no way at all, too little time, ...) or PlanningError.
+    """
+    check_time(problem)
+    routes = find_routes(problem, survey(problem))
+    best: Optimum | None = None
+    failures: list[PlanningError] = []
+    tried: list[Alternative] = []
+    for route in routes:
+        bound = least_objective(problem, route)
+        if best is not None and bound >= best.objective and not every_way:
+            tried.append(Alternative(route.length_m, None, f"cannot win: costs at least {bound:.3f}"))
+            continue
+        try:
+            found = optimise(problem, along(problem, route), on_round)
+        except PlanningError as failure:
+            failures.append(failure)
+            tried.append(Alternative(route.length_m, None, failure.message))
+            continue
+        tried.append(Alternative(route.length_m, found.objective, "holds between nodes"))
+        if best is None or found.objective < best.objective:
+            best = found
+    if best is None:
+        # The map is coarse; the optimiser may find room that its cells do not show.
+        try:
+            best = optimise(problem, along(problem, straight_way(problem)), on_round)
+        except PlanningError as failure:
+            raise why_not(problem, routes[0], [*failures, failure]) from failure
+    return best, tuple(tried)
+
+
+def least_objective(problem: Problem, route: Route) -> float:
+    """No flight of this length costs less: constant speed, and nothing for heading and height."""
+    straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
+    speed_mps = max(route.length_m / _GRID_EXCESS, straight_m) / problem.duration_s
+    return problem.objective.energy_weight * (speed_mps / problem.objective.speed_ref_mps) ** 3
