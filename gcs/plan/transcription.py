@@ -7,13 +7,15 @@ derivatives are assembled the same way (S' H S), which is why the program is bui
 exact Hessians. Does not know: how the program is solved, whether its solution is any good between the instants.
 
 Control is piecewise linear and continuous, its unknowns the values at the joints. The paper's Eq. 41 extrapolates from
-inner nodes and leaves the control box at the ends of an interval; a line between two points of a box cannot.
+inner nodes and leaves the control box at the ends of an interval; a line between two points of a box cannot. Eq. 41 is
+there to compare with.
 """
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +26,7 @@ from scipy import sparse
 from scipy.interpolate import PPoly
 
 from gcs.plan import instant
-from gcs.plan.gauss import gauss_rule
+from gcs.plan.gauss import barycentric_weights, gauss_rule, lagrange_matrix
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
@@ -42,11 +44,19 @@ CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
 
 
+class ControlForm(Enum):
+    """What the control is between its unknowns."""
+
+    LINEAR = "piecewise linear through the joints"
+    LAGRANGE = "on each interval the polynomial through its nodes (Eq. 41)"
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where each unknown stands in w, and instants on the mesh."""
 
     mesh: Mesh
+    control_form: ControlForm = ControlForm.LINEAR
 
     @cached_property
     def first_node(self) -> list[int]:
@@ -60,8 +70,18 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Number of unknowns: states at joints and nodes, controls at joints."""
-        return NX * (self.mesh.intervals + 1 + self.nodes) + NU * (self.mesh.intervals + 1)
+        """Number of unknowns: states at joints and nodes, controls at either."""
+        return NX * self.state_points + NU * self.control_points
+
+    @property
+    def state_points(self) -> int:
+        """Number of instants at which the state is an unknown."""
+        return self.mesh.intervals + 1 + self.nodes
+
+    @property
+    def control_points(self) -> int:
+        """Number of instants at which the control is an unknown."""
+        return self.nodes if self.control_form is ControlForm.LAGRANGE else self.mesh.intervals + 1
 
     def joint(self, i: int) -> int:
         """Index of the first state component at joint i."""
@@ -71,15 +91,24 @@ class Layout:
         """Index of the first state component at node k of interval i."""
         return NX * (self.mesh.intervals + 1 + self.first_node[i] + k)
 
-    def control(self, i: int) -> int:
-        """Index of the first control component at joint i."""
-        return NX * (self.mesh.intervals + 1 + self.nodes) + NU * i
+    def control(self, point: int) -> int:
+        """Index of the first control component at control point `point`: a joint, or a node of Eq. 41."""
+        return NX * self.state_points + NU * point
+
+    def control_support(self, i: int) -> tuple[range, Array]:
+        """Control points (S) that interval i's control runs through, and where on [-1, 1] they stand, (S,)."""
+        if self.control_form is ControlForm.LAGRANGE:
+            return range(self.first_node[i], self.first_node[i + 1]), gauss_rule(self.mesh.degrees[i]).nodes
+        return range(i, i + 2), np.array([-1.0, 1.0])
+
+    def control_times_s(self) -> Array:
+        """Instants of all control points."""
+        return self.node_times_s() if self.control_form is ControlForm.LAGRANGE else self.mesh.joints_s
 
     def names(self) -> tuple[str, ...]:
         """What limits each unknown, in words."""
-        states, controls = self.mesh.intervals + 1 + self.nodes, self.mesh.intervals + 1
         words = [f"limit of {name}" for name in (*STATE_WORDS, *CONTROL_WORDS)]
-        return (*words[:NX] * states, *words[NX:] * controls)
+        return (*words[:NX] * self.state_points, *words[NX:] * self.control_points)
 
     def node_times_s(self) -> Array:
         """Instants (N,) of all nodes."""
@@ -97,19 +126,22 @@ class Layout:
         intervals = np.clip(np.searchsorted(self.mesh.joints_s, times_s, side="right") - 1, 0, self.mesh.intervals - 1)
         for point, (t, i) in enumerate(zip(times_s, intervals, strict=True)):
             low, high = self.mesh.joints_s[i], self.mesh.joints_s[i + 1]
-            share = (t - low) / (high - low)
+            tau = np.array([2.0 * (t - low) / (high - low) - 1.0])
             rule = gauss_rule(self.mesh.degrees[i])
-            weights = rule.interpolation(np.array([2.0 * share - 1.0]))[0]
+            weights = rule.interpolation(tau)[0]
             starts = [self.joint(i), *(self.node(i, k) for k in range(rule.degree))]
             for start, weight in zip(starts, weights, strict=True):
                 if abs(weight) > 1e-14:
                     rows.append(NZ * point + np.arange(NX))
                     cols.append(start + np.arange(NX))
                     values.append(np.full(NX, weight))
-            for start, weight in ((self.control(i), 1.0 - share), (self.control(i + 1), share)):
-                rows.append(NZ * point + NX + np.arange(NU))
-                cols.append(start + np.arange(NU))
-                values.append(np.full(NU, weight))
+            points, support = self.control_support(i)
+            weights = lagrange_matrix(support, barycentric_weights(support), tau)[0]
+            for control, weight in zip(points, weights, strict=True):
+                if abs(weight) > 1e-14:
+                    rows.append(NZ * point + NX + np.arange(NU))
+                    cols.append(self.control(control) + np.arange(NU))
+                    values.append(np.full(NU, weight))
         return _matrix(rows, cols, values, (NZ * len(times_s), self.size))
 
     def collocation(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -197,30 +229,33 @@ class Program:
         """Unknowns y that sample an existing trajectory: the warm start."""
         mesh, layout = self.layout.mesh, self.layout
         states = trajectory.state(np.concatenate([mesh.joints_s, layout.node_times_s()]))
-        w = np.concatenate([states.ravel(), trajectory.control(mesh.joints_s).ravel()])
+        w = np.concatenate([states.ravel(), trajectory.control(layout.control_times_s()).ravel()])
         return np.clip((w - self.shift) / self.unit, self.y_low, self.y_high)
 
     def trajectory(self, y: Array) -> Trajectory:
-        """Polynomials through the solution: states of degree K, control linear."""
+        """Polynomials through the solution: states of degree K, control as its form has it."""
         mesh, layout = self.layout.mesh, self.layout
         w = y * self.unit + self.shift
         top = max(mesh.degrees)
+        top_control = max(len(layout.control_support(i)[0]) for i in range(mesh.intervals)) - 1
         state = np.zeros((top + 1, mesh.intervals, NX))
-        control = np.zeros((2, mesh.intervals, NU))
+        control = np.zeros((top_control + 1, mesh.intervals, NU))
         for i, degree in enumerate(mesh.degrees):
             h = mesh.joints_s[i + 1] - mesh.joints_s[i]
             first = layout.node(i, 0)
             values = np.vstack([w[layout.joint(i) :][:NX], w[first : first + NX * degree].reshape(degree, NX)])
             powers = h ** np.arange(degree, -1.0, -1.0)
             state[top - degree :, i] = gauss_rule(degree).power_basis() @ values / powers[:, None]
-            u0, u1 = w[layout.control(i) :][:NU], w[layout.control(i + 1) :][:NU]
-            control[:, i] = (u1 - u0) / h, u0
+            points, support = layout.control_support(i)
+            controls = w[layout.control(points.start) : layout.control(points.stop)].reshape(len(points), NU)
+            basis = np.linalg.inv(np.vander(0.5 * h * (support + 1.0)))
+            control[top_control + 1 - len(points) :, i] = basis @ controls
         return Trajectory(PPoly(state, mesh.joints_s), PPoly(control, mesh.joints_s))
 
 
-def transcribe(problem: Problem, mesh: Mesh) -> Program:
+def transcribe(problem: Problem, mesh: Mesh, control_form: ControlForm = ControlForm.LINEAR) -> Program:
     """Build the program for one problem on one mesh."""
-    layout = Layout(mesh)
+    layout = Layout(mesh, control_form)
     unit, shift = _scales(problem, layout)
     node_times = layout.node_times_s()
     times = np.concatenate([node_times, mesh.watch_s])
@@ -346,21 +381,18 @@ def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX | ca.DM
 
 def _scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Unit and shift (n,) of every unknown."""
-    states = layout.mesh.intervals + 1 + layout.nodes
-    joints = layout.mesh.intervals + 1
     hover = np.array([problem.quadrotor.weight_N, 0.0, 0.0, 0.0])
     control_unit = 0.5 * (problem.control_high - problem.control_low)
     control_unit[0] = problem.control_high[0] - hover[0]
-    unit = np.concatenate([np.tile(STATE_UNIT, states), np.tile(control_unit, joints)])
-    return unit, np.concatenate([np.zeros(NX * states), np.tile(hover, joints)])
+    unit = np.concatenate([np.tile(STATE_UNIT, layout.state_points), np.tile(control_unit, layout.control_points)])
+    return unit, np.concatenate([np.zeros(NX * layout.state_points), np.tile(hover, layout.control_points)])
 
 
 def _bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
-    states = layout.mesh.intervals + 1 + layout.nodes
-    joints = layout.mesh.intervals + 1
-    low = np.concatenate([np.tile(problem.state_low, states), np.tile(problem.control_low, joints)])
-    high = np.concatenate([np.tile(problem.state_high, states), np.tile(problem.control_high, joints)])
+    states, controls = layout.state_points, layout.control_points
+    low = np.concatenate([np.tile(problem.state_low, states), np.tile(problem.control_low, controls)])
+    high = np.concatenate([np.tile(problem.state_high, states), np.tile(problem.control_high, controls)])
     for index, state in (
         (layout.joint(0), problem.start_state),
         (layout.joint(layout.mesh.intervals), problem.end_state),

@@ -13,7 +13,7 @@ from gcs.plan.mesh import Mesh
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import Trajectory
-from gcs.plan.transcription import NX, Layout, Program, transcribe
+from gcs.plan.transcription import NX, ControlForm, Layout, Program, transcribe
 from gcs.plan.windows import window_errors
 from gcs.quadrotor import Array, derivative
 from gcs.scenario.model import Scenario
@@ -52,10 +52,11 @@ def near(program: Program, problem: Problem, seed: int) -> Array:
     return np.asarray(start + 0.1 * random.normal(size=len(start)))
 
 
+@pytest.mark.parametrize("form", ControlForm)
 @pytest.mark.parametrize("watched", [True, False])
-def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool) -> None:
+def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, form: ControlForm) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)))
+    program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)), form)
     y, p = ca.MX.sym("y", program.layout.size), ca.MX.sym("p", 0)
     f, g = program.nlp(y, p)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
@@ -119,9 +120,10 @@ def test_every_row_and_unknown_has_a_name_of_its_own(rich: tuple[Problem, Mesh])
     assert program.y_names[program.layout.control(3) + 3] == "limit of control U4"
 
 
-def test_unknowns_become_a_trajectory_and_come_back(rich: tuple[Problem, Mesh]) -> None:
+@pytest.mark.parametrize("form", ControlForm)
+def test_unknowns_become_a_trajectory_and_come_back(rich: tuple[Problem, Mesh], form: ControlForm) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh)
+    program = transcribe(problem, mesh, form)
     at = np.clip(near(program, problem, 4), program.y_low, program.y_high)
     # The end of an interval is an unknown of its own until Eq. 46 ties it to the polynomial; tie it here.
     flown = program.trajectory(at)
@@ -132,8 +134,9 @@ def test_unknowns_become_a_trajectory_and_come_back(rich: tuple[Problem, Mesh]) 
     np.testing.assert_allclose(again[:NX], at[:NX], atol=1e-9)
 
 
-def test_sampling_takes_unknowns_to_what_the_trajectory_says() -> None:
-    layout = Layout(Mesh(np.array([0.0, 1.0, 4.0]), (2, 5)))
+@pytest.mark.parametrize("form", ControlForm)
+def test_sampling_takes_unknowns_to_what_the_trajectory_says(form: ControlForm) -> None:
+    layout = Layout(Mesh(np.array([0.0, 1.0, 4.0]), (2, 5)), form)
     w = np.random.default_rng(5).normal(size=layout.size)
     times = np.array([0.0, 0.3, 1.0, 1.7, 3.9999])
     z = (layout.sampling(times) @ w).reshape(-1, 16)
@@ -145,8 +148,12 @@ def test_sampling_takes_unknowns_to_what_the_trajectory_says() -> None:
         tau = np.array([2 * (t - low) / (high - low) - 1])
         np.testing.assert_allclose(row[:NX], (rule.interpolation(tau) @ np.array(values))[0], atol=1e-12)
         share = (t - low) / (high - low)
-        line = (1 - share) * w[layout.control(i) :][:4] + share * w[layout.control(i + 1) :][:4]
-        np.testing.assert_allclose(row[NX:], line, atol=1e-12)
+        control = (1 - share) * w[layout.control(i) :][:4] + share * w[layout.control(i + 1) :][:4]
+        if form is ControlForm.LAGRANGE:
+            points = [w[layout.control(2 * i + k) :][:4] for k in range(rule.degree)]
+            powers = np.polyfit(rule.nodes, np.array(points), rule.degree - 1)
+            control = tau[0] ** np.arange(rule.degree - 1, -1, -1) @ powers
+        np.testing.assert_allclose(row[NX:], control, atol=1e-10)
 
 
 def test_quadrature_integrates_over_all_intervals() -> None:
