@@ -47,7 +47,7 @@ def ripple_peak_m(ripple: Ripple) -> float:
 
 def mountain_height_m(mountains: Mountains, north_m: Any, east_m: Any, xp: Any = np) -> Any:
     """Eq. 53, on arrays or on symbols."""
-    total: Any = 0.0
+    total: Any = 0.0 * north_m  # of the caller's shape, mountains or none
     columns = (
         mountains.height_m,
         mountains.north_m,
