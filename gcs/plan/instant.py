@@ -16,7 +16,7 @@ from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
 
 # Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
-_REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
+REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
 
 
 @dataclass(frozen=True)
@@ -107,5 +107,5 @@ def _path(problem: Problem, x: list[ca.SX], motion: ca.SX) -> tuple[tuple[str, .
     vx, vy = x[3], x[4]
     turn = vx * motion[4] - vy * motion[3]
     names.append("turning radius")
-    values.append(1.0 - (turn / bound) ** 2 / (vx**2 + vy**2 + _REST_SMOOTHING_MPS**2))
+    values.append(1.0 - (turn / bound) ** 2 / (vx**2 + vy**2 + REST_SMOOTHING_MPS**2))
     return tuple(names), values
