@@ -39,6 +39,8 @@ _WARM_OPTIONS = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.mu_init": 1e-6,
 }
+# CasADi ends a solve at Ctrl-C, keeps the exception to itself and reports this, and nothing else so.
+_INTERRUPTED = "NonIpopt_Exception_Thrown"
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no motion satisfies all constraints near the one it tried",
     "Maximum_Iterations_Exceeded": "it ran out of iterations",
@@ -62,7 +64,8 @@ class Solution:
 def solve(program: Program, start: Array, before: Solution | None = None) -> Solution:
     """Minimise from `start`, warm where there is a solution on the mesh `before`.
 
-    Raises Infeasible or PlanningError with the solver's status, the worst constraint and what stands against it.
+    Raises Infeasible or PlanningError with the solver's status, the worst constraint and what stands against it;
+    KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
     options: dict[str, Any] = {**program.derivatives, **_OPTIONS}
@@ -76,6 +79,8 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
     result = solver(lbx=program.y_low, ubx=program.y_high, lbg=program.g_low, ubg=program.g_high, **guess)
     stats = solver.stats()
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
+    if stats["return_status"] == _INTERRUPTED:
+        raise KeyboardInterrupt
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
     return Solution(

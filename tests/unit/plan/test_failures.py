@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import _thread
+import threading
 from dataclasses import replace
 from typing import Any
 
@@ -11,13 +13,13 @@ import pytest
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan import refine
 from gcs.plan import solve as solve_module
-from gcs.plan.mesh import Mesh
+from gcs.plan.mesh import Mesh, end_refined
 from gcs.plan.planner import make_plan
 from gcs.plan.problem import flight_problem
 from gcs.plan.solve import solve
 from gcs.plan.transcription import Program, transcribe
 from gcs.scenario.model import Scenario
-from tests.unit.plan.problems import alone, meadow, straight
+from tests.unit.plan.problems import alone, changed, meadow, straight
 
 # Right across the way, far higher than the ceiling of 35 m.
 WALL = {
@@ -78,6 +80,18 @@ def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monke
     assert "it ran out of iterations (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
 
 
+def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(simulation1: Scenario) -> None:
+    """In 242 s the way is too long by a little, and the solver tries for many seconds."""
+    problem = flight_problem(changed(simulation1, time={"flight_s": 242.0}))
+    made = transcribe(problem, end_refined(0.0, 242.0, 9.0, 1.0, 5))
+    start = made.scaled(straight(problem))
+    timer = threading.Timer(0.5, _thread.interrupt_main)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        solve(made, start)
+    timer.join()
+
+
 def test_functions_without_a_value_are_a_failure_and_do_not_hide_the_rest(simulation1: Scenario) -> None:
     scenario = meadow(alone(simulation1))
     problem = flight_problem(scenario)
@@ -98,8 +112,9 @@ def test_the_planner_passes_it_on(simulation1: Scenario, tables: dict[str, Any])
 def test_a_mesh_that_is_never_good_enough_is_a_failure(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "MAX_ROUNDS", 1)
     disk = {"north_m": 20.0, "east_m": 8.0, "radius_m": 4.0}
+    problem = flight_problem(meadow(alone(simulation1), no_fly=[disk]))
     with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly disk 1 broken by .* m at .* s"):
-        make_plan(meadow(alone(simulation1), no_fly=[disk]))
+        refine.optimise(problem, straight(problem))
 
 
 def test_a_second_solve_knows_the_first(simulation1: Scenario) -> None:
