@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -26,3 +27,18 @@ def simulation1_plan(simulation1: Scenario) -> Plan:
     from gcs.plan.planner import make_plan
 
     return make_plan(simulation1)
+
+
+@pytest.fixture(scope="session")
+def plan_of(repo_root: Path, simulation1_plan: Plan) -> Callable[[str], Plan]:
+    """The plan of a bundled scenario, by its path under missions/; each is made once."""
+    from gcs.plan.planner import make_plan
+
+    made = {"simulation1/scenario.toml": simulation1_plan}
+
+    def plan(name: str) -> Plan:
+        if name not in made:
+            made[name] = make_plan(load_scenario(repo_root / "missions" / name))
+        return made[name]
+
+    return plan

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -21,6 +22,7 @@ from gcs.mission.model import Command, VehicleMission
 from gcs.mission.planfile import PlanFile, write_plan_file
 from gcs.mission.setpoints import build_stream, write_setpoints
 from gcs.mission.simplify import Deviation
+from gcs.mission.smooth import SmoothPath, smoothed
 from gcs.mission.waypoints import WaypointFile, write_waypoints
 
 if TYPE_CHECKING:
@@ -30,6 +32,16 @@ INDEX = "index.json"
 SETPOINTS = "setpoints.csv"
 _FORMAT = "skein-export"
 _VERSION = 1
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """How the setpoints differ from the plan, where they were smoothed."""
+
+    knots_every_s: float
+    deviation_m: float
+    yaw_deviation_deg: float
+    clearance_min_m: float
 
 
 @dataclass(frozen=True)
@@ -44,14 +56,18 @@ class ExportIndex:
     items: int  # mission items of the longest mission, home not counted
     deviation: Deviation
     sha256: dict[str, str]  # by file name
+    smoothing: Smoothing | None = None  # of the setpoints; waypoints are always the plan's
 
 
-def export(plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = None) -> ExportIndex:
+def export(
+    plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = None, smooth_m: float | None = None
+) -> ExportIndex:
     """Write `.waypoints` and `.plan` per vehicle, setpoints.csv and index.json into `folder`.
 
     All is written beside and swapped in at the end: the folder holds the old export or the new one. The rate is the
-    scenario's unless given. Raises `UsageError` when the folder holds anything that no export made, and OSError as
-    the file system does.
+    scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Raises `UsageError`
+    when the folder holds anything that no export made, `VerificationError` when the smoothed path would break a limit,
+    and OSError as the file system does.
     """
     folder = Path(folder).resolve()
     _refuse_foreign(folder)
@@ -59,7 +75,8 @@ def export(plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = N
     firmware = Firmware.named(plan.scenario.mission.autopilot)
     legs = timed_legs(plan)
     missions = build_missions(plan, legs)
-    files = {SETPOINTS: write_setpoints(build_stream(plan, rate_hz))}
+    path = None if smooth_m is None else smoothed(plan, smooth_m)
+    files = {SETPOINTS: write_setpoints(build_stream(plan, rate_hz, path))}
     for mission in missions:
         files |= _mission_files(mission, firmware)
     index = ExportIndex(
@@ -71,10 +88,18 @@ def export(plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = N
         max(len(m.items) for m in missions),
         legs.error,
         {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+        None if path is None else _smoothing(path),
     )
     document = {"format": _FORMAT, "version": _VERSION} | asdict(index) | {"firmware": firmware.name.lower()}
+    if index.smoothing is None:
+        del document["smoothing"]
     _swap_in(folder, files | {INDEX: json.dumps(document, indent=2) + "\n"})
     return index
+
+
+def _smoothing(path: SmoothPath) -> Smoothing:
+    yaw_deg = math.degrees(path.yaw_deviation_rad)
+    return Smoothing(path.knots_every_s, path.deviation_m, yaw_deg, path.clearance_min_m)
 
 
 def mission_name(sysid: int) -> str:

@@ -15,6 +15,7 @@ from gcs.mission.model import SetpointStream
 from gcs.quadrotor import POSITION, VELOCITY, Array
 
 if TYPE_CHECKING:
+    from gcs.mission.smooth import SmoothPath
     from gcs.plan.trajectory import Plan
 
 # Units and frame of every column: metres, seconds and radians in the formation's common local NED frame.
@@ -36,8 +37,8 @@ _DECIMALS = 6  # micrometres: far below what float32 on the wire keeps
 _MS = 1000
 
 
-def build_stream(plan: Plan, rate_hz: float) -> SetpointStream:
-    """Setpoints from the end of the takeoff to the end of the hover after the arrival.
+def build_stream(plan: Plan, rate_hz: float, smooth: SmoothPath | None = None) -> SetpointStream:
+    """Setpoints from the end of the takeoff to the end of the hover after the arrival, of the smoothed path if given.
 
     Ticks are t = k / rate_hz, rounded to whole milliseconds, so one is at T0. The last setpoint is at rest with zero
     acceleration: an autopilot flies on with the last velocity and acceleration it was given.
@@ -49,10 +50,14 @@ def build_stream(plan: Plan, rate_hz: float) -> SetpointStream:
     t_ms = np.rint(ticks * _MS / rate_hz)
     last_ms = np.floor(end_s * _MS + 1e-6)
     t_s = np.append(t_ms[t_ms < last_ms], last_ms) / _MS
-    states = _rounded(plan.states(t_s))
-    velocity, acceleration = states[..., VELOCITY], _rounded(plan.accelerations(t_s))
+    if smooth is None:
+        states = plan.states(t_s)
+        parts = states[..., POSITION], states[..., VELOCITY], plan.accelerations(t_s), states[..., 8]
+    else:
+        parts = smooth.at(t_s)
+    position, velocity, acceleration, yaw = map(_rounded, parts)
     velocity[:, -1] = acceleration[:, -1] = 0.0
-    return SetpointStream(plan.sysids, t_s, states[..., POSITION], velocity, acceleration, states[..., 8])
+    return SetpointStream(plan.sysids, t_s, position, velocity, acceleration, yaw)
 
 
 def write_setpoints(stream: SetpointStream) -> str:

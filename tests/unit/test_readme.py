@@ -1,9 +1,9 @@
 """What the documents tell people to type is typed here.
 
-Blocks ```sh and ```python of README.md and docs/*.md run from top to bottom in a copy of the tree, each document in
-a copy of its own. An HTML comment on the line before a block says when not to: `<!-- run: in tests/x.py -->` names
-the test that does it instead (which must exist), `<!-- run: no, because ... -->` gives a reason.
-In an sh block a line may begin with `$ `; then the lines without it are what the command prints.
+Blocks ```sh and ```python of README.md, docs/*.md and missions/*/README.md run from top to bottom in a copy of the
+tree, each document in a copy of its own. An HTML comment on the line before a block says when not to:
+`<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!-- run: no, because ... -->`
+gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what the command prints.
 """
 
 from __future__ import annotations
@@ -51,10 +51,14 @@ def blocks_of(text: str, document: str) -> list[Block]:
 
 
 def documents() -> list[Path]:
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("missions/*/README.md"))]
 
 
-BLOCKS = {file.name: blocks_of(file.read_text(encoding="utf-8"), file.name) for file in documents()}
+def name_of(file: Path) -> str:
+    return str(file.relative_to(ROOT))
+
+
+BLOCKS = {name_of(file): blocks_of(file.read_text(encoding="utf-8"), name_of(file)) for file in documents()}
 
 
 @pytest.mark.parametrize("document", BLOCKS)
@@ -99,7 +103,7 @@ def test_long_commands_are_left_to_the_end_to_end_test(document: str) -> None:
         assert not heavy or block.note, f"{document}:{block.line}: put `<!-- run: in tests/... -->` before it"
 
 
-@pytest.mark.parametrize("document", documents(), ids=lambda file: file.name)
+@pytest.mark.parametrize("document", documents(), ids=name_of)
 def test_links_inside_the_repository_lead_somewhere(document: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", document.read_text(encoding="utf-8")):
         if "://" not in target and not target.startswith("mailto:"):

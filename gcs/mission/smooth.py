@@ -1,0 +1,128 @@
+"""The B-spline smoothing of §4: one quintic spline near the leader's planned path, and what it still holds.
+
+Knows: how to fit it, how far it is from the plan, which of the plan's limits it keeps (every vehicle, as the verifier
+asks them). Does not know: files, waypoints. The plan's jerk jumps where its polynomials join; this path's does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import BSpline
+from scipy.sparse.linalg import spsolve
+
+from gcs.errors import UsageError, VerificationError
+from gcs.plan import margins
+from gcs.plan.verify import GRID_S, LENGTH_TOLERANCE_M
+from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory import Plan
+
+DEGREE = 5
+LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25
+# Of a limit's size, ten times the verifier's: a spline rings a little where the plan rides a limit of a rate.
+LIMIT_TOLERANCE = 1e-2
+_AT_REST = 3  # coefficients at either end of a clamped quintic that are its position, velocity and acceleration there
+
+
+@dataclass(frozen=True)
+class SmoothPath:
+    """The leader's north, east, down (m) and yaw (rad) as one spline over the streamed part of a plan."""
+
+    plan: Plan
+    spline: BSpline  # (4,)
+    knots_every_s: float
+    deviation_m: float  # of the leader, and so of every vehicle, from the plan at equal time
+    yaw_deviation_rad: float
+    clearance_min_m: float  # of any vehicle, above the exact ground
+
+    def at(self, t_s: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, velocity, acceleration (V, N, 3) and yaw (V, N) of all vehicles, in NED."""
+        leader, speed, acceleration = (self.spline(t_s, nu=order) for order in range(3))
+        position = leader[:, :3] + self.plan.offsets(t_s)
+        vehicles = len(position)
+        return (
+            position,
+            speed[:, :3] + self.plan.offsets(t_s, 1),
+            acceleration[:, :3] + self.plan.offsets(t_s, 2),
+            np.repeat(leader[None, :, 3], vehicles, axis=0),
+        )
+
+
+def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
+    """The path of the fewest evenly spaced knots that stays within `tolerance_m` of the plan and holds its limits.
+
+    Knots are set twice as close until both are so. Raises UsageError for a tolerance that is not positive, and
+    VerificationError with the limit that still stands against it when knots are SHORTEST_KNOT_S apart.
+    """
+    if not tolerance_m > 0:
+        raise UsageError(f"a path cannot be smoothed within {tolerance_m:g} m", hint="give --smooth a positive number")
+    start_s, end_s = plan.phase("takeoff").end_s, plan.phase("landing").start_s
+    t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / GRID_S)) + 1)
+    planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
+    knots_s = LONGEST_KNOT_S
+    while True:
+        spline = _fitted(t_s, planned, start_s, end_s, max(1, round((end_s - start_s) / knots_s)))
+        off = spline(t_s) - planned
+        deviation_m = float(np.linalg.norm(off[:, :3], axis=1).max())
+        path = SmoothPath(plan, spline, knots_s, deviation_m, float(np.abs(off[:, 3]).max()), np.nan)
+        broken, clearance_m = _broken_limits(path, t_s)
+        if deviation_m > tolerance_m:
+            broken.insert(0, f"{deviation_m:.3g} m from the plan, {tolerance_m:g} m asked")
+        if not broken:
+            return replace(path, clearance_min_m=clearance_m)
+        knots_s /= 2.0
+        if knots_s < SHORTEST_KNOT_S:
+            raise VerificationError(
+                f"the path cannot be smoothed with knots {2.0 * knots_s:g} s apart: {'; '.join(broken)}",
+                hint="leave smoothing out, or give the plan more margin to this limit",
+            )
+
+
+def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: int) -> BSpline:
+    """Least squares through the samples (N, 4); at both ends at the planned place, at rest."""
+    inner = np.linspace(start_s, end_s, pieces + 1)
+    knots = np.concatenate([[start_s] * DEGREE, inner, [end_s] * DEGREE])
+    count = len(knots) - DEGREE - 1
+    coefficients = np.zeros((count, 4))
+    coefficients[:_AT_REST], coefficients[-_AT_REST:] = planned[0], planned[-1]
+    basis = sparse.csc_matrix(BSpline.design_matrix(t_s, knots, DEGREE))
+    free = basis[:, _AT_REST:-_AT_REST]
+    if free.shape[1]:
+        missing = planned - basis @ coefficients
+        solution = spsolve(sparse.csc_matrix(free.T @ free), free.T @ missing)
+        coefficients[_AT_REST:-_AT_REST] = solution.reshape(-1, 4)
+    return BSpline(knots, coefficients, DEGREE)
+
+
+def _broken_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
+    """The plan's limits that the path breaks, in words; and its least clearance in m."""
+    plan, scenario = path.plan, path.plan.scenario
+    position, velocity, acceleration, yaw = path.at(t_s)
+    states = np.zeros((*yaw.shape, 12))
+    states[..., POSITION], states[..., VELOCITY] = position, velocity
+    thrust, roll, pitch = thrust_and_tilt(acceleration, velocity, yaw, plan.quadrotor)
+    states[..., ATTITUDE] = np.stack([roll, pitch, yaw], axis=-1)
+    states[..., RATES] = np.gradient(states[..., ATTITUDE], t_s, axis=1)
+    controls = np.zeros((*yaw.shape, 4))
+    controls[..., 0] = thrust
+    mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
+    clearance = margins.clearance(scenario, states)
+    found = [(m, LENGTH_TOLERANCE_M) for m in (clearance, *margins.no_fly(scenario, states))]
+    found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, states[:, mission])]
+    found += [
+        (m, LIMIT_TOLERANCE * m.scale)
+        for m in (
+            *margins.state_limits(scenario, states),
+            margins.control_limits(scenario, controls)[0],
+            margins.turning(scenario, states, controls),
+        )
+    ]
+    broken = [
+        f"{m.name} broken by {-m.value.min():.3g} {m.unit}" for m, tolerance in found if m.value.min() < -tolerance
+    ]
+    return broken, float(clearance.value.min()) + scenario.limits.clearance_min_m
