@@ -58,6 +58,7 @@ def test_flat_ground_is_zero_with_the_shape_of_its_arguments() -> None:
     height = ground_height_m(Terrain(), np.zeros((2, 3)), np.ones((2, 3)))
     assert height.shape == (2, 3)
     assert not height.any()
+    assert ground_envelope_m(Terrain(), np.zeros((2, 3)), np.ones((2, 3))).shape == (2, 3)
 
 
 def test_the_papers_ripple_nearly_reaches_its_peak(simulation1: Scenario) -> None:
