@@ -52,10 +52,11 @@ def box(scenario: Scenario, states: Array) -> list[Margin]:
     ]
 
 
-def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
-    """Height, speeds, attitude and rates of Eq. 51."""
+def state_limits(scenario: Scenario, states: Array, *, to_the_ground: bool = False) -> list[Margin]:
+    """Height, speeds, attitude and rates of Eq. 51; on the way `to_the_ground` or from it no height is too low."""
     limits = scenario.limits
-    margins = [_between("height", "m", -states[..., 2], *limits.height_m)]
+    low_m, high_m = limits.height_m
+    margins = [_between("height", "m", -states[..., 2], -np.inf if to_the_ground else low_m, high_m)]
     for names, unit, values, bounds in (
         (("north speed", "east speed", "vertical speed"), "m/s", states[..., VELOCITY], limits.speed_ned_mps),
         (("roll", "pitch", "yaw"), "deg", np.degrees(states[..., ATTITUDE]), limits.roll_pitch_yaw_deg),
@@ -113,4 +114,5 @@ def no_fly(scenario: Scenario, states: Array) -> list[Margin]:
 
 
 def _between(name: str, unit: str, values: Array, low: float, high: float) -> Margin:
-    return Margin(name, unit, np.minimum(values - low, high - values), max(abs(low), abs(high)))
+    scale = max(abs(bound) for bound in (low, high) if np.isfinite(bound))
+    return Margin(name, unit, np.minimum(values - low, high - values), scale)

@@ -113,7 +113,7 @@ def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[
     found: list[tuple[Margin, float]] = [
         (m, LIMIT_TOLERANCE * m.scale)
         for m in (
-            *margins.state_limits(scenario, states),
+            *margins.state_limits(scenario, states, to_the_ground=phase not in AIRBORNE),
             *margins.control_limits(scenario, controls),
             margins.turning(scenario, states, controls),
         )

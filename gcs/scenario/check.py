@@ -242,15 +242,24 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
         yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m)
 
 
-@_needs("start", "end", "formation", "limits", "terrain", "ground_phases")
+@_needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle")
 def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
+    """Both are quintics from rest to rest: peak speed 15/8 d / T, peak acceleration 10 / sqrt(3) d / T²."""
     phases, most = scenario.ground_phases, scenario.limits.speed_ned_mps[2]
+    vehicle = scenario.vehicle
+    spare_mps2 = scenario.limits.thrust_N[1] / vehicle.mass_kg - vehicle.gravity_mps2
+    if spare_mps2 <= 0:
+        return  # another rule's mistake
     end_ned_m = _places_up_m(scenario, scenario.end) * NED_FROM_UP
     climb = float(np.max(pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2]))
     descent = float(np.max(landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2]))
     for key, way, time in (("takeoff_s", climb, phases.takeoff_s), ("landing_s", descent, phases.landing_s)):
-        if way / time > most:
-            text = f"too short for {way:.1f} m; limits.speed_ned_mps[2] = {most:g} m/s takes {way / most:.1f} s"
+        needed = max(15 / 8 * way / most, float(np.sqrt(10 / np.sqrt(3) * max(way, 0.0) / spare_mps2)))
+        if time < needed:
+            text = (
+                f"too short for {way:.1f} m from rest to rest; {most:g} m/s (limits.speed_ned_mps[2]) and "
+                f"{spare_mps2:.2f} m/s² of spare thrust (limits.thrust_N) take {needed:.1f} s"
+            )
             yield Mistake(("ground_phases", key), text, time)
 
 

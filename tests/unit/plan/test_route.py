@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.errors import Infeasible
+from gcs.errors import Infeasible, PlanningError
 from gcs.plan.alternatives import best_way, least_objective
-from gcs.plan.feasibility import check_time, with_duration
+from gcs.plan.feasibility import check_time, why_not, with_duration
 from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.refine import optimise
@@ -127,11 +127,14 @@ def test_too_little_time_for_the_speed_limit_names_the_time(simulation1: Scenari
 
 
 def test_a_time_that_is_too_short_for_the_way_round_says_how_long_it_takes(simulation1: Scenario) -> None:
-    problem = flight_problem(beyond(simulation1, no_fly=[DISK], time={"flight_s": 43.5}))
-    with pytest.raises(Infeasible) as caught:
-        best_way(problem, lambda _: None)
-    needed_s = float(caught.value.message.split("t_f ≥ ")[1].split(" s")[0])
-    assert needed_s > 43.5
+    problem = flight_problem(beyond(simulation1, no_fly=[DISK], time={"flight_s": 44.0}))
+    route = find_routes(problem, survey(problem))[0]
+    with pytest.raises(PlanningError) as failed:
+        optimise(problem, along(problem, route))
+    answer = why_not(problem, route, [failed.value])
+    assert isinstance(answer, Infeasible)
+    needed_s = float(answer.message.split("t_f ≥ ")[1].split(" s")[0])
+    assert needed_s > 44.0
     enough = with_duration(problem, needed_s)
     assert isinstance(best_way(enough, lambda _: None)[0].trajectory, Trajectory)
 
