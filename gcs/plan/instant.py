@@ -76,7 +76,7 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
     # Smoothed at rest, where |v|^3 has no second derivative.
     speed = ca.sqrt(vx**2 + vy**2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
     energy = (speed / wanted.speed_ref_mps) ** 3
-    # Yaw alone cannot bend a quadrotor's path: flying in from a direction needs yaw *and* course. At reference speed the
+    # Yaw alone cannot bend a quadrotor's path: coming from a direction needs yaw *and* course. At reference speed the
     # angle between them costs what yaw's angle to the reference costs: (2 v sin(angle / 2))^2; backwards is worst.
     ground_speed = ca.sqrt(vx**2 + vy**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
     forward = vx * ca.cos(yaw) + vy * ca.sin(yaw)
