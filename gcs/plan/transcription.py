@@ -13,193 +13,23 @@ there to compare with.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
-from enum import Enum
-from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
 from gcs.plan import instant
-from gcs.plan.gauss import barycentric_weights, gauss_rule, lagrange_matrix
+from gcs.plan.gauss import gauss_rule
+from gcs.plan.layout import NU, NX, NZ, STATE_WORDS, ControlForm, Layout
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
 from gcs.quadrotor import Array
 
-NX, NU = 12, 4
-NZ = NX + NU
-# What people call each number.
-STATE_WORDS = (
-    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
-    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
-)
-CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
-
-
-class ControlForm(Enum):
-    """What the control is between its unknowns."""
-
-    LINEAR = "piecewise linear through the joints"
-    LAGRANGE = "on each interval the polynomial through its nodes (Eq. 41)"
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where each unknown stands in w, and instants on the mesh."""
-
-    mesh: Mesh
-    control_form: ControlForm = ControlForm.LINEAR
-
-    @cached_property
-    def first_node(self) -> list[int]:
-        """Index (M+1) of each interval's first node."""
-        return [0, *itertools.accumulate(self.mesh.degrees)]
-
-    @property
-    def nodes(self) -> int:
-        """Number N of collocation nodes."""
-        return sum(self.mesh.degrees)
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns: states at joints and nodes, controls at either."""
-        return NX * self.state_points + NU * self.control_points
-
-    @property
-    def state_points(self) -> int:
-        """Number of instants at which the state is an unknown."""
-        return self.mesh.intervals + 1 + self.nodes
-
-    @property
-    def control_points(self) -> int:
-        """Number of instants at which the control is an unknown."""
-        return self.nodes if self.control_form is ControlForm.LAGRANGE else self.mesh.intervals + 1
-
-    def joint(self, i: int) -> int:
-        """Index of the first state component at joint i."""
-        return NX * i
-
-    def node(self, i: int, k: int) -> int:
-        """Index of the first state component at node k of interval i."""
-        return NX * (self.mesh.intervals + 1 + self.first_node[i] + k)
-
-    def control(self, point: int) -> int:
-        """Index of the first control component at control point `point`: a joint, or a node of Eq. 41."""
-        return NX * self.state_points + NU * point
-
-    def control_support(self, i: int) -> tuple[range, Array]:
-        """Control points (S) that interval i's control runs through, and where on [-1, 1] they stand, (S,)."""
-        if self.control_form is ControlForm.LAGRANGE:
-            return range(self.first_node[i], self.first_node[i + 1]), gauss_rule(self.mesh.degrees[i]).nodes
-        return range(i, i + 2), np.array([-1.0, 1.0])
-
-    def control_times_s(self) -> Array:
-        """Instants of all control points."""
-        return self.node_times_s() if self.control_form is ControlForm.LAGRANGE else self.mesh.joints_s
-
-    def names(self) -> tuple[str, ...]:
-        """What limits each unknown, in words."""
-        words = [f"limit of {name}" for name in (*STATE_WORDS, *CONTROL_WORDS)]
-        return (*words[:NX] * self.state_points, *words[NX:] * self.control_points)
-
-    def node_times_s(self) -> Array:
-        """Instants (N,) of all nodes."""
-        joints = self.mesh.joints_s
-        return np.concatenate(
-            [
-                joints[i] + 0.5 * (joints[i + 1] - joints[i]) * (gauss_rule(d).nodes + 1.0)
-                for i, d in enumerate(self.mesh.degrees)
-            ]
-        )
-
-    def sampling(self, times_s: Array) -> sparse.csc_matrix:
-        """S (16 T, size): unknowns -> state and control at the given instants."""
-        rows, cols, values = [], [], []
-        intervals = np.clip(np.searchsorted(self.mesh.joints_s, times_s, side="right") - 1, 0, self.mesh.intervals - 1)
-        for point, (t, i) in enumerate(zip(times_s, intervals, strict=True)):
-            low, high = self.mesh.joints_s[i], self.mesh.joints_s[i + 1]
-            tau = np.array([2.0 * (t - low) / (high - low) - 1.0])
-            rule = gauss_rule(self.mesh.degrees[i])
-            weights = rule.interpolation(tau)[0]
-            starts = [self.joint(i), *(self.node(i, k) for k in range(rule.degree))]
-            for start, weight in zip(starts, weights, strict=True):
-                if abs(weight) > 1e-14:
-                    rows.append(NZ * point + np.arange(NX))
-                    cols.append(start + np.arange(NX))
-                    values.append(np.full(NX, weight))
-            points, support = self.control_support(i)
-            weights = lagrange_matrix(support, barycentric_weights(support), tau)[0]
-            for control, weight in zip(points, weights, strict=True):
-                if abs(weight) > 1e-14:
-                    rows.append(NZ * point + NX + np.arange(NU))
-                    cols.append(self.control(control) + np.arange(NU))
-                    values.append(np.full(NU, weight))
-        return _matrix(rows, cols, values, (NZ * len(times_s), self.size))
-
-    def collocation(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-        """A, B of g = A w - B f: D times the states minus half the interval times f (44), and the joints (46)."""
-        a, b = _Triplets(), _Triplets()
-        row = 0
-        for i, degree in enumerate(self.mesh.degrees):
-            rule = gauss_rule(degree)
-            half = 0.5 * (self.mesh.joints_s[i + 1] - self.mesh.joints_s[i])
-            first = NX * self.first_node[i]
-            starts = [self.joint(i), *(self.node(i, k) for k in range(degree))]
-            for k in range(degree):
-                for start, d in zip(starts, rule.differentiation[k], strict=True):
-                    a.add(row, start, d)
-                b.add(row, first + NX * k, half)
-                row += NX
-            a.add(row, self.joint(i + 1), 1.0)
-            a.add(row, self.joint(i), -1.0)
-            for k in range(degree):
-                b.add(row, first + NX * k, half * rule.weights[k])
-            row += NX
-        return a.matrix((row, self.size)), b.matrix((row, NX * self.nodes))
-
-    def collocation_times_s(self) -> Array:
-        """Instants (N + M,) of the rows of A and B, twelve rows each: an interval's nodes, then its end."""
-        ends = np.cumsum(self.mesh.degrees)
-        return np.insert(self.node_times_s(), ends, self.mesh.joints_s[1:])
-
-    def quadrature(self) -> Array:
-        """Weights (N,) that integrate a function of time over the whole flight (Eq. 47)."""
-        lengths = np.diff(self.mesh.joints_s)
-        return np.concatenate(
-            [0.5 * h * gauss_rule(d).weights for h, d in zip(lengths, self.mesh.degrees, strict=True)]
-        )
-
-
-class _Triplets:
-    """Collects 12 x 12 identity blocks of a sparse matrix."""
-
-    def __init__(self) -> None:
-        self.rows: list[NDArray[Any]] = []
-        self.cols: list[NDArray[Any]] = []
-        self.values: list[NDArray[Any]] = []
-
-    def add(self, row: int, col: int, value: float) -> None:
-        self.rows.append(row + np.arange(NX))
-        self.cols.append(col + np.arange(NX))
-        self.values.append(np.full(NX, value))
-
-    def matrix(self, shape: tuple[int, int]) -> sparse.csc_matrix:
-        return _matrix(self.rows, self.cols, self.values, shape)
-
-
-def _matrix(
-    rows: list[NDArray[Any]], cols: list[NDArray[Any]], values: list[NDArray[Any]], shape: tuple[int, int]
-) -> sparse.csc_matrix:
-    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
-    return sparse.csc_matrix(triplets, shape=shape)
 
 
 def _dm(matrix: sparse.spmatrix) -> ca.DM:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from gcs.plan.gauss import gauss_rule
+from gcs.plan.layout import NX, ControlForm, Layout
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import Trajectory
-from gcs.plan.transcription import NX, ControlForm, Layout, Program, transcribe
+from gcs.plan.transcription import Program, transcribe
 from gcs.plan.windows import window_errors
 from gcs.quadrotor import Array, derivative
 from gcs.scenario.model import Scenario
