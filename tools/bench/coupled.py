@@ -1,0 +1,127 @@
+"""Six vehicles as one coupled program, the way a formation is written without a virtual rigid body.
+
+Knows: CasADi, the same mesh, dynamics, cost and constraints as the leader's, six times, and every pair's separation at
+every node. Run as `python -m tools.bench.coupled problem.json result.json LIMIT_S`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gcs.plan import instant
+from gcs.plan.layout import NX, NZ, ControlForm
+from gcs.plan.mesh import Mesh
+from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
+from gcs.plan.transcription import STATE_UNIT, Program, transcribe
+from gcs.quadrotor import POSITION
+from gcs.scenario.physical import offsets_ned_m
+from tools.bench.describe import alone, six, straight
+
+
+def each_vehicle() -> list[Problem]:
+    """The leader's flight, begun and ended at every vehicle's own place."""
+    leader = flight_problem(alone(six()))
+    problems = []
+    for offset in offsets_ned_m(six()):
+        start, end = leader.start_state.copy(), leader.end_state.copy()
+        start[POSITION] += offset
+        end[POSITION] += offset
+        # The paper's places reach out of the paper's box by as much as the leader's folded box allows for.
+        low, high = leader.state_low.copy(), leader.state_high.copy()
+        low[POSITION] = np.minimum(low[POSITION], np.minimum(start[POSITION], end[POSITION]))
+        high[POSITION] = np.maximum(high[POSITION], np.maximum(start[POSITION], end[POSITION]))
+        problems.append(replace(leader, start_state=start, end_state=end, state_low=low, state_high=high))
+    return problems
+
+
+def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
+    """One program for all, its derivatives CasADi's own; `limit_s` bounds the solver's time."""
+    began, began_cpu = time.perf_counter(), time.process_time()
+    problems = each_vehicle()
+    programs = [transcribe(problem, mesh, ControlForm.LAGRANGE) for problem in problems]
+    guesses = [p.scaled(straight(q)) for p, q in zip(programs, problems, strict=True)]
+    unknowns = [ca.MX.sym(f"y{v}", p.layout.size) for v, p in enumerate(programs)]
+    parts = instant.functions(problems[0])
+    columns = [_instants(p, y) for p, y in zip(programs, unknowns, strict=True)]
+    cost, rows, low, high = ca.MX(0), [], [], []
+    for program, y, z in zip(programs, unknowns, columns, strict=True):
+        f, g = _one_vehicle(problems[0], program, parts, y, z)
+        cost += f / len(programs)
+        rows.append(g)
+        low.append(program.g_low)
+        high.append(program.g_high)
+    least = six().limits.separation_min_m
+    for a, b in itertools.combinations(columns, 2):
+        apart = ca.sum1((a[POSITION, :] - b[POSITION, :]) ** 2).T / least**2
+        rows.append(apart)
+        low.append(np.ones(apart.numel()))
+        high.append(np.full(apart.numel(), np.inf))
+    nlp: dict[str, Any] = {"x": ca.vertcat(*unknowns), "f": cost, "g": ca.vertcat(*rows)}
+    options: dict[str, Any] = {
+        "print_time": False,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": 1e-6,
+        "ipopt.max_iter": 3000,
+        "ipopt.max_wall_time": limit_s,
+    }
+    solver = ca.nlpsol("solver", "ipopt", nlp, options)
+    built = time.perf_counter()
+    result = solver(
+        x0=np.concatenate(guesses),
+        lbx=np.concatenate([p.y_low for p in programs]),
+        ubx=np.concatenate([p.y_high for p in programs]),
+        lbg=np.concatenate(low),
+        ubg=np.concatenate(high),
+    )
+    ended = time.perf_counter()
+    stats = solver.stats()
+    return {
+        "cold_s": ended - began,
+        "cold_cpu_s": time.process_time() - began_cpu,
+        "solver_s": ended - built,
+        "iterations": stats["iter_count"],
+        "objective": float(result["f"]),
+        "status": stats["return_status"],
+        "success": bool(stats["success"]),
+        "unknowns": int(nlp["x"].numel()),
+    }
+
+
+def _instants(program: Program, y: ca.MX) -> ca.MX:
+    """State and control (16, N) at the nodes."""
+    sampling = ca.DM(program.layout.sampling(program.layout.node_times_s()))
+    return ca.reshape(ca.mtimes(sampling, y * program.unit + program.shift), NZ, program.layout.nodes)
+
+
+def _one_vehicle(problem: Problem, program: Program, parts: instant.Instant, y: ca.MX, z: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Objective and rows of one vehicle alone, for CasADi to differentiate."""
+    layout, nodes = program.layout, program.layout.nodes
+    quadrature = layout.quadrature()
+    late = quadrature * TERMINAL_WEIGHTS[problem.objective.terminal_weight](layout.node_times_s(), problem.end_s)
+    shares = np.vstack([quadrature / problem.duration_s, late / late.sum()])
+    a, b = (ca.DM(matrix) for matrix in layout.collocation())
+    unit = np.tile(STATE_UNIT, a.size1() // NX)
+    motion = ca.mtimes(a, y * program.unit + program.shift) - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(z)))
+    return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(motion / unit, ca.vec(parts.path.map(nodes)(z)))
+
+
+def main(problem: str, answer: str, limit_s: str) -> None:
+    """Solve and write the result."""
+    ca.has_nlpsol("ipopt")  # loads the library: that is part of importing
+    given = json.loads(Path(problem).read_text())
+    result = solve(Mesh(np.array(given["joints_s"]), tuple(given["degrees"])), float(limit_s))
+    Path(answer).write_text(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:4])

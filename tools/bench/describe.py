@@ -1,0 +1,115 @@
+"""Simulation 1's leader alone as plain numbers, on a mesh: what every contender is given.
+
+Knows: Skein's own problem. Does not know: contenders.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs.plan.guess import along, straight_way
+from gcs.plan.instant import REST_SMOOTHING_MPS
+from gcs.plan.layout import NU
+from gcs.plan.mesh import Mesh, end_refined
+from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
+from gcs.plan.trajectory import Trajectory
+from gcs.plan.transcription import STATE_UNIT, transcribe
+from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Scenario
+from gcs.scenario.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
+
+MISSION = Path(__file__).resolve().parents[2] / "missions" / "simulation1"
+
+
+def six() -> Scenario:
+    """The paper's formation."""
+    return load_scenario(MISSION)
+
+
+def alone(scenario: Scenario) -> Scenario:
+    """The same flight of the leader only."""
+    leader = [v for v in scenario.formation.vehicle if v.sysid == scenario.formation.leader]
+    formation = scenario.formation.model_copy(update={"vehicle": leader})
+    return scenario.model_copy(update={"formation": formation})
+
+
+def straight(problem: Problem) -> Trajectory:
+    """Everybody's guess: the way that ignores the map, over what lies under it."""
+    return along(problem, straight_way(problem))
+
+
+def uniform(problem: Problem) -> Mesh:
+    """15 intervals of degree 4."""
+    return Mesh(np.linspace(problem.start_s, problem.end_s, 16), (4,) * 15)
+
+
+def refined_at_ends(problem: Problem) -> Mesh:
+    """30 intervals of degree 4, short ones at the ends."""
+    for longest_s in np.arange(20.0, 5.0, -0.1):
+        mesh = end_refined(problem.start_s, problem.end_s, float(longest_s), 1.0, 4)
+        if mesh.intervals == 30:
+            return mesh
+    raise ValueError("no end-refined mesh of 30 intervals")
+
+
+def converged(problem: Problem) -> Mesh:
+    """220 intervals, of 0.125 s where the flight is lively: finer ones change the objective by less than 2e-5."""
+    ends = np.linspace(0.0, 10.0, 81)
+    middle = np.linspace(10.0, problem.duration_s - 10.0, 61)
+    joints = np.concatenate([ends[:-1], middle[:-1], problem.duration_s - ends[::-1]])
+    return Mesh(problem.start_s + joints, (3,) * (len(joints) - 1))
+
+
+def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
+    """Everything contender.py's Leader reads; arrays as lists."""
+    scenario = problem.scenario
+    assert scenario.terrain.ripple is not None and not scenario.no_fly and len(scenario.formation.vehicle) == 1
+    program = transcribe(problem, mesh)
+    times = np.linspace(problem.start_s, problem.end_s, 201)
+    guess = straight(problem)
+    mountains = scenario.terrain.mountains
+    late = TERMINAL_WEIGHTS[problem.objective.terminal_weight](program.layout.node_times_s(), problem.end_s)
+    return {
+        "end_s": problem.end_s,
+        "joints_s": mesh.joints_s.tolist(),
+        "degrees": list(mesh.degrees),
+        "state_unit": STATE_UNIT.tolist(),
+        "control_unit": program.unit[-NU:].tolist(),
+        "control_shift": program.shift[-NU:].tolist(),
+        "state_low": problem.state_low.tolist(),
+        "state_high": problem.state_high.tolist(),
+        "start_state": problem.start_state.tolist(),
+        "end_state": problem.end_state.tolist(),
+        "control_low": problem.control_low.tolist(),
+        "control_high": problem.control_high.tolist(),
+        "guess_s": times.tolist(),
+        "guess_state": guess.state(times).tolist(),
+        "guess_control": guess.control(times).tolist(),
+        "quadrotor": asdict(problem.quadrotor),
+        "objective": asdict(problem.objective),
+        "late_integral": float(program.layout.quadrature() @ late),  # of Q, as the mesh sees it
+        "mountains": [
+            list(column)
+            for column in (
+                mountains.height_m,
+                mountains.north_m,
+                mountains.east_m,
+                mountains.spread_north_m,
+                mountains.spread_east_m,
+            )
+        ],
+        "ripple_peak_m": ripple_peak_m(scenario.terrain.ripple),
+        "rounding_m": ENVELOPE_ROUNDING_M,
+        "clearance_min_m": scenario.limits.clearance_min_m,
+        "load_factor_max": scenario.limits.load_factor_max,
+        "rest_mps": REST_SMOOTHING_MPS,
+    }
+
+
+def leader_problem() -> Problem:
+    """The common problem."""
+    return flight_problem(alone(six()))
