@@ -90,6 +90,7 @@ def _entries(peers: tuple[environments.Peer, ...], meshes: list[str]) -> tuple[l
         )
     for mesh in meshes:
         entries += [(contender, mesh) for contender in contenders]
+    entries.append((race.skein("skein, six, Eq. 41", "six lagrange"), UNIFORM))
     entries += [(race.skein("skein, refined", "refined"), OWN), (race.skein("skein, six refined", "six refined"), OWN)]
     return entries, missing
 
