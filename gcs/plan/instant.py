@@ -96,7 +96,7 @@ def _path(problem: Problem, x: list[ca.SX], motion: ca.SX) -> tuple[tuple[str, .
     for vehicle, (north, east, down) in zip(scenario.formation.vehicle, problem.offsets_ned_m, strict=True):
         ground = ground_envelope_m(scenario.terrain, x[0] + north, x[1] + east, ca)
         names.append(f"clearance of vehicle {vehicle.sysid}")
-        values.append(-(x[2] + down) - ground - scenario.limits.clearance_min_m)
+        values.append(-(x[2] + down) - ground - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
         for number, disk in enumerate(scenario.no_fly, start=1):
             squared = (x[0] + north - disk.north_m) ** 2 + (x[1] + east - disk.east_m) ** 2
             names.append(f"no-fly disk {number} for vehicle {vehicle.sysid}")

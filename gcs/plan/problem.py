@@ -53,6 +53,7 @@ class Problem:
     control_high: Array  # (4,)
     offsets_ned_m: Array  # (V, 3)
     objective: Objective
+    clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
 
     @property
     def duration_s(self) -> float:

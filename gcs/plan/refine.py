@@ -7,7 +7,7 @@ Constraints broken between nodes are enforced where they are broken most; interv
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,15 +20,19 @@ from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
 from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import POSITION, Array
+from gcs.scenario.terrain import ground_envelope_m
 
-DEGREE = 5
-LONGEST_S, SHORTEST_S = 9.0, 1.0
+DEGREE = 4
+LONGEST_S, SHORTEST_S = 12.0, 0.25
 MAX_ROUNDS = 8
 LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
 # Half of what the verifier tolerates, so that its own finer grid finds nothing new.
 CLEARANCE_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
 WINDOW_TOLERANCE_M = 5e-3
+WINDOW_STEP_S = 0.1
+# Kept from the ground at the nodes: what the smooth ground does between them is then rarely worth another solve.
+CLEARANCE_RESERVE_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class Optimum:
 
 def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None) -> Optimum:
     """The best trajectory near a guess; raises PlanningError when no mesh holds between its nodes."""
+    problem = replace(problem, clearance_reserve_m=_clearance_reserve_m(problem))
     mesh = end_refined(problem.start_s, problem.end_s, LONGEST_S, SHORTEST_S, DEGREE)
     trajectory = guess
     solution: Solution | None = None
@@ -71,6 +76,15 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         f"no plan: after {MAX_ROUNDS} refinements of the mesh there is still {'; '.join(history[-1].complaints)}",
         hint="loosen the constraint named above a little, or give the flight more time",
     )
+
+
+def _clearance_reserve_m(problem: Problem) -> float:
+    """CLEARANCE_RESERVE_M, or less where a vehicle starts or ends nearer to its limit than that."""
+    scenario = problem.scenario
+    ends = np.stack([problem.start_state, problem.end_state])[:, None, :3] + problem.offsets_ned_m
+    ground = ground_envelope_m(scenario.terrain, ends[..., 0], ends[..., 1])
+    spare = float((-ends[..., 2] - ground).min()) - scenario.limits.clearance_min_m
+    return min(max(spare, 0.0), CLEARANCE_RESERVE_M)
 
 
 def _broken_constraints(problem: Problem, trajectory: Trajectory) -> tuple[Array, tuple[str, ...]]:
@@ -110,9 +124,16 @@ def _stretches(mask: Array) -> list[tuple[int, int]]:
 
 def _drifting_intervals(problem: Problem, trajectory: Trajectory) -> tuple[set[int], tuple[str, ...]]:
     """Intervals in which a window that drifts too far has its start, and the complaint in words."""
-    joints = trajectory.joints_s
+    joints, end_s = trajectory.joints_s, trajectory.end_s
+    hover = np.array([problem.quadrotor.weight_N, 0.0, 0.0, 0.0])
+    # An end at rest goes on as a hover, in which an error of the last second's speed adds up.
+    stops = not np.delete(problem.end_state[3:], 5).any()
     windows = window_errors(
-        lambda t: trajectory.state(t)[None], lambda t: trajectory.control(t)[None], joints, problem.quadrotor
+        lambda t: trajectory.state(np.minimum(t, end_s))[None],
+        lambda t: np.where((t > end_s)[:, None], hover, trajectory.control(np.minimum(t, end_s)))[None],
+        np.append(joints, end_s + WINDOW_S) if stops else joints,
+        problem.quadrotor,
+        step_s=WINDOW_STEP_S,
     )
     error = windows.error_m[0]
     if error.max() <= WINDOW_TOLERANCE_M:

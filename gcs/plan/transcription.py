@@ -36,7 +36,9 @@ def _dm(matrix: sparse.spmatrix) -> ca.DM:
     """A SciPy matrix as CasADi's, which wants rows in order."""
     ordered = sparse.csc_matrix(matrix)
     ordered.sort_indices()
-    return ca.DM(ordered)
+    rows, columns = ordered.shape
+    pattern = ca.Sparsity(rows, columns, ordered.indptr.tolist(), ordered.indices.tolist())
+    return ca.DM(pattern, ordered.data)
 
 
 @dataclass(frozen=True)
