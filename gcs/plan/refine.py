@@ -22,15 +22,14 @@ from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import POSITION, Array
 from gcs.scenario.terrain import ground_envelope_m
 
-DEGREE = 4
-LONGEST_S, SHORTEST_S = 12.0, 0.25
+DEGREE = 5
+LONGEST_S, SHORTEST_S = 9.0, 1.0
 MAX_ROUNDS = 8
 LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
 # Half of what the verifier tolerates, so that its own finer grid finds nothing new.
 CLEARANCE_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
 WINDOW_TOLERANCE_M = 5e-3
-WINDOW_STEP_S = 0.1
 # Kept from the ground at the nodes: what the smooth ground does between them is then rarely worth another solve.
 CLEARANCE_RESERVE_M = 0.03
 
@@ -133,7 +132,6 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory) -> tuple[set[i
         lambda t: np.where((t > end_s)[:, None], hover, trajectory.control(np.minimum(t, end_s)))[None],
         np.append(joints, end_s + WINDOW_S) if stops else joints,
         problem.quadrotor,
-        step_s=WINDOW_STEP_S,
     )
     error = windows.error_m[0]
     if error.max() <= WINDOW_TOLERANCE_M:
