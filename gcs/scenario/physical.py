@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.quadrotor import Array, Quadrotor
-from gcs.scenario.model import Boundary, Scenario
+from gcs.scenario.model import START_SHAPE, Boundary, Scenario
+from gcs.scenario.shapes import places_up_m
 from gcs.scenario.terrain import ground_height_m
 
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
@@ -21,7 +22,7 @@ def quadrotor(scenario: Scenario) -> Quadrotor:
 
 def sysids(scenario: Scenario) -> tuple[int, ...]:
     """System ids in the order of every (V, ...) array; the leader comes where the scenario lists it."""
-    return tuple(v.sysid for v in scenario.formation.vehicle)
+    return scenario.formation.sysids
 
 
 def leader_index(scenario: Scenario) -> int:
@@ -30,9 +31,31 @@ def leader_index(scenario: Scenario) -> int:
 
 
 def offsets_ned_m(scenario: Scenario) -> Array:
-    """Position of each vehicle relative to the leader (V, 3): minus Eq. 22's [x_i1, y_i1, z_i1]."""
-    position = np.array([v.position_m for v in scenario.formation.vehicle]) * NED_FROM_UP
+    """Position of each vehicle relative to the leader at t = 0 (V, 3): minus Eq. 22's [x_i1, y_i1, z_i1]."""
+    formation = scenario.formation
+    if formation.start_shape is not None:
+        return shape_offsets_ned_m(scenario, formation.start_shape)
+    position = np.array([v.position_m for v in formation.vehicle]) * NED_FROM_UP
     return np.asarray(position - position[leader_index(scenario)])
+
+
+def shape_offsets_ned_m(scenario: Scenario, name: str) -> Array:
+    """Places (V, 3) of a named shape relative to the leader's place in it, in the order of the vehicles.
+
+    A generator's first place is the leader's; the others are taken in order.
+    """
+    formation = scenario.formation
+    if name == START_SHAPE and formation.start_shape != START_SHAPE:
+        return offsets_ned_m(scenario)
+    shape = next(shape for shape in formation.shape if shape.name == name)
+    leader = leader_index(scenario)
+    if shape.generator is None:
+        places = np.array(shape.offsets_m)
+    else:
+        assert shape.spacing_m is not None
+        generated = places_up_m(shape.generator, len(formation.sysids), shape.spacing_m)
+        places = np.insert(generated[1:], leader, generated[0], axis=0)
+    return np.asarray((places - places[leader]) * NED_FROM_UP)
 
 
 def boundary_state(boundary: Boundary) -> Array:

@@ -1,0 +1,1 @@
+"""The formation as a virtual rigid body that may turn, shrink and be reassigned (§2.2)."""

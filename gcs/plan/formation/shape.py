@@ -1,0 +1,94 @@
+"""A formation's shape over time: a few functions of time, each times a fixed table of offsets.
+
+Knows: offsets of all vehicles from the leader and their derivatives, at any instant. Does not know: why it changes.
+A thousand vehicles that shrink and turn together need three functions; storing everyone's path would need thousands.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from gcs.quadrotor import Array
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Offsets from the leader: sum over k of functions[k](t) * basis_ned_m[k]."""
+
+    functions: PPoly  # coefficients (C+1, P, K)
+    basis_ned_m: Array  # (K, V, 3)
+
+    def __post_init__(self) -> None:
+        if self.basis_ned_m.ndim != 3 or self.basis_ned_m.shape[2] != 3:
+            raise ValueError(f"basis needs (K, V, 3), not {self.basis_ned_m.shape}")
+        if self.functions.c.shape[2:] != (len(self.basis_ned_m),):
+            raise ValueError(f"{len(self.basis_ned_m)} tables need functions (C+1, P, K), not {self.functions.c.shape}")
+
+    @property
+    def joints_s(self) -> Array:
+        """Instants (P+1,) where one polynomial ends and the next begins."""
+        return np.asarray(self.functions.x)
+
+    @property
+    def start_s(self) -> float:
+        """First instant."""
+        return float(self.functions.x[0])
+
+    @property
+    def end_s(self) -> float:
+        """Last instant."""
+        return float(self.functions.x[-1])
+
+    def offsets(self, t_s: Array, order: int = 0) -> Array:
+        """Offsets (V, N, 3) from the leader in NED, or their `order`-th time derivative, in m/s^order."""
+        return np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m)
+
+    def at(self, t_s: float, order: int = 0) -> Array:
+        """Offsets (V, 3) at one instant, or their `order`-th derivative."""
+        return np.asarray(self.offsets(np.array([t_s]), order)[:, 0])
+
+    @cached_property
+    def moving_s(self) -> tuple[tuple[float, float], ...]:
+        """Stretches of time over which the offsets change; outside them the formation is rigid."""
+        moves = np.any(np.abs(self.functions.c[:-1]) > 0.0, axis=(0, 2))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
+        return tuple(
+            (float(self.joints_s[a]), float(self.joints_s[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)
+        )
+
+
+def rigid(offsets_ned_m: Array, start_s: float, end_s: float) -> Shape:
+    """The same offsets (V, 3) from start to end."""
+    return Shape(PPoly(np.ones((1, 1, 1)), np.array([start_s, end_s])), np.asarray(offsets_ned_m, dtype=float)[None])
+
+
+def stretched(shape: Shape, start_s: float, end_s: float) -> Shape:
+    """The same shapes in the same order, over another span of time."""
+    factor = (end_s - start_s) / (shape.end_s - shape.start_s)
+    joints = start_s + (shape.joints_s - shape.start_s) * factor
+    joints[-1] = end_s
+    powers = np.arange(shape.functions.c.shape[0] - 1, -1, -1)
+    return Shape(PPoly(shape.functions.c / factor ** powers[:, None, None], joints), shape.basis_ned_m)
+
+
+def joined(parts: list[Shape]) -> Shape:
+    """One shape from several that follow each other without a gap; each keeps its own tables."""
+    for before, after in itertools.pairwise(parts):
+        if before.end_s != after.start_s:
+            raise ValueError(f"one shape ends at {before.end_s} s, the next starts at {after.start_s} s")
+    top = max(p.functions.c.shape[0] for p in parts)
+    tables = [len(p.basis_ned_m) for p in parts]
+    columns = np.concatenate([[0], np.cumsum(tables)])
+    blocks = []
+    for part, first, last in zip(parts, columns[:-1], columns[1:], strict=True):
+        own = part.functions.c
+        block = np.zeros((top, own.shape[1], columns[-1]))
+        block[top - own.shape[0] :, :, first:last] = own
+        blocks.append(block)
+    joints = np.concatenate([parts[0].joints_s[:1], *(p.joints_s[1:] for p in parts)])
+    return Shape(PPoly(np.concatenate(blocks, axis=1), joints), np.concatenate([p.basis_ned_m for p in parts]))

@@ -1,0 +1,90 @@
+"""Shapes for any number of vehicles: triangle, line, column, vee, grid, circle, sphere.
+
+Knows: where the places of a shape are. Does not know: who takes them, units other than metres, time.
+North is ahead: a line stands abreast (east and west of the leader), a column behind him.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gcs.quadrotor import Array
+from gcs.scenario.model import Generator
+
+
+def places_up_m(generator: Generator, count: int, spacing_m: float) -> Array:
+    """Places (count, 3) north, east, up, `spacing_m` between nearest neighbours; the first is the leader's."""
+    return _GENERATORS[generator](count) * spacing_m
+
+
+def _triangle(count: int) -> Array:
+    """Rows of 1, 2, 3, ... behind the leader, equilateral."""
+    row = np.ceil((np.sqrt(8.0 * np.arange(1, count + 1) + 1.0) - 3.0) / 2.0 - 1e-9)
+    place = np.arange(count) - row * (row + 1.0) / 2.0
+    return np.column_stack([-row * np.sqrt(0.75), place - row / 2.0, np.zeros(count)])
+
+
+def _line(count: int) -> Array:
+    """Abreast, by turns to the right and left of the leader."""
+    return np.column_stack([np.zeros(count), _by_turns(count), np.zeros(count)])
+
+
+def _column(count: int) -> Array:
+    """One behind the other."""
+    return np.column_stack([-np.arange(count, dtype=float), np.zeros(count), np.zeros(count)])
+
+
+def _vee(count: int) -> Array:
+    """Two arms at 45 degrees, by turns to the right and left, as geese fly."""
+    east = _by_turns(count) * np.sqrt(0.5)
+    return np.column_stack([-np.abs(east), east, np.zeros(count)])
+
+
+def _grid(count: int) -> Array:
+    """A square as near as the number allows, filled row by row behind the leader, who is in the middle of the first."""
+    columns = int(np.ceil(np.sqrt(count)))
+    row, place = np.divmod(np.arange(count), columns)
+    return np.column_stack([-row.astype(float), _by_turns(columns)[place], np.zeros(count)])
+
+
+def _circle(count: int) -> Array:
+    """Evenly on a circle, the leader in front."""
+    if count == 1:
+        return np.zeros((1, 3))
+    angle = 2.0 * np.pi * np.arange(count) / count
+    radius = 0.5 / np.sin(np.pi / count)
+    return np.column_stack([radius * (np.cos(angle) - 1.0), radius * np.sin(angle), np.zeros(count)])
+
+
+def _sphere(count: int) -> Array:
+    """A Fibonacci sphere, scaled so that the nearest neighbours are one apart; the leader is its lowest."""
+    if count == 1:
+        return np.zeros((1, 3))
+    from scipy.spatial import KDTree
+
+    index = np.arange(count)
+    up = -1.0 + (2.0 * index + 1.0) / count
+    angle = index * np.pi * (3.0 - np.sqrt(5.0))
+    around = np.sqrt(1.0 - up**2)
+    places = np.column_stack([around * np.cos(angle), around * np.sin(angle), up])
+    nearest = KDTree(places).query(places, k=2)[0][:, 1].min()
+    return np.asarray((places - places[0]) / nearest)
+
+
+def _by_turns(count: int) -> Array:
+    """0, 1, -1, 2, -2, ..."""
+    index = np.arange(count)
+    return np.asarray(np.where(index % 2 == 1, 1.0, -1.0) * ((index + 1) // 2))
+
+
+_GENERATORS: dict[Generator, Callable[[int], Array]] = {
+    "triangle": _triangle,
+    "line": _line,
+    "column": _column,
+    "vee": _vee,
+    "grid": _grid,
+    "circle": _circle,
+    "sphere": _sphere,
+}
