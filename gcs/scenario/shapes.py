@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from gcs.quadrotor import Array
 from gcs.scenario.model import Generator
@@ -62,8 +63,6 @@ def _sphere(count: int) -> Array:
     """A Fibonacci sphere, scaled so that the nearest neighbours are one apart; the leader is its lowest."""
     if count == 1:
         return np.zeros((1, 3))
-    from scipy.spatial import KDTree
-
     index = np.arange(count)
     up = -1.0 + (2.0 * index + 1.0) / count
     angle = index * np.pi * (3.0 - np.sqrt(5.0))

@@ -46,7 +46,7 @@ class Shape:
 
     def offsets(self, t_s: Array, order: int = 0) -> Array:
         """Offsets (V, N, 3) from the leader in NED, or their `order`-th time derivative, in m/s^order."""
-        return np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m)
+        return np.asarray(np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m))
 
     def at(self, t_s: float, order: int = 0) -> Array:
         """Offsets (V, 3) at one instant, or their `order`-th derivative."""
