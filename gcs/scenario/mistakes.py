@@ -17,6 +17,7 @@ from pydantic_core import ErrorDetails
 
 from gcs.scenario.lines import Key
 from gcs.scenario.model import Scenario
+from gcs.scenario.part import Disagreement
 
 Schema = Mapping[str, Any]
 
@@ -58,7 +59,24 @@ def toml(value: Any) -> str:
 def from_pydantic(error: ValidationError) -> list[Mistake]:
     """Every finding of the model, in words."""
     schema = Scenario.model_json_schema()
-    return [_mistake(found, schema) for found in error.errors(include_url=False)]
+    return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, schema)]
+
+
+def _mistakes(found: ErrorDetails, root: Schema) -> list[Mistake]:
+    error = found.get("ctx", {}).get("error")
+    if isinstance(error, Disagreement):
+        return [Mistake((*found["loc"], *key), text, _value_at(found["input"], key)) for key, text in error.found]
+    return [_mistake(found, root)]
+
+
+def _value_at(table: Any, key: Key) -> Any:
+    """What stands at a key inside a table; None where nothing does, and for tables, too long to show."""
+    for part in key:
+        if isinstance(part, str):
+            table = table.get(part) if isinstance(table, Mapping) else None
+        else:
+            table = table[part] if isinstance(table, list | tuple) and part < len(table) else None
+    return None if isinstance(table, Mapping) else table
 
 
 def _mistake(found: ErrorDetails, root: Schema) -> Mistake:

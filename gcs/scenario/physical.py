@@ -45,7 +45,7 @@ def shape_offsets_ned_m(scenario: Scenario, name: str) -> Array:
     A generator's first place is the leader's; the others are taken in order.
     """
     formation = scenario.formation
-    if name == START_SHAPE and formation.start_shape != START_SHAPE:
+    if name == START_SHAPE:
         return offsets_ned_m(scenario)
     shape = next(shape for shape in formation.shape if shape.name == name)
     leader = leader_index(scenario)

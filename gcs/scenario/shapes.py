@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.quadrotor import Array
-from gcs.scenario.model import Generator
+from gcs.scenario.formation_model import Generator
 
 
 def places_up_m(generator: Generator, count: int, spacing_m: float) -> Array:

@@ -109,8 +109,10 @@ def test_lists_of_mountains_are_equally_long(broken: Broken) -> None:
 
 
 def test_the_leader_is_one_of_the_vehicles(broken: Broken) -> None:
-    assert "formation: leader = 7 is not the sysid of a vehicle" in broken(("leader = 1\n", "leader = 7\n"))
-    assert "formation: every vehicle needs a sysid of its own" in broken(("sysid = 2\n", "sysid = 3\n"))
+    told = broken(("leader = 1\n", "leader = 7\n"))
+    assert "scenario.toml:83: formation.leader = 7: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6" in told
+    told = broken(("sysid = 2\n", "sysid = 3\n"))
+    assert "scenario.toml:94: formation.vehicle[2].sysid = 3: is the sysid of vehicle[1] already" in told
 
 
 @pytest.mark.parametrize(
