@@ -1,0 +1,93 @@
+"""How a change of shape passes in time: one smooth step for all vehicles, and the least time it takes.
+
+Knows: the step from 0 to 1, what a change may ask of a vehicle, and which limit sets its duration.
+Does not know: which change it is, where the vehicles are on the map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from gcs.plan.formation.shape import Shape
+from gcs.quadrotor import Array
+from gcs.scenario.model import Scenario
+
+# Of what a vehicle can turn: the leader's own motion, which every vehicle shares, uses the rest.
+SHARE = 0.2
+LIMITS = ("speed", "acceleration", "turn rate", "torque")
+NOTHING = "nothing"
+_STILL_M = 1e-9  # rounding, not motion
+_GRID = 401  # instants at which a peak is looked for: misses at most 2e-4 of it, even in a third of the time
+_CHUNK = 256  # vehicles at a time
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The most a change may ask of any vehicle, beside the leader's own motion."""
+
+    speed_mps: float
+    accel_mps2: float
+    jerk_mps3: float
+    snap_mps4: float
+
+
+def smooth_step() -> PPoly:
+    """From 0 to 1 over [0, 1], at rest at both ends up to the third derivative.
+
+    Thrust tilts with acceleration, so attitude rates follow jerk and torques follow snap. A quintic is at rest up to
+    its second derivative alone: its jerk jumps, attitude rates would have to jump with it, and Eq. 1 has no control
+    that makes them.
+    """
+    return PPoly(np.array([-20.0, 70.0, -84.0, 35.0, 0.0, 0.0, 0.0, 0.0])[:, None], np.array([0.0, 1.0]))
+
+
+def budget(scenario: Scenario) -> Budget:
+    """Speed and acceleration as the scenario says; jerk and snap from the vehicle's rate and torque limits.
+
+    A hovering vehicle accelerates by g times its tilt: its jerk is g times the attitude rate, its snap g times the
+    angular acceleration.
+    """
+    limits, vehicle = scenario.limits, scenario.vehicle
+    rate_radps = np.radians(min(limits.rates_degps[:2]))
+    angular_radps2 = min(
+        vehicle.arm_m * force / inertia
+        for force, inertia in zip(limits.torque[:2], vehicle.inertia_kgm2[:2], strict=True)
+    )
+    return Budget(
+        speed_mps=scenario.formation.change_speed_mps,
+        accel_mps2=scenario.formation.change_accel_mps2,
+        jerk_mps3=float(SHARE * vehicle.gravity_mps2 * rate_radps),
+        snap_mps4=SHARE * vehicle.gravity_mps2 * angular_radps2,
+    )
+
+
+def least_duration(unit_shape: Shape, budget: Budget) -> tuple[float, str]:
+    """Shortest time, in s, over which a shape on [0, 1] keeps to the budget, and the limit that sets it.
+
+    The n-th derivative of O(t / T) is T^-n times that of O, so each limit asks for T >= (peak_n / limit_n)^(1/n).
+    0 s and "nothing" where nothing moves.
+    """
+    peaks = peak_derivatives(unit_shape)
+    if peaks[0] < _STILL_M:
+        return 0.0, NOTHING
+    needed = (peaks / np.array(astuple(budget))) ** (1.0 / np.arange(1, 5))
+    worst = int(needed.argmax())
+    return float(needed[worst]), LIMITS[worst]
+
+
+def peak_derivatives(shape: Shape) -> Array:
+    """Largest |derivative| of any vehicle's offset at any time, orders 1 to 4 (4,), m/s to m/s^4."""
+    joints = shape.joints_s
+    # A snap may jump at a joint: both sides count.
+    left = np.nextafter(joints[1:], joints[0])
+    t_s = np.unique(np.concatenate([np.linspace(joints[0], joints[-1], _GRID), joints, left]))
+    peaks = np.zeros(4)
+    for order in range(1, 5):
+        functions = shape.functions(t_s, nu=order)  # (N, K)
+        for first in range(0, shape.basis_ned_m.shape[1], _CHUNK):
+            values = np.tensordot(functions, shape.basis_ned_m[:, first : first + _CHUNK], axes=1)  # (N, chunk, 3)
+            peaks[order - 1] = max(peaks[order - 1], np.einsum("nvi,nvi->nv", values, values).max())
+    return np.sqrt(peaks)
