@@ -1,163 +1,33 @@
-"""What the tables of a scenario must agree on before anyone plans it: places, speeds, distances, thrust.
+"""What the tables of a scenario must agree on before anyone plans it.
 
-Knows: rules that need several tables, and the key to change. Does not know: the way between start and end.
-Every rule names the tables it needs, so that a mistake in one table does not hide those in others. Only what no
-plan could mend is refused; whether there is a plan is for the planner to say.
+Knows: rules about speeds, times, thrust and attitudes, and the key to change; where to find the other rules.
+Does not know: the way between start and end. Only what no plan could mend is refused; whether there is a plan is
+for the planner to say.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs.quadrotor import Array
+from gcs.scenario import check_ends, check_formation
 from gcs.scenario.mistakes import Mistake
-from gcs.scenario.model import Boundary, Scenario
-from gcs.scenario.physical import (
-    NED_FROM_UP,
-    hover_start_ned_m,
-    landing_points_ned_m,
-    offsets_ned_m,
-    pads_ned_m,
-    quadrotor,
-    sysids,
-)
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.model import Scenario
+from gcs.scenario.physical import quadrotor
+from gcs.scenario.rules import Mistakes, Rules
 
-# Positions written with two decimals should not fail for the last bit of their sums.
-_SLACK = 1e-9
-_RUN_UP_SAMPLE_M = 1.0
-
-Mistakes = Iterator[Mistake]
-
-
-@dataclass(frozen=True)
-class _Rule:
-    needs: frozenset[str]
-    check: Callable[[Scenario], Mistakes]
-
-
-_RULES: list[_Rule] = []
+RULES = Rules()
 
 
 def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
     """All disagreements between those `tables` of the scenario that are valid in themselves."""
-    present = set(tables)
-    return [mistake for rule in _RULES if rule.needs <= present for mistake in rule.check(scenario)]
+    books = (RULES, check_ends.RULES, check_formation.RULES)
+    return [mistake for rules in books for mistake in rules.broken(scenario, tables)]
 
 
-def _needs(*tables: str) -> Callable[[Callable[[Scenario], Mistakes]], Callable[[Scenario], Mistakes]]:
-    def register(rule: Callable[[Scenario], Mistakes]) -> Callable[[Scenario], Mistakes]:
-        _RULES.append(_Rule(frozenset(tables), rule))
-        return rule
-
-    return register
-
-
-@_needs("start", "formation")
-def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
-    formation, start = scenario.formation, scenario.start.position_m
-    place = next(v.position_m for v in formation.vehicle if v.sysid == formation.leader)
-    if place != start:
-        text = f"differs from {list(place)}, where the formation has its leader, vehicle {formation.leader}"
-        yield Mistake(("start", "position_m"), text, start)
-
-
-@_needs("start", "end", "formation", "limits")
-def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
-    limits = scenario.limits
-    boxes = (("north_m", limits.north_m), ("east_m", limits.east_m), ("height_m", limits.height_m))
-    for table, boundary in _ends(scenario):
-        places = _places_up_m(scenario, boundary)
-        for axis, (key, (low, high)) in enumerate(boxes):
-            beyond = np.maximum(low - places[:, axis], places[:, axis] - high)
-            worst = int(beyond.argmax())
-            if beyond[worst] > _SLACK:
-                text = (
-                    f"puts {_vehicles(scenario, beyond > _SLACK)} outside limits.{key}, {low:g} to {high:g}; "
-                    f"vehicle {sysids(scenario)[worst]} would be at {places[worst, axis]:g}"
-                )
-                yield Mistake((table, "position_m", axis), text, boundary.position_m[axis])
-
-
-@_needs("start", "end", "formation", "limits", "terrain")
-def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
-    for table, boundary in _ends(scenario):
-        places = _places_up_m(scenario, boundary)
-        worst, clearance = _lowest(scenario, places)
-        if clearance < scenario.limits.clearance_min_m - _SLACK:
-            missing = scenario.limits.clearance_min_m - clearance
-            text = (
-                f"leaves vehicle {sysids(scenario)[worst]} {clearance:.2f} m above the highest the ground may be "
-                f"there; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m: {missing:.2f} m more"
-            )
-            yield Mistake((table, "position_m", 2), text, boundary.position_m[2])
-
-
-@_needs("start", "formation", "limits", "terrain", "ground_phases")
-def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
-    length = scenario.ground_phases.run_up_m
-    begin = hover_start_ned_m(scenario) * NED_FROM_UP
-    end = _places_up_m(scenario, scenario.start)
-    shares = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1))[:-1]  # end: rule above
-    for share in shares:
-        worst, clearance = _lowest(scenario, begin + share * (end - begin))
-        if clearance < scenario.limits.clearance_min_m - _SLACK:
-            text = (
-                f"takes vehicle {sysids(scenario)[worst]} within {clearance:.2f} m of the ground {share * length:.0f} "
-                f"m into the run-up; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m"
-            )
-            yield Mistake(("ground_phases", "run_up_m"), text, length)
-            return
-
-
-@_needs("start", "end", "formation", "no_fly")
-def _ends_are_outside_no_fly_disks(scenario: Scenario) -> Mistakes:
-    for index, disk in enumerate(scenario.no_fly):
-        for table, boundary in _ends(scenario):
-            places = _places_up_m(scenario, boundary)
-            distance = np.hypot(places[:, 0] - disk.north_m, places[:, 1] - disk.east_m)
-            worst = int(distance.argmin())
-            if distance[worst] < disk.radius_m - _SLACK:
-                text = (
-                    f"holds vehicle {sysids(scenario)[worst]} at its {table}, {distance[worst]:.2f} m from the centre"
-                )
-                yield Mistake(("no_fly", index, "radius_m"), text, disk.radius_m)
-
-
-@_needs("formation", "limits")
-def _vehicles_are_apart(scenario: Scenario) -> Mistakes:
-    places, least = offsets_ned_m(scenario), scenario.limits.separation_min_m
-    for first, second, distance in _close_pairs(places, least):
-        vehicle = scenario.formation.vehicle
-        text = (
-            f"vehicles {vehicle[first].sysid} and {vehicle[second].sysid} are {distance:.2f} m apart; "
-            f"limits.separation_min_m asks {least:g} m"
-        )
-        yield Mistake(("formation", "vehicle", second, "position_m"), text, vehicle[second].position_m)
-
-
-@_needs("start", "end", "formation", "limits", "terrain", "ground_phases")
-def _pads_are_apart(scenario: Scenario) -> Mistakes:
-    places, least = offsets_ned_m(scenario), scenario.limits.separation_min_m
-    told = {(first, second) for first, second, _ in _close_pairs(places, least)}
-    for what, points in (("take off", pads_ned_m(scenario)), ("land", landing_points_ned_m(scenario))):
-        for first, second, distance in _close_pairs(points, least):
-            if (first, second) not in told:
-                told.add((first, second))
-                vehicle = scenario.formation.vehicle
-                text = (
-                    f"vehicles {vehicle[first].sysid} and {vehicle[second].sysid} fly above each other and would "
-                    f"{what} {distance:.2f} m apart; limits.separation_min_m asks {least:g} m"
-                )
-                yield Mistake(("formation", "vehicle", second, "position_m"), text, vehicle[second].position_m)
-
-
-@_needs("limits", "judge")
+@RULES.needs("limits", "judge")
 def _judge_asks_no_more_than_the_plan_holds(scenario: Scenario) -> Mistakes:
     asked, planned = scenario.judge.separation_min_m, scenario.limits.separation_min_m
     if asked > planned:
@@ -165,12 +35,12 @@ def _judge_asks_no_more_than_the_plan_holds(scenario: Scenario) -> Mistakes:
         yield Mistake(("judge", "separation_min_m"), text, asked)
 
 
-@_needs("start", "end", "limits")
+@RULES.needs("start", "end", "limits")
 def _ends_are_within_state_limits(scenario: Scenario) -> Mistakes:
     limits = scenario.limits
     axes = ("north", "east", "up")
     angles = ("roll", "pitch", "yaw")
-    for table, boundary in _ends(scenario):
+    for table, boundary in (("start", scenario.start), ("end", scenario.end)):
         for axis, (value, most) in enumerate(zip(boundary.velocity_mps, limits.speed_ned_mps, strict=True)):
             if abs(value) > most:
                 text = f"too fast {axes[axis]}; limits.speed_ned_mps[{axis}] allows {-most:g} to {most:g}"
@@ -182,7 +52,7 @@ def _ends_are_within_state_limits(scenario: Scenario) -> Mistakes:
                 yield Mistake((table, "roll_pitch_yaw_deg", axis), text, value)
 
 
-@_needs("objective", "limits")
+@RULES.needs("objective", "limits")
 def _heading_asked_for_is_allowed(scenario: Scenario) -> Mistakes:
     heading, most = scenario.objective.heading_ref_deg, scenario.limits.roll_pitch_yaw_deg[2]
     if abs(heading) > most:
@@ -190,14 +60,14 @@ def _heading_asked_for_is_allowed(scenario: Scenario) -> Mistakes:
         yield Mistake(("objective", "heading_ref_deg"), text, heading)
 
 
-@_needs("end")
+@RULES.needs("end")
 def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
     if any(scenario.end.velocity_mps):
         text = "must be [0, 0, 0]: every flight ends in a hover and lands from it"
         yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps)
 
 
-@_needs("vehicle", "limits")
+@RULES.needs("vehicle", "limits")
 def _vehicle_hovers(scenario: Scenario) -> Mistakes:
     model = quadrotor(scenario)
     low, high = scenario.limits.thrust_N
@@ -216,7 +86,7 @@ def _vehicle_hovers(scenario: Scenario) -> Mistakes:
         yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
 
 
-@_needs("start", "end", "time", "limits")
+@RULES.needs("start", "end", "time", "limits")
 def _time_is_enough(scenario: Scenario) -> Mistakes:
     way = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
     needed = way / scenario.limits.speed_ned_mps
@@ -230,7 +100,7 @@ def _time_is_enough(scenario: Scenario) -> Mistakes:
         yield Mistake(("time", "flight_s"), text, scenario.time.flight_s)
 
 
-@_needs("start", "ground_phases")
+@RULES.needs("start", "ground_phases")
 def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
     phases = scenario.ground_phases
     speed = float(np.hypot(*scenario.start.velocity_mps[:2]))
@@ -242,51 +112,42 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
         yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m)
 
 
-@_needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle")
-def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
-    """Both are quintics from rest to rest: peak speed 15/8 d / T, peak acceleration 10 / sqrt(3) d / T²."""
-    phases, most = scenario.ground_phases, scenario.limits.speed_ned_mps[2]
-    vehicle = scenario.vehicle
-    spare_mps2 = scenario.limits.thrust_N[1] / vehicle.mass_kg - vehicle.gravity_mps2
-    if spare_mps2 <= 0:
-        return  # another rule's mistake
-    end_ned_m = _places_up_m(scenario, scenario.end) * NED_FROM_UP
-    climb = float(np.max(pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2]))
-    descent = float(np.max(landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2]))
-    for key, way, time in (("takeoff_s", climb, phases.takeoff_s), ("landing_s", descent, phases.landing_s)):
-        needed = max(15 / 8 * way / most, float(np.sqrt(10 / np.sqrt(3) * max(way, 0.0) / spare_mps2)))
-        if time < needed:
-            text = (
-                f"too short for {way:.1f} m from rest to rest; {most:g} m/s (limits.speed_ned_mps[2]) and "
-                f"{spare_mps2:.2f} m/s² of spare thrust (limits.thrust_N) take {needed:.1f} s"
-            )
-            yield Mistake(("ground_phases", key), text, time)
+@RULES.needs("start", "end", "time", "limits")
+def _acceleration_is_enough_for_the_flight(scenario: Scenario) -> Mistakes:
+    way = np.subtract(scenario.end.position_m, scenario.start.position_m)
+    needed = _least_acceleration_mps2(way, np.array(scenario.start.velocity_mps), scenario.time.flight_s)
+    yield from _too_lazy(scenario, needed, f"to cover {np.linalg.norm(way):.0f} m in time.flight_s")
 
 
-def _ends(scenario: Scenario) -> tuple[tuple[str, Boundary], ...]:
-    return (("start", scenario.start), ("end", scenario.end))
+@RULES.needs("start", "limits", "ground_phases")
+def _acceleration_is_enough_for_the_run_up(scenario: Scenario) -> Mistakes:
+    phases, velocity = scenario.ground_phases, np.array([*scenario.start.velocity_mps[:2], 0.0])
+    speed = float(np.linalg.norm(velocity))
+    if speed > 0:
+        way = velocity / speed * phases.run_up_m
+        needed = _least_acceleration_mps2(way, velocity, phases.run_up_s)
+        yield from _too_lazy(scenario, needed, f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s")
 
 
-def _places_up_m(scenario: Scenario, boundary: Boundary) -> Array:
-    """North, east, height (V, 3) of every vehicle at one end."""
-    return np.asarray(np.array(boundary.position_m) + offsets_ned_m(scenario) * NED_FROM_UP)
+def _least_acceleration_mps2(way_m: Array, velocity_mps: Array, time_s: float) -> float:
+    """Acceleration without which no motion covers a way (3,) in a time, from a velocity (3,) to rest or the reverse.
+
+    Along any direction, full acceleration first and full braking then gets farthest, and the other way round least
+    far; solved for the acceleration. Two directions are looked at: that of the initial velocity, and the one in which
+    the way differs most from that of an even braking.
+    """
+    needed = 0.0
+    for direction in (velocity_mps, 4.0 * way_m - 2.0 * velocity_mps * time_s):
+        length = np.linalg.norm(direction)
+        if length > 0:
+            ahead_mps = float(velocity_mps @ direction / length)
+            off_m = abs(4.0 * float(way_m @ direction / length) - 2.0 * ahead_mps * time_s)
+            needed = max(needed, (off_m + float(np.hypot(off_m, 2.0 * ahead_mps * time_s))) / (2.0 * time_s**2))
+    return needed
 
 
-def _vehicles(scenario: Scenario, chosen: NDArray[np.bool_]) -> str:
-    ids = [str(sysid) for sysid, is_chosen in zip(sysids(scenario), chosen, strict=True) if is_chosen]
-    return f"vehicle {ids[0]}" if len(ids) == 1 else f"vehicles {', '.join(ids)}"
-
-
-def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
-    """Row of the vehicle nearest to the ground, and its clearance in m."""
-    ground = ground_envelope_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1])
-    clearance = places_up_m[:, 2] - ground
-    worst = int(clearance.argmin())
-    return worst, float(clearance[worst])
-
-
-def _close_pairs(places: Array, least_m: float) -> Iterator[tuple[int, int, float]]:
-    for first, second in combinations(range(len(places)), 2):
-        distance = float(np.linalg.norm(places[first] - places[second]))
-        if distance < least_m - _SLACK:
-            yield first, second, distance
+def _too_lazy(scenario: Scenario, needed_mps2: float, what_for: str) -> Mistakes:
+    most = scenario.limits.accel_max_mps2
+    if most is not None and needed_mps2 > most:
+        text = f"too little {what_for}, which takes at least {np.ceil(needed_mps2 * 1000.0) / 1000.0:g} m/s²"
+        yield Mistake(("limits", "accel_max_mps2"), text, most)

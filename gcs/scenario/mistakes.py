@@ -7,8 +7,9 @@ Does not know: what makes a scenario flyable (`gcs.scenario.check`), files (`gcs
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +87,8 @@ def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
     wanted = _wanted(_schema_at(key, root), root)
     if kind == "missing":
         return Mistake(key, f"missing; it must be {wanted}")
+    if isinstance(found["input"], dict) and _is_array_of_tables(_schema_at(key, root), root):
+        return Mistake(key, f"is one table, and there may be several: write [[{dotted(key)}]]")
     if kind == "value_error":
         value = found["input"] if not isinstance(found["input"], dict) else None
         return Mistake(key, str(found["ctx"]["error"]), value)
@@ -97,10 +100,31 @@ def _unknown_key(key: Key, root: Schema) -> str:
     known = list(_schema_at(key[:-1], root).get("properties", {}))
     if near := difflib.get_close_matches(name, known, n=1):
         return f"unknown key; the nearest known one is {near[0]}"
-    homes = [home for home, part in root["properties"].items() if name in _follow(part, root).get("properties", {})]
-    if homes:
-        return f"unknown key here; it belongs into [{homes[0]}]"
+    if homes := [home for home, table in _tables(root, root) if name in table.get("properties", {})]:
+        return f"unknown key here; it belongs into {max(homes, key=lambda home: _in_common(home, key))}"
     return f"unknown key; known ones are {', '.join(known)}"
+
+
+def _tables(node: Schema, root: Schema, key: Key = ()) -> Iterator[tuple[str, Schema]]:
+    """Every table with its header, outer ones first."""
+    for name, part in node.get("properties", {}).items():
+        table, header = _follow(part, root), f"[{dotted((*key, name))}]"
+        if _is_array_of_tables(table, root):
+            table, header = _follow(table["items"], root), f"[{header}]"
+        if "properties" in table:
+            yield header, table
+            yield from _tables(table, root, (*key, name))
+
+
+def _in_common(header: str, key: Key) -> int:
+    """How many tables from the outermost on a header shares with a key."""
+    names = [part for part in key if isinstance(part, str)]
+    shared = zip(header.strip("[]").split("."), names, strict=False)
+    return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], shared))
+
+
+def _is_array_of_tables(schema: Schema, root: Schema) -> bool:
+    return "properties" in _follow(schema.get("items", {}), root)
 
 
 def _schema_at(key: Key, root: Schema) -> Schema:
@@ -144,6 +168,8 @@ def _shape(schema: Schema, root: Schema) -> str:
         case "string":
             pattern = schema.get("pattern")
             return f"text that matches {pattern}" if pattern else "text"
+        case "boolean":
+            return "true or false"
         case "array":
             return _list(schema, root)
         case "object":
@@ -154,9 +180,9 @@ def _shape(schema: Schema, root: Schema) -> str:
 def _list(schema: Schema, root: Schema) -> str:
     slots = [_shape(_follow(slot, root), root) for slot in schema.get("prefixItems", ())]
     if not slots:
-        low = schema.get("minItems", 0)
-        of = _shape(_follow(schema.get("items", {}), root), root)
-        return f"a list{f' of at least {low}' if low else ''}, each {of}"
+        sizes = ((" of at least ", schema.get("minItems")), (" of at most ", schema.get("maxItems")))
+        size = "".join(f"{words}{number}" for words, number in sizes if number)
+        return f"a list{size}, each {_shape(_follow(schema.get('items', {}), root), root)}"
     if len(set(slots)) == 1:
         return f"a list of {len(slots)}, each {slots[0]}"
     return f"a list of {len(slots)}: {'; '.join(slots)}"

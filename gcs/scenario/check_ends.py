@@ -1,0 +1,190 @@
+"""Where vehicles are before and after the flight: in the box, above the ground, outside disks, apart on their pads.
+
+Knows: rules about pads, hovers, both ends and what joins them, and the key to change. Does not know: the flight.
+How a formation stands at the end is known where it keeps its shape or takes it on again; otherwise the leader
+alone is looked at here, and the others where there is a plan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.quadrotor import Array
+from gcs.scenario.apart import SLACK, close_pairs
+from gcs.scenario.check_formation import tell_in_start_shape
+from gcs.scenario.mistakes import Mistake
+from gcs.scenario.model import Boundary, Scenario
+from gcs.scenario.physical import (
+    NED_FROM_UP,
+    hover_start_ned_m,
+    landing_points_ned_m,
+    leader_index,
+    offsets_ned_m,
+    pads_ned_m,
+    sysids,
+)
+from gcs.scenario.rules import Mistakes, Rules
+from gcs.scenario.terrain import ground_envelope_m
+
+_RUN_UP_SAMPLE_M = 1.0
+_NAMED = 8  # vehicles one sentence names
+
+RULES = Rules()
+
+
+@dataclass(frozen=True)
+class _End:
+    """Those vehicles at one end whose place there is known, by the table that names it."""
+
+    table: str
+    boundary: Boundary
+    sysids: tuple[int, ...]
+    places_up_m: Array  # (K, 3) north, east, height
+
+
+@RULES.needs("start", "formation")
+def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
+    formation, start = scenario.formation, scenario.start.position_m
+    if formation.count is not None:
+        return  # the shape has no place of its own: the leader stands at the start
+    place = next(v.position_m for v in formation.vehicle if v.sysid == formation.leader)
+    if place != start:
+        text = f"differs from {list(place)}, where the formation has its leader, vehicle {formation.leader}"
+        yield Mistake(("start", "position_m"), text, start)
+
+
+@RULES.needs("start", "end", "formation", "limits")
+def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
+    limits = scenario.limits
+    boxes = (("north_m", limits.north_m), ("east_m", limits.east_m), ("height_m", limits.height_m))
+    for end in _ends(scenario):
+        for axis, (key, (low, high)) in enumerate(boxes):
+            along = end.places_up_m[:, axis]
+            beyond = np.maximum(low - along, along - high)
+            worst = int(beyond.argmax())
+            if beyond[worst] > SLACK:
+                text = (
+                    f"puts {_vehicles(end, beyond > SLACK)} outside limits.{key}, {low:g} to {high:g}; "
+                    f"vehicle {end.sysids[worst]} would be at {along[worst]:g}"
+                )
+                yield Mistake((end.table, "position_m", axis), text, end.boundary.position_m[axis])
+
+
+@RULES.needs("start", "end", "formation", "limits", "terrain")
+def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
+    for end in _ends(scenario):
+        worst, clearance = _lowest(scenario, end.places_up_m)
+        if clearance < scenario.limits.clearance_min_m - SLACK:
+            missing = scenario.limits.clearance_min_m - clearance
+            text = (
+                f"leaves vehicle {end.sysids[worst]} {clearance:.2f} m above the highest the ground may be "
+                f"there; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m: {missing:.2f} m more"
+            )
+            yield Mistake((end.table, "position_m", 2), text, end.boundary.position_m[2])
+
+
+@RULES.needs("start", "formation", "limits", "terrain", "ground_phases")
+def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
+    length = scenario.ground_phases.run_up_m
+    begin = hover_start_ned_m(scenario) * NED_FROM_UP
+    start = _at_start(scenario)
+    shares = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1))[:-1]  # end: rule above
+    for share in shares:
+        worst, clearance = _lowest(scenario, begin + share * (start.places_up_m - begin))
+        if clearance < scenario.limits.clearance_min_m - SLACK:
+            text = (
+                f"takes vehicle {start.sysids[worst]} within {clearance:.2f} m of the ground {share * length:.0f} "
+                f"m into the run-up; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m"
+            )
+            yield Mistake(("ground_phases", "run_up_m"), text, length)
+            return
+
+
+@RULES.needs("start", "end", "formation", "no_fly")
+def _ends_are_outside_no_fly_disks(scenario: Scenario) -> Mistakes:
+    for index, disk in enumerate(scenario.no_fly):
+        for end in _ends(scenario):
+            distance = np.hypot(end.places_up_m[:, 0] - disk.north_m, end.places_up_m[:, 1] - disk.east_m)
+            worst = int(distance.argmin())
+            if distance[worst] < disk.radius_m - SLACK:
+                text = f"holds vehicle {end.sysids[worst]} at its {end.table}, {distance[worst]:.2f} m from the centre"
+                yield Mistake(("no_fly", index, "radius_m"), text, disk.radius_m)
+
+
+@RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
+def _pads_are_apart(scenario: Scenario) -> Mistakes:
+    least = scenario.limits.separation_min_m
+    told = {(pair.first, pair.second) for pair in close_pairs(offsets_ned_m(scenario), least)}
+    grounds = [("take off", pads_ned_m(scenario))]
+    if scenario.formation.ends_in_start_shape:
+        grounds.append(("land", landing_points_ned_m(scenario)))
+    for what, points in grounds:
+        pairs = [pair for pair in close_pairs(points, least) if (pair.first, pair.second) not in told]
+        told |= {(pair.first, pair.second) for pair in pairs}
+        yield from tell_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
+
+
+@RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle")
+def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
+    """Both are quintics from rest to rest: peak speed 15/8 d / T, peak acceleration 10 / sqrt(3) d / T²."""
+    phases, limits = scenario.ground_phases, scenario.limits
+    most_mps = limits.speed_ned_mps[2]
+    spare_mps2 = limits.thrust_N[1] / scenario.vehicle.mass_kg - scenario.vehicle.gravity_mps2
+    if spare_mps2 <= 0:
+        return  # another rule's mistake
+    spare = f"{spare_mps2:.2f} m/s² of spare thrust (limits.thrust_N)"
+    if limits.accel_max_mps2 is not None and limits.accel_max_mps2 < spare_mps2:
+        spare_mps2 = limits.accel_max_mps2
+        spare = f"{spare_mps2:g} m/s² (limits.accel_max_mps2)"
+    end_ned_m = np.array(scenario.end.position_m) * NED_FROM_UP + offsets_ned_m(scenario)
+    climb_m = pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2]
+    descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_at_end(scenario)]
+    ways = (
+        ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
+        ("landing_s", float(descent_m.max()), phases.landing_s),
+    )
+    for key, way, time in ways:
+        needed = max(15 / 8 * way / most_mps, float(np.sqrt(10 / np.sqrt(3) * max(way, 0.0) / spare_mps2)))
+        if time < needed:
+            text = (
+                f"too short for {way:.1f} m from rest to rest; {most_mps:g} m/s (limits.speed_ned_mps[2]) and "
+                f"{spare} take {needed:.1f} s"
+            )
+            yield Mistake(("ground_phases", key), text, time)
+
+
+def _ends(scenario: Scenario) -> tuple[_End, _End]:
+    rows = _rows_known_at_end(scenario)
+    ids = sysids(scenario)
+    places = np.array(scenario.end.position_m) + offsets_ned_m(scenario)[rows] * NED_FROM_UP
+    return _at_start(scenario), _End("end", scenario.end, tuple(ids[row] for row in rows), places)
+
+
+def _at_start(scenario: Scenario) -> _End:
+    places = np.array(scenario.start.position_m) + offsets_ned_m(scenario) * NED_FROM_UP
+    return _End("start", scenario.start, sysids(scenario), places)
+
+
+def _rows_known_at_end(scenario: Scenario) -> list[int]:
+    """Rows of the vehicles whose place at the end needs no plan to know."""
+    if scenario.formation.ends_in_start_shape:
+        return list(range(len(sysids(scenario))))
+    return [leader_index(scenario)]
+
+
+def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:
+    ids = [str(sysid) for sysid, is_chosen in zip(end.sysids, chosen, strict=True) if is_chosen]
+    if len(ids) > _NAMED:
+        ids = [*ids[:_NAMED], f"and {len(ids) - _NAMED} more"]
+    return f"vehicle {ids[0]}" if len(ids) == 1 else f"vehicles {', '.join(ids)}"
+
+
+def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
+    """Row of the vehicle nearest to the ground, and its clearance in m."""
+    ground = ground_envelope_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1])
+    clearance = places_up_m[:, 2] - ground
+    worst = int(clearance.argmin())
+    return worst, float(clearance[worst])
