@@ -148,7 +148,7 @@ def _check_gap(places: Array, separation_m: float, names: Sequence[int], when: s
         raise Infeasible(
             f"{when} the change vehicles {names[i]} and {names[j]} stand {gap_m:.2f} m apart; "
             f"separation_min_m is {separation_m:g} m",
-            hint="Give the shape a larger spacing.",
+            hint="give the shape a larger spacing",
         )
 
 
@@ -158,5 +158,5 @@ def _refusal(nearest: tuple[float, int, int], separation_m: float, names: Sequen
     return Infeasible(
         f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and there is no way above "
         f"the others for them; separation_min_m is {separation_m:g} m",
-        hint=f"Give the shapes a larger spacing, {free}or go by way of an intermediate shape.",
+        hint=f"give the shapes a larger spacing, {free}or go by way of an intermediate shape",
     )
