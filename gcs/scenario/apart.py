@@ -42,7 +42,8 @@ def close_pairs(places_m: Array, least_m: float) -> list[Pair]:
         (min(a, b), max(a, b)): d
         for a, b, d in zip(row[real].tolist(), other[real].tolist(), distance[real].tolist(), strict=True)
     }
-    return [Pair(*rows, d) for rows, d in sorted(found.items(), key=lambda item: (item[1], item[0]))]
+    # Of equal distances, rounding would put any pair first.
+    return [Pair(*rows, d) for rows, d in sorted(found.items(), key=lambda item: (round(item[1], 6), item[0]))]
 
 
 def nearest_pair(places_m: Array) -> Pair | None:
@@ -50,6 +51,6 @@ def nearest_pair(places_m: Array) -> Pair | None:
     if len(places_m) < 2:
         return None
     distance, other = KDTree(places_m).query(places_m, k=2)
-    row = int(distance[:, 1].argmin())
+    row = int(distance[:, 1].round(6).argmin())
     neighbour = next(int(b) for b in other[row] if b != row)  # of two in one place, either may come first
     return Pair(min(row, neighbour), max(row, neighbour), float(distance[row, 1]))

@@ -115,7 +115,7 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
 @RULES.needs("start", "end", "time", "limits")
 def _acceleration_is_enough_for_the_flight(scenario: Scenario) -> Mistakes:
     way = np.subtract(scenario.end.position_m, scenario.start.position_m)
-    needed = _least_acceleration_mps2(way, np.array(scenario.start.velocity_mps), scenario.time.flight_s)
+    needed = least_acceleration_mps2(way, np.array(scenario.start.velocity_mps), scenario.time.flight_s)
     yield from _too_lazy(scenario, needed, f"to cover {np.linalg.norm(way):.0f} m in time.flight_s")
 
 
@@ -125,11 +125,11 @@ def _acceleration_is_enough_for_the_run_up(scenario: Scenario) -> Mistakes:
     speed = float(np.linalg.norm(velocity))
     if speed > 0:
         way = velocity / speed * phases.run_up_m
-        needed = _least_acceleration_mps2(way, velocity, phases.run_up_s)
+        needed = least_acceleration_mps2(way, velocity, phases.run_up_s)
         yield from _too_lazy(scenario, needed, f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s")
 
 
-def _least_acceleration_mps2(way_m: Array, velocity_mps: Array, time_s: float) -> float:
+def least_acceleration_mps2(way_m: Array, velocity_mps: Array, time_s: float) -> float:
     """Acceleration without which no motion covers a way (3,) in a time, from a velocity (3,) to rest or the reverse.
 
     Along any direction, full acceleration first and full braking then gets farthest, and the other way round least

@@ -116,13 +116,18 @@ def _ends_are_outside_no_fly_disks(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
 def _pads_are_apart(scenario: Scenario) -> Mistakes:
-    least = scenario.limits.separation_min_m
-    told = {(pair.first, pair.second) for pair in close_pairs(offsets_ned_m(scenario), least)}
+    least, places = scenario.limits.separation_min_m, offsets_ned_m(scenario)
+    told: set[tuple[int, int]] = set()
     grounds = [("take off", pads_ned_m(scenario))]
     if scenario.formation.ends_in_start_shape:
         grounds.append(("land", landing_points_ned_m(scenario)))
     for what, points in grounds:
-        pairs = [pair for pair in close_pairs(points, least) if (pair.first, pair.second) not in told]
+        pairs = [
+            pair
+            for pair in close_pairs(points, least)
+            if (pair.first, pair.second) not in told
+            and np.linalg.norm(places[pair.first] - places[pair.second]) >= least - SLACK  # else too near in flight
+        ]
         told |= {(pair.first, pair.second) for pair in pairs}
         yield from tell_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
 

@@ -134,7 +134,7 @@ def tell_in_start_shape(scenario: Scenario, pairs: list[Pair], what: str) -> Mis
 def _tell_once(scenario: Scenario, pairs: list[Pair], what: str, place: Mistake) -> Mistakes:
     """The nearest pair, where one value places all vehicles."""
     if pairs:
-        others = f", as are {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
+        others = f", which {len(pairs) - 1} more pairs miss as well" if len(pairs) > 1 else ""
         yield replace(place, text=f"{_too_near(scenario, pairs[0], what)}{others}")
 
 

@@ -98,7 +98,8 @@ def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
 def _unknown_key(key: Key, root: Schema) -> str:
     name = str(key[-1])
     known = list(_schema_at(key[:-1], root).get("properties", {}))
-    if near := difflib.get_close_matches(name, known, n=1):
+    without_unit = [key for key in known if key.startswith(f"{name}_")]
+    if near := without_unit or difflib.get_close_matches(name, known, n=1):
         return f"unknown key; the nearest known one is {near[0]}"
     if homes := [home for home, table in _tables(root, root) if name in table.get("properties", {})]:
         return f"unknown key here; it belongs into {max(homes, key=lambda home: _in_common(home, key))}"

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gcs.cli.main import run
+from gcs.scenario.model import Scenario
 
 Schema = dict[str, Any]
 
@@ -39,7 +40,9 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
             yield f"{at}: none of anyOf"
         return
     types = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "null": type(None)}
-    if "type" in schema and (not isinstance(value, types[schema["type"]]) or isinstance(value, bool)):
+    types["boolean"] = bool
+    kind = schema.get("type")
+    if kind and (not isinstance(value, types[kind]) or isinstance(value, bool) != (kind == "boolean")):
         yield f"{at}: not {schema['type']}"
         return
     if "const" in schema and value != schema["const"]:
@@ -70,6 +73,43 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
 def test_the_bundled_mission_is_valid(schema: Schema, repo_root: Path) -> None:
     for file in (repo_root / "missions").glob("*/scenario.toml"):
         assert list(violations(tomllib.loads(file.read_text(encoding="utf-8")), schema, schema)) == []
+
+
+def test_formations_of_every_kind_are_valid(schema: Schema, repo_root: Path) -> None:
+    data = tomllib.loads((repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8"))
+    data["formation"] = {
+        "leader": 300,
+        "count": 1000,
+        "start_shape": "grid",
+        "frame": "course",
+        "topology": "leader",
+        "shape": [
+            {"name": "grid", "generator": "grid", "spacing_m": 2.0},
+            {"name": "table", "offsets_m": [[0.0, 2.0 * row, 0.0] for row in range(1000)]},
+        ],
+        "change": [
+            {"kind": "rotate", "at_s": 0, "angle_deg": -90.0, "axis": [0, 1, 0]},
+            {"kind": "shrink", "gate_m": [[1.0, 2.0], [3, 4]], "scale": 2},
+            {"kind": "reshape", "auto": True, "to": "table", "assignment": "fixed", "weight": 0.1},
+        ],
+    }
+    assert list(violations(data, schema, schema)) == []
+    # What programs hand on says every key, with null and empty lists for those left out.
+    scenario = Scenario.model_validate(data)
+    written = json.loads(scenario.model_dump_json())
+    assert list(violations(written, schema, schema)) == []
+    assert Scenario.model_validate(written) == scenario
+    data["formation"]["change"][0]["auto"] = 1
+    data["formation"]["change"][1] |= {"gate_m": [[1.0, 2.0]], "scale": 0.0}
+    data["formation"]["shape"][0]["generator"] = "square"
+    data["formation"]["count"] = 0
+    assert [text.partition(":")[0] for text in sorted(violations(data, schema, schema))] == [
+        ".formation.change[0].auto",
+        ".formation.change[1].gate_m",
+        ".formation.change[1].scale",
+        ".formation.count",
+        ".formation.shape[0].generator",
+    ]
 
 
 def test_the_schema_refuses_what_the_loader_refuses(schema: Schema, repo_root: Path) -> None:
