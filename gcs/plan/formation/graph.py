@@ -1,0 +1,94 @@
+"""Whose states each vehicle needs (§2.2's directed graph G), and the shape matrix of Eq. 3.
+
+Knows: neighbours in space, hops to the leader, differences of states. Does not know: links, controllers, time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import Delaunay
+
+from gcs.quadrotor import Array
+
+# A direction in which a formation is this much thinner than it is long is not one it extends in.
+_FLAT = 1e-6
+# Eq. 3: x, y, z, psi, theta, phi, of a state's twelve.
+_POSE = np.array([0, 1, 2, 8, 7, 6])
+
+Pairs = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class InformationGraph:
+    """Rows of the vehicles whose states each vehicle needs: no circles, and every way ends at the leader."""
+
+    sources: tuple[tuple[int, ...], ...]  # of each of V vehicles; the leader needs nobody
+
+    @property
+    def edges(self) -> Pairs:
+        """Every vehicle with each of its sources (E, 2)."""
+        pairs = [(row, source) for row, sources in enumerate(self.sources) for source in sources]
+        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+
+
+def information_graph(topology: Literal["voronoi", "leader"], offsets_ned_m: Array, leader: int) -> InformationGraph:
+    """The graph a scenario's `topology` asks for, at offsets (V, 3)."""
+    return voronoi(offsets_ned_m, leader) if topology == "voronoi" else leader_star(len(offsets_ned_m), leader)
+
+
+def leader_star(count: int, leader: int) -> InformationGraph:
+    """Everyone listens to the leader."""
+    return InformationGraph(tuple(() if row == leader else (leader,) for row in range(count)))
+
+
+def voronoi(offsets_ned_m: Array, leader: int) -> InformationGraph:
+    """Everyone listens to those whose Voronoi cells touch his own and that are nearer to the leader, in hops.
+
+    In space, in a plane or on a line, as the formation lies. Hops only fall on the way to the leader, so that
+    information never goes in a circle.
+    """
+    count = len(offsets_ned_m)
+    pairs = np.array(list(_neighbours(offsets_ned_m)), dtype=np.intp).reshape(-1, 2)
+    links = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    hops = dijkstra(links, directed=False, unweighted=True, indices=leader)
+    sources: list[set[int]] = [set() for _ in range(count)]
+    for i, j in pairs.tolist():
+        if hops[i] != hops[j]:
+            far, near = (i, j) if hops[i] > hops[j] else (j, i)
+            sources[far].add(near)
+    return InformationGraph(tuple(tuple(sorted(of)) for of in sources))
+
+
+def shape_matrix(states: Array) -> Array:
+    """Eq. 3 for all pairs: p_ij = p_j - p_i (V, V, 6) of states (V, 12), ordered x, y, z, yaw, pitch, roll as printed.
+
+    Skew-symmetric. The paper's (N-1) x (N-1) matrix is this one without the leader's row and column.
+    """
+    pose = states[:, _POSE]
+    return np.asarray(pose[None, :] - pose[:, None])
+
+
+def _neighbours(places: Array) -> Iterator[tuple[int, int]]:
+    """Pairs whose Voronoi cells touch: the edges of the Delaunay triangulation, in as many dimensions as there are."""
+    seen = places - places.mean(axis=0)
+    _, sizes, directions = np.linalg.svd(seen, full_matrices=False)
+    rank = int(np.sum(sizes > _FLAT * sizes[0])) if sizes[0] > 0.0 else 0
+    if rank < 2:
+        order = np.argsort(seen @ directions[0], kind="stable").tolist()
+        yield from pairwise(order)
+        return
+    triangulation = Delaunay(seen @ directions[:rank].T)
+    start, of = triangulation.vertex_neighbor_vertices
+    for row in range(len(places)):
+        yield from ((row, int(other)) for other in of[start[row] : start[row + 1]])
+    # Who stands where another does, or too nearly on a face, is no corner of any simplex.
+    for row, _, nearest in triangulation.coplanar.tolist():
+        yield row, nearest

@@ -1,0 +1,109 @@
+"""Information flows from the leader to everyone and never in a circle, however the formation lies."""
+
+from __future__ import annotations
+
+from graphlib import TopologicalSorter
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, shape_matrix, voronoi
+from gcs.quadrotor import Array
+from gcs.scenario.model import Generator
+from gcs.scenario.shapes import places_up_m
+
+TILT = Rotation.from_euler("xyz", [0.3, -0.7, 1.1])
+GENERATORS: tuple[Generator, ...] = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")
+RANDOM = np.random.default_rng(12)
+
+
+def check(graph: InformationGraph, count: int, leader: int) -> None:
+    """Everyone but the leader needs somebody, and following sources ends at the leader."""
+    assert len(graph.sources) == count
+    assert [row for row in range(count) if not graph.sources[row]] == [leader]
+    order = list(TopologicalSorter(dict(enumerate(graph.sources))).static_order())  # raises on a circle
+    assert order[0] == leader
+
+
+@pytest.mark.parametrize("generator", GENERATORS)
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 12, 200])
+def test_every_shape_has_a_graph_rooted_at_its_leader(generator: Generator, count: int) -> None:
+    places = places_up_m(generator, count, 3.0)
+    for leader in {0, count // 2, count - 1}:
+        check(voronoi(places, leader), count, leader)
+        check(voronoi(TILT.apply(places) + 50.0, leader), count, leader)
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        np.zeros((4, 3)),
+        np.repeat(RANDOM.normal(size=(5, 3)), 2, axis=0),
+        np.column_stack([RANDOM.normal(size=(30, 2)), np.zeros(30)]),
+        np.column_stack([RANDOM.normal(size=(30, 2)), 1e-9 * RANDOM.normal(size=30)]),
+        RANDOM.normal(size=(60, 3)) * [100.0, 1.0, 0.01],
+        RANDOM.integers(0, 3, size=(40, 3)).astype(float),
+    ],
+    ids=["all in one place", "pairs in one place", "in a plane", "nearly in a plane", "flat", "on a lattice"],
+)
+def test_awkward_places(places: Array) -> None:
+    check(voronoi(places, 3), len(places), 3)
+
+
+def test_on_a_line_everyone_listens_to_the_next_towards_the_leader() -> None:
+    graph = voronoi(TILT.apply(places_up_m("column", 6, 2.0)), 2)
+    assert graph.sources == ((1,), (2,), (), (2,), (3,), (4,))
+    assert graph.edges.tolist() == [[0, 1], [1, 2], [3, 2], [4, 3], [5, 4]]
+
+
+def test_in_a_triangle_of_six_the_middle_of_the_last_row_listens_to_both_before_it() -> None:
+    graph = voronoi(places_up_m("triangle", 6, 5.0), 0)
+    assert graph.sources == ((), (0,), (0,), (1,), (1, 2), (2,))
+
+
+def cells_touch(places: Array, i: int, j: int) -> bool:
+    """Whether some point on the line midway between two is nearer to them than to anybody else; closed form."""
+    middle, between = (places[i] + places[j]) / 2.0, places[j] - places[i]
+    border = np.array([-between[1], between[0]])
+    others = np.delete(places, [i, j], axis=0)
+    # |middle + t border - p_k|^2 >= |middle + t border - p_i|^2 is linear in t.
+    slope = 2.0 * (others - places[i]) @ border
+    room = (others**2).sum(axis=1) - (places[i] ** 2).sum() - 2.0 * (others - places[i]) @ middle
+    above = np.max(room[slope < 0.0] / slope[slope < 0.0], initial=-np.inf)
+    below = np.min(room[slope > 0.0] / slope[slope > 0.0], initial=np.inf)
+    return bool(above < below)
+
+
+def test_neighbours_are_those_whose_cells_touch() -> None:
+    places = RANDOM.uniform(0, 10, size=(25, 2))
+    graph = voronoi(np.column_stack([places, np.zeros(25)]), 0)
+    touching = [(i, j) for i, j in combinations(range(25), 2) if cells_touch(places, i, j)]
+    hops = {0: 0}
+    while len(hops) < 25:
+        hops |= {b: hops[a] + 1 for pair in touching for a, b in (pair, pair[::-1]) if a in hops and b not in hops}
+    wanted = {pair for pair in touching if hops[pair[0]] != hops[pair[1]]}
+    assert {(min(a, b), max(a, b)) for a, b in graph.edges.tolist()} == wanted
+    assert all(hops[near] == hops[far] - 1 for far, near in graph.edges.tolist())
+
+
+def test_the_leaders_graph_is_a_star() -> None:
+    graph = information_graph("leader", np.zeros((4, 3)), 1)
+    assert graph.sources == ((1,), (), (1,), (1,))
+    assert graph == leader_star(4, 1)
+    assert len(leader_star(1, 0).edges) == 0
+    places = places_up_m("grid", 9, 2.0)
+    assert information_graph("voronoi", places, 4) == voronoi(places, 4)
+
+
+def test_the_shape_matrix_is_eq_3() -> None:
+    states = RANDOM.normal(size=(5, 12))
+    matrix = shape_matrix(states)
+    assert matrix.shape == (5, 5, 6)
+    np.testing.assert_array_equal(matrix, -matrix.transpose(1, 0, 2))
+    x, roll, pitch, yaw = (states[:, k] for k in (0, 6, 7, 8))
+    np.testing.assert_array_equal(
+        matrix[1, 3, [0, 3, 4, 5]], [x[3] - x[1], yaw[3] - yaw[1], pitch[3] - pitch[1], roll[3] - roll[1]]
+    )
+    np.testing.assert_allclose(matrix[0, 1] + matrix[1, 4], matrix[0, 4], atol=1e-15)
