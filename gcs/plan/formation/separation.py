@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gcs.quadrotor import Array
+from gcs.scenario.apart import nearest_pair
 
 _CHUNK = 128  # rows of the table of pairs at a time: a thousand vehicles in a few megabytes
 _NOBODY = (np.inf, 0, 0)
@@ -43,13 +43,8 @@ def pairs_nearer_than(start_ned_m: Array, end_ned_m: Array, distance_m: float) -
 
 def least_gap(offsets_ned_m: Array) -> tuple[float, int, int]:
     """Least distance, in m, between any two vehicles of a rigid shape (V, 3), and their rows i < j."""
-    if len(offsets_ned_m) < 2:
-        return _NOBODY
-    distance, neighbour = KDTree(offsets_ned_m).query(offsets_ned_m, k=2)
-    i = int(distance[:, 1].argmin())
-    # Of two in the same place either may come first.
-    j = int(next(n for n in neighbour[i] if n != i))
-    return float(distance[i, 1]), min(i, j), max(i, j)
+    pair = nearest_pair(offsets_ned_m)
+    return _NOBODY if pair is None else (pair.distance_m, pair.first, pair.second)
 
 
 def near_point(start_ned_m: Array, end_ned_m: Array, point_ned_m: Array) -> Array:
