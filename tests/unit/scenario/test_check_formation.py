@@ -99,6 +99,23 @@ def test_scheduled_shrinking_keeps_vehicles_apart(data: Data) -> None:
     )
 
 
+def test_one_shape_too_tight_is_told_once(data: Data) -> None:
+    """Not again by every change that begins in it, nor by those that wait to see it."""
+    to_grid = {"kind": "reshape", "to": "grid", "at_s": 60.0}
+    changes = [to_grid, shrink(0.9, at_s=70.0), shrink(0.9, auto=True)]
+    (sentence,) = sentences(with_changes(data, *changes, shape=[{**GRID, "spacing_m": 0.3}]))
+    assert sentence.startswith("formation.shape[0].spacing_m = 0.3")
+    (sentence,) = sentences(with_changes(data, shrink(0.7), shrink(0.9)))
+    assert sentence.startswith("formation.change[0].scale = 0.7")
+
+
+def test_what_changes_by_itself_does_not_stay(data: Data) -> None:
+    """Shrinking on schedule begins in the scheduled shape, however tight the one is that may come between."""
+    to_grid = {"kind": "reshape", "to": "grid", "auto": True}
+    tight = {**GRID, "spacing_m": 0.4}
+    assert sentences(with_changes(data, to_grid, shrink(0.8), shape=[tight])) == []
+
+
 def test_the_least_scale_told_is_allowed(data: Data) -> None:
     (sentence,) = sentences(with_changes(data, shrink(0.7), shape=[{**GRID, "spacing_m": 0.7}]))
     assert sentence.endswith("the least scale here is 0.8")
@@ -199,6 +216,17 @@ def test_vehicles_above_each_other_have_no_pads(data: Data) -> None:
     changing = counted(data, 3, row, change=[to_stack])
     changing["formation"]["shape"].append(stack)
     assert sentences(changing) == []
+
+
+def test_landing_points_are_apart_where_they_are_known(data: Data) -> None:
+    """Two pads on a slope too steep to be near each other; where both would land, the ground is flat."""
+    stack = {"name": "stack", "offsets_m": [[0.0, 0.0, 0.0], [0.0, 0.1, 3.0]]}
+    hill = {"north_m": [-15.7], "east_m": [-17.3], "height_m": [6.0], "spread_north_m": [1.0], "spread_east_m": [1.0]}
+    for change, known in (([], True), ([TURN], False)):
+        steep = changed(counted(data, 2, stack, change=change), "terrain", "mountains", hill)
+        found = [text for text in sentences(steep) if "above each other" in text]
+        assert len(found) == known
+        assert all("would land 0.10 m apart" in text for text in found)
 
 
 def test_a_long_list_of_vehicles_outside_is_cut(data: Data) -> None:

@@ -122,6 +122,10 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
             "11: formation.change[0].at: unknown key; the nearest known one is at_s",
         ),
         (
+            ['kind = "shrink"', "at_s = 5.0", "scale = 0.5", 'name = "squeeze"'],
+            "13: formation.change[0].name: unknown key here; it belongs into [[formation.shape]]",
+        ),
+        (
             ['kind = "reshape"', 'to = "gird"', "at_s = 5.0"],
             '11: formation.change[0].to = "gird": is the name of no shape; the nearest one is "grid"',
         ),
@@ -286,6 +290,14 @@ auto = true
         "gate_m, or leave it out",
         '33: formation.change[5].auto = true: change[3] with kind = "shrink" is automatic already; keep one',
     ]
+
+
+def test_times_are_compared_with_the_latest_before(told: Told) -> None:
+    def at(time: float) -> str:
+        return f'[[formation.change]]\nkind = "rotate"\nangle_deg = 5.0\nat_s = {time}'
+
+    (sentence,) = told("\n".join([FLEET, GRID, at(10.0), at(30.0), at(30.0), at(20.0)]))
+    assert sentence.startswith("24: formation.change[3].at_s = 20.0: is before change[2], which begins at 30 s")
 
 
 def test_the_words_of_every_key_at_fault_are_in_pythons_error_too() -> None:
