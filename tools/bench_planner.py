@@ -97,7 +97,7 @@ def _entries(peers: tuple[environments.Peer, ...], meshes: list[str]) -> tuple[l
 
 def _reference(problem: Problem) -> float:
     """The objective on a mesh so fine that it no longer changes."""
-    program = transcribe(problem, describe.converged(problem))
+    program = transcribe(problem, describe.converged(problem), describe.straight(problem))
     return cost(problem, program.trajectory(solve(program, program.scaled(describe.straight(problem))).y))
 
 

@@ -13,8 +13,9 @@ from gcs.errors import PlanningError
 from gcs.plan.feasibility import check_time, why_not
 from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem
-from gcs.plan.refine import Optimum, optimise
+from gcs.plan.refine import Optimum
 from gcs.plan.route import Route, find_routes, survey
+from gcs.plan.schedule import optimise_on_schedule
 from gcs.plan.trajectory import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
@@ -39,7 +40,7 @@ def best_way(
             tried.append(Alternative(route.length_m, None, f"cannot win: costs at least {bound:.3f}"))
             continue
         try:
-            found = optimise(problem, along(problem, route), on_round)
+            found = optimise_on_schedule(problem, along(problem, route), on_round)
         except PlanningError as failure:
             failures.append(failure)
             tried.append(Alternative(route.length_m, None, failure.message))
@@ -50,7 +51,7 @@ def best_way(
     if best is None:
         # The map is coarse; the optimiser may find room that its cells do not show.
         try:
-            best = optimise(problem, along(problem, straight_way(problem)), on_round)
+            best = optimise_on_schedule(problem, along(problem, straight_way(problem)), on_round)
         except PlanningError as failure:
             raise why_not(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)

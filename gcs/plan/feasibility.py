@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
+from gcs.plan.formation.shape import rigid
 from gcs.plan.guess import along
 from gcs.plan.problem import Problem
-from gcs.plan.refine import optimise
 from gcs.plan.route import Route
+from gcs.plan.schedule import optimise_on_schedule
 from gcs.quadrotor import POSITION, VELOCITY
 
 _AXES = ("north", "east", "height")
@@ -53,7 +54,7 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
     for factor in _LONGER:
         longer = with_duration(problem, float(np.ceil(least_s * factor)))
         try:
-            optimise(longer, along(longer, route))
+            optimise_on_schedule(longer, along(longer, route))
         except PlanningError:
             continue
         return longer.duration_s
@@ -63,8 +64,12 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
 def with_duration(problem: Problem, duration_s: float) -> Problem:
     """The same problem with another time of flight; its objective's reference speed follows."""
     speed = problem.objective.speed_ref_mps * problem.duration_s / duration_s
+    end_s = problem.start_s + duration_s
     return replace(
-        problem, end_s=problem.start_s + duration_s, objective=replace(problem.objective, speed_ref_mps=speed)
+        problem,
+        end_s=end_s,
+        shape=rigid(problem.shape.at(problem.start_s), problem.start_s, end_s),
+        objective=replace(problem.objective, speed_ref_mps=speed),
     )
 
 

@@ -9,45 +9,54 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from gcs.plan.formation.coordinates import bent
+from gcs.plan.layout import NU, NX
 from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
+from gcs.plan.watched import SLOT, Watched
 from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
 
 # Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
 REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
+# So slow a vehicle may fly in any direction before the formation must face it.
+COURSE_FLOOR_MPS = 0.3
+_COURSE_WEIGHT = 1.0  # of flying all the way across the formation's front
+_CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two ways that cost the same
 
 
 @dataclass(frozen=True)
 class Instant:
-    """CasADi functions of z (16) and, for the cost, of two quadrature shares (plain, and weighted by Q)."""
+    """CasADi functions of z (nz), for the cost of two quadrature shares (plain, and weighted by Q), and for the path of
+    what is watched there (`gcs.plan.watched`)."""
 
-    motion: ca.Function  # z -> (12)
-    motion_jacobian: ca.Function  # z -> (12, 16)
+    motion: ca.Function  # z -> (nx)
+    motion_jacobian: ca.Function  # z -> (nx, nz)
     cost: ca.Function  # z, shares (2) -> ()
-    cost_gradient: ca.Function  # z, shares -> (16)
-    motion_hessian: ca.Function  # z, shares, sigma, costate (12) -> (16, 16): of sigma * cost + costate . motion
-    path: ca.Function  # z -> (P), each >= 0
-    path_jacobian: ca.Function  # z -> (P, 16)
-    path_hessian: ca.Function  # z, multipliers (P) -> (16, 16)
-    path_names: tuple[str, ...]
+    cost_gradient: ca.Function  # z, shares -> (nz)
+    motion_hessian: ca.Function  # z, shares, sigma, costate (nx) -> (nz, nz): of sigma * cost + costate . motion
+    path: ca.Function  # z, parameters -> (P), each >= 0
+    path_jacobian: ca.Function  # z, parameters -> (P, nz)
+    path_hessian: ca.Function  # z, parameters, multipliers (P) -> (nz, nz)
 
 
-def functions(problem: Problem) -> Instant:
-    """Build the functions of one problem."""
-    z = ca.SX.sym("z", 16)
-    x, u = ca.vertsplit(z[:12]), ca.vertsplit(z[12:])
-    motion = ca.vertcat(*equations_of_motion(x, u, problem.quadrotor, xp=ca))
+def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving: int = 1) -> Instant:
+    """Build the functions of one problem, for so many watched vehicles of each kind; the leader alone by default."""
+    chains = len(problem.coordinates)
+    nx = NX + 4 * chains
+    z = ca.SX.sym("z", nx + NU + chains)
+    x, u = ca.vertsplit(z[:nx]), ca.vertsplit(z[nx:])
+    flight = equations_of_motion(x[:NX], u[:NU], problem.quadrotor, xp=ca)
+    chain = [part for c in range(chains) for part in (*x[NX + 4 * c + 1 : NX + 4 * c + 4], u[NU + c])]
+    motion = ca.vertcat(*flight, *chain)
     shares = ca.SX.sym("shares", 2)
     cost = _cost_rate(problem, x, shares)
-    names, path_parts = _path(problem, x, motion)
-    path = ca.vertcat(*path_parts)
-    sigma, costate, multipliers = (
-        ca.SX.sym("sigma"),
-        ca.SX.sym("costate", 12),
-        ca.SX.sym("multipliers", len(names)),
-    )
+    slots = ca.SX.sym("slots", SLOT * (near_ground + near_disk * len(problem.scenario.no_fly) + moving))
+    path = ca.vertcat(*_path(problem, z, motion, ca.vertsplit(slots, SLOT), near_ground, near_disk))
+    sigma, costate, multipliers = ca.SX.sym("sigma"), ca.SX.sym("costate", nx), ca.SX.sym("multipliers", path.size1())
 
     def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [output])
@@ -62,15 +71,36 @@ def functions(problem: Problem) -> Instant:
             [z, shares, sigma, costate],
             ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
         ),
-        path=function("path", [z], path),
-        path_jacobian=function("path_jacobian", [z], ca.jacobian(path, z)),
-        path_hessian=function("path_hessian", [z, multipliers], ca.hessian(ca.dot(multipliers, path), z)[0]),
-        path_names=names,
+        path=function("path", [z, slots], path),
+        path_jacobian=function("path_jacobian", [z, slots], ca.jacobian(path, z)),
+        path_hessian=function("path_hessian", [z, slots, multipliers], ca.hessian(ca.dot(multipliers, path), z)[0]),
     )
 
 
+def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
+    """What each row of the path is, at each instant: (T, P)."""
+    ids = problem.scenario.formation.sysids
+    rows = []
+    for t in range(len(chosen.ground)):
+        names = [f"clearance of vehicle {ids[v]}" for v in chosen.ground[t]]
+        for number, disk in enumerate(chosen.disks, start=1):
+            names += [f"no-fly disk {number} for vehicle {ids[v]}" for v in disk[t]]
+        names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
+        if problem.follows_course:
+            names += ["heading of the formation along its course", "flight towards the formation's front"]
+        rows.append(names)
+    return rows
+
+
+def path_is_free(problem: Problem, chosen: Watched) -> NDArray[np.bool_]:
+    """Rows (T, P) of the path that bind nothing, because another row says the same."""
+    before = chosen.ground.shape[1] + sum(disk.shape[1] for disk in chosen.disks)
+    spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)
+    return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
+
+
 def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
-    """Eqs. 30-35: energy of a rigid formation, heading with sideslip, height; each in units of its reference."""
+    """Eqs. 30-35: energy, heading with sideslip, height; each in units of its reference; and what the shape costs."""
     wanted = problem.objective
     vx, vy, vz, yaw = x[3], x[4], x[5], x[8]
     # Smoothed at rest, where |v|^3 has no second derivative.
@@ -83,28 +113,96 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
     slip = 2.0 * ground_speed * (ground_speed - forward) / (wanted.speed_ref_mps * wanted.heading_scale_rad) ** 2
     heading = ((yaw - wanted.heading_ref_rad) / wanted.heading_scale_rad) ** 2 + slip
     height = ((-x[2] - wanted.height_ref_m) / wanted.height_scale_m) ** 2
-    return shares[0] * wanted.energy_weight * energy + shares[1] * (
+    shape: ca.SX = ca.SX(0)
+    for c, coordinate in enumerate(problem.coordinates):
+        value, _, acceleration, _ = x[NX + 4 * c : NX + 4 * c + 4]
+        shape += coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
+        shape += _CALM * (acceleration / coordinate.most[1]) ** 2
+    if problem.follows_course:
+        lateral, _ = _along_and_across(problem, x)
+        shape += _COURSE_WEIGHT * (lateral / wanted.speed_ref_mps) ** 2
+    return shares[0] * (wanted.energy_weight * energy + shape) + shares[1] * (
         wanted.heading_weight * heading + wanted.height_weight * height
     )
 
 
-def _path(problem: Problem, x: list[ca.SX], motion: ca.SX) -> tuple[tuple[str, ...], list[ca.SX]]:
-    """Eqs. 17-25 for the leader and, moved by its offset, for every follower; each value >= 0 when held."""
+def _path(
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], near_ground: int, near_disk: int
+) -> list[ca.SX]:
+    """Eqs. 17-25 for the watched vehicles, written in the leader's variables; each value >= 0 when held."""
     scenario = problem.scenario
-    names: list[str] = []
+    x = ca.vertsplit(z)
+    waiting = iter(slots)
     values: list[ca.SX] = []
-    for vehicle, (north, east, down) in zip(scenario.formation.vehicle, problem.offsets_ned_m, strict=True):
+    for _ in range(near_ground):
+        north, east, down = _place(problem, x, next(waiting))
         ground = ground_envelope_m(scenario.terrain, x[0] + north, x[1] + east, ca)
-        names.append(f"clearance of vehicle {vehicle.sysid}")
         values.append(-(x[2] + down) - ground - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
-        for number, disk in enumerate(scenario.no_fly, start=1):
+    for disk in scenario.no_fly:
+        for _ in range(near_disk):
+            north, east, _ = _place(problem, x, next(waiting))
             squared = (x[0] + north - disk.north_m) ** 2 + (x[1] + east - disk.east_m) ** 2
-            names.append(f"no-fly disk {number} for vehicle {vehicle.sysid}")
             values.append((squared - disk.radius_m**2) / (2.0 * disk.radius_m))
-    # Offsets are constant in the inertial frame, so all vehicles share one velocity and one turning constraint.
+    for slot in waiting:
+        values += _own_motion(problem, z, motion, slot)
+    if problem.follows_course:
+        lateral, ahead = _along_and_across(problem, x)
+        sine = float(np.sin(np.radians(scenario.formation.course_tolerance_deg)))
+        floor = COURSE_FLOOR_MPS
+        values.append((sine**2 * (x[3] ** 2 + x[4] ** 2) + floor**2 - lateral**2) / problem.objective.speed_ref_mps**2)
+        values.append((ahead + floor) / problem.objective.speed_ref_mps)
+    return values
+
+
+def _place(problem: Problem, x: list[ca.SX], slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    values = {c.name: x[NX + 4 * i] for i, c in enumerate(problem.coordinates)}
+    return bent(values, ca.vertsplit(slot[0:3]), ca.vertsplit(slot[9:12]), ca)
+
+
+def _moving_names(problem: Problem) -> tuple[str, ...]:
+    names: tuple[str, ...] = ("turning radius",)
+    if problem.scenario.limits.accel_max_mps2 is not None:
+        names += ("acceleration",)
+    if problem.coordinates:
+        names += (*("north", "east")[: 2 * problem.has_box], "north speed", "east speed", "vertical speed")
+    return names
+
+
+def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[ca.SX]:
+    """Turning (Eq. 25), acceleration, and, where the shape is not known before, the box and the speeds of Eq. 51."""
+    scenario = problem.scenario
+    place, speed, acceleration = _motion_of(problem, z, slot)
+    v = z[3:6] + speed
+    a = motion[3:6] + acceleration
     bound = scenario.limits.load_factor_max * problem.quadrotor.gravity_mps2
-    vx, vy = x[3], x[4]
-    turn = vx * motion[4] - vy * motion[3]
-    names.append("turning radius")
-    values.append(1.0 - (turn / bound) ** 2 / (vx**2 + vy**2 + REST_SMOOTHING_MPS**2))
-    return tuple(names), values
+    turn = v[0] * a[1] - v[1] * a[0]
+    values = [1.0 - (turn / bound) ** 2 / (v[0] ** 2 + v[1] ** 2 + REST_SMOOTHING_MPS**2)]
+    if (most := scenario.limits.accel_max_mps2) is not None:
+        values.append(1.0 - ca.dot(a, a) / most**2)
+    if problem.coordinates:
+        if problem.has_box:
+            for axis, (low, high) in enumerate((scenario.limits.north_m, scenario.limits.east_m)):
+                values.append(1.0 - ((z[axis] + place[axis] - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
+        values += [1.0 - (v[axis] / most) ** 2 for axis, most in enumerate(scenario.limits.speed_ned_mps)]
+    return values
+
+
+def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """A watched vehicle's offset, and its first two derivatives by the chain rule."""
+    base, rate, acceleration = slot[0:3], slot[3:6], slot[6:9]
+    if not problem.coordinates:
+        return base, rate, acceleration
+    chains = range(NX, NX + 4 * len(problem.coordinates), 4)
+    q0, q1, q2 = (ca.vertcat(*(z[i + k] for i in chains)) for k in range(3))
+    place = ca.vertcat(*_place(problem, ca.vertsplit(z), slot))
+    speed = ca.jtimes(place, q0, q1) + ca.jtimes(place, base, rate)
+    second = ca.jtimes(speed, q0, q1) + ca.jtimes(speed, q1, q2)
+    second += ca.jtimes(speed, base, rate) + ca.jtimes(speed, rate, acceleration)
+    return place, speed, second
+
+
+def _along_and_across(problem: Problem, x: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
+    """The leader's speed across and along the direction in which the formation faces."""
+    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
+    c, s = ca.cos(heading), ca.sin(heading)
+    return c * x[4] - s * x[3], c * x[3] + s * x[4]

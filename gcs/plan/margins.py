@@ -37,7 +37,7 @@ class Margin:
 
 
 def clearance(scenario: Scenario, states: Array) -> Margin:
-    """Height above the exact ground (Eqs. 20, 23, 52, 53) less h_min; states (V, N, 12)."""
+    """Height above the exact ground (Eqs. 20, 23, 52, 53) less h_min; states or places (V, N, 3 or more)."""
     height = -states[..., 2] - ground_height_m(scenario.terrain, states[..., 0], states[..., 1])
     least = scenario.limits.clearance_min_m
     return Margin("clearance above ground", "m", height - least, least)
@@ -52,11 +52,16 @@ def box(scenario: Scenario, states: Array) -> list[Margin]:
     ]
 
 
-def state_limits(scenario: Scenario, states: Array, *, to_the_ground: bool = False) -> list[Margin]:
-    """Height, speeds, attitude and rates of Eq. 51; on the way `to_the_ground` or from it no height is too low."""
+def height(scenario: Scenario, states: Array, *, to_the_ground: bool = False) -> Margin:
+    """Height of Eq. 51 (V, N, 3 or more); on the way `to_the_ground` or from it no height is too low."""
+    low_m, high_m = scenario.limits.height_m
+    return _between("height", "m", -states[..., 2], -np.inf if to_the_ground else low_m, high_m)
+
+
+def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
+    """Speeds, attitude and rates of Eq. 51."""
     limits = scenario.limits
-    low_m, high_m = limits.height_m
-    margins = [_between("height", "m", -states[..., 2], -np.inf if to_the_ground else low_m, high_m)]
+    margins: list[Margin] = []
     for names, unit, values, bounds in (
         (("north speed", "east speed", "vertical speed"), "m/s", states[..., VELOCITY], limits.speed_ned_mps),
         (("roll", "pitch", "yaw"), "deg", np.degrees(states[..., ATTITUDE]), limits.roll_pitch_yaw_deg),
@@ -98,6 +103,15 @@ def turning(scenario: Scenario, states: Array, controls: Array) -> Margin:
     normal = np.abs(vx * acceleration[..., 1] - vy * acceleration[..., 0]) / np.maximum(speed, REST_SPEED_MPS)
     bound = scenario.limits.load_factor_max
     return Margin("turning load factor", "g", bound - normal / vehicle.gravity_mps2, bound)
+
+
+def acceleration(scenario: Scenario, states: Array, controls: Array) -> list[Margin]:
+    """Every vehicle's acceleration against a_max, where the scenario has one."""
+    most = scenario.limits.accel_max_mps2
+    if most is None:
+        return []
+    moved = derivative(states, controls, quadrotor(scenario))[..., VELOCITY]
+    return [Margin("acceleration", "m/s2", most - np.linalg.norm(moved, axis=-1), most)]
 
 
 def no_fly(scenario: Scenario, states: Array) -> list[Margin]:

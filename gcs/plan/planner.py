@@ -13,18 +13,20 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.plan.alternatives import best_way
+from gcs.plan.formation.shape import Shape, rigid
+from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.ground_phases import smooth_step, vertical
 from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.refine import optimise
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
+from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import (
     NED_FROM_UP,
     hover_start_ned_m,
     landing_points_ned_m,
     leader_index,
-    offsets_ned_m,
     pads_ned_m,
     quadrotor,
 )
@@ -39,7 +41,7 @@ def make_plan(
     """
     began = time.perf_counter()
     best, alternatives = best_way(flight_problem(scenario), on_round, every_way=every_way)
-    trajectory = best.trajectory
+    trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
     run_up = _run_up(scenario, on_round)
     run_up_done = time.perf_counter()
@@ -51,7 +53,7 @@ def make_plan(
         np.radians(scenario.end.roll_pitch_yaw_deg[2]),
     )
     hover, end = hover_start_ned_m(scenario)[leader], np.array(scenario.end.position_m) * NED_FROM_UP
-    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]
+    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]  # his place never moves
     span = {p.name: (p.start_s, p.end_s) for p in phases}
     parts = [vertical(*span["takeoff"], pad, hover[2], yaw_start, vehicle)]
     if "hover" in span:
@@ -65,11 +67,12 @@ def make_plan(
     return Plan(
         scenario,
         joined(parts),
-        _shape(scenario, phases),
+        _whole_shape(scenario, best.shape, phases),
         phases,
         best.objective,
         best.history,
         alternatives,
+        best.moves,
         {"flight": flight_done - began, "run-up": run_up_done - flight_done},
     )
 
@@ -107,20 +110,31 @@ def _holding_height(problem: Problem) -> Problem:
     return replace(problem, objective=objective)
 
 
-def _shape(scenario: Scenario, phases: tuple[Phase, ...]) -> PPoly:
-    """Offsets over time: rigid in the air, and on each vehicle's own ground at the first and last instant."""
-    offsets = offsets_ned_m(scenario)
-    leader = leader_index(scenario)
+def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -> Shape:
+    """Offsets from the ground to the ground: as the flight has them, rigid before and after, each on its own ground."""
+    begin, end = flight.at(flight.start_s), flight.at(np.nextafter(flight.end_s, -np.inf))
     takeoff, landing = phases[0], phases[-1]
-    joints = np.array([takeoff.start_s, takeoff.end_s, landing.start_s, landing.end_s])
-    coefficients = np.zeros((6, 3, len(offsets), 3))
-    coefficients[-1] = offsets
-    for piece, (phase, ground) in {
-        0: (takeoff, pads_ned_m(scenario)),
-        2: (landing, landing_points_ned_m(scenario)),
-    }.items():
-        on_ground = ground[:, 2] - ground[leader, 2]
-        for i, (low, high) in enumerate(zip(on_ground, offsets[:, 2], strict=True)):
-            ends = (low, high) if piece == 0 else (high, low)
-            coefficients[:, piece, i, 2] = smooth_step(phase.start_s, phase.end_s, *ends).c[:, 0]
-    return PPoly(coefficients, joints)
+    leader = leader_index(scenario)
+    parts = [_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, leader)]
+    if takeoff.end_s < flight.start_s:
+        parts.append(rigid(begin, takeoff.end_s, flight.start_s))
+    parts.append(flight)
+    if flight.end_s < landing.start_s:
+        parts.append(rigid(end, flight.end_s, landing.start_s))
+    ground = landing_points_ned_m(scenario, end)
+    parts.append(_from_ground(landing.end_s, landing.start_s, ground, end, leader))
+    return joined_shapes(parts)
+
+
+def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, leader: int) -> Shape:
+    """A fleet that leaves, or reaches, uneven ground: everybody's height over the leader's changes on the way."""
+    lift = np.zeros_like(offsets)
+    lift[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
+    if not lift.any():
+        return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
+    values = (1.0, 0.0) if ground_s < air_s else (0.0, 1.0)
+    step = smooth_step(min(ground_s, air_s), max(ground_s, air_s), *values)
+    functions = np.zeros((6, 1, 2))
+    functions[-1, 0, 0] = 1.0
+    functions[:, 0, 1] = step.c[:, 0]
+    return Shape(PPoly(functions, step.x), np.stack([offsets, lift]))

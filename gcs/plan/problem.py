@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
+from gcs.plan.formation.shape import Shape, rigid
+from gcs.plan.formation.timelaw import Budget, budget
 from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor
 from gcs.scenario.model import Scenario, TerminalWeight
-from gcs.scenario.physical import boundary_state, offsets_ned_m, quadrotor
+from gcs.scenario.physical import boundary_state, leader_index, offsets_ned_m, quadrotor
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),
@@ -39,7 +43,10 @@ class Objective:
 
 @dataclass(frozen=True)
 class Problem:
-    """Fly the leader from one state to another in a given time; the followers ride along at fixed offsets."""
+    """Fly the leader from one state to another in a given time; the followers ride along in a shape that may change.
+
+    State and control bounds are those of any one vehicle; `gcs.plan.bounds` folds the followers' into the leader's.
+    """
 
     scenario: Scenario
     quadrotor: Quadrotor
@@ -51,14 +58,56 @@ class Problem:
     state_high: Array  # (12,)
     control_low: Array  # (4,)
     control_high: Array  # (4,)
-    offsets_ned_m: Array  # (V, 3)
+    shape: Shape  # offsets by schedule; where there are coordinates, before these scale, turn and blend it
     objective: Objective
+    coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
 
     @property
     def duration_s(self) -> float:
         """Length of the flight."""
         return self.end_s - self.start_s
+
+    @property
+    def control_limits(self) -> tuple[Array, Array]:
+        """Eq. 51's control limits (4,), (4,), without the margin for feedback."""
+        return control_bounds(self.scenario)
+
+    @cached_property
+    def change_budget(self) -> Budget:
+        """What the shape's own motion may use."""
+        return budget(self.scenario)
+
+    @cached_property
+    def target_ned_m(self) -> Array:
+        """Shape (V, 3) that a blend leads to."""
+        return target_ned_m(self.scenario)
+
+    @property
+    def follows_course(self) -> bool:
+        """Whether the formation turns with the leader's course."""
+        return any(c.free_end for c in self.coordinates)
+
+    @property
+    def course_at_start_rad(self) -> float:
+        """Direction in which the formation faces at its heading's zero: the first course, or yaw of a start at rest."""
+        north, east = self.start_state[3:5]
+        return float(np.arctan2(east, north) if north or east else self.start_state[8])
+
+    @property
+    def has_box(self) -> bool:
+        """Whether the x-y box of Eq. 51 holds."""
+        return bool(np.all(np.isfinite(self.state_low)))
+
+    @property
+    def leader(self) -> int:
+        """Row of the leader."""
+        return leader_index(self.scenario)
+
+    @property
+    def vehicles(self) -> int:
+        """Number V of vehicles."""
+        return int(self.shape.basis_ned_m.shape[1])
 
 
 def flight_problem(scenario: Scenario) -> Problem:
@@ -72,6 +121,7 @@ def flight_problem(scenario: Scenario) -> Problem:
         boundary_state(scenario.end),
         low,
         high,
+        coordinates(scenario),
     )
 
 
@@ -87,13 +137,11 @@ def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
 
 
 def state_bounds(scenario: Scenario) -> tuple[Array, Array]:
-    """Eq. 51 as leader bounds (12,), (12,): every follower's box folded into the leader's (Eqs. 22-24)."""
+    """Eq. 51 as bounds (12,), (12,) of a vehicle's state."""
     limits = scenario.limits
-    offsets = offsets_ned_m(scenario)
     low, high = np.empty(12), np.empty(12)
     boxes = np.array([limits.north_m, limits.east_m, np.negative(limits.height_m)[::-1]])
-    low[POSITION] = boxes[:, 0] - offsets.min(axis=0)
-    high[POSITION] = boxes[:, 1] - offsets.max(axis=0)
+    low[POSITION], high[POSITION] = boxes.T
     for part, bound in (
         (VELOCITY, np.array(limits.speed_ned_mps)),
         (ATTITUDE, np.radians(limits.roll_pitch_yaw_deg)),
@@ -114,7 +162,14 @@ def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Arra
 
 
 def _problem(
-    scenario: Scenario, start_s: float, end_s: float, start: Array, end: Array, low: Array, high: Array
+    scenario: Scenario,
+    start_s: float,
+    end_s: float,
+    start: Array,
+    end: Array,
+    low: Array,
+    high: Array,
+    shape_coordinates: tuple[Coordinate, ...] = (),
 ) -> Problem:
     control_low, control_high = control_bounds(scenario, scenario.limits.control_margin)
     wanted = scenario.objective
@@ -131,7 +186,8 @@ def _problem(
         state_high=high,
         control_low=control_low,
         control_high=control_high,
-        offsets_ned_m=offsets_ned_m(scenario),
+        shape=rigid(offsets_ned_m(scenario), start_s, end_s),
+        coordinates=shape_coordinates,
         objective=Objective(
             energy_weight=weights[0],
             heading_weight=weights[1],

@@ -14,15 +14,17 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
 from gcs.errors import Infeasible
+from gcs.plan.bounds import leader_state_bounds
+from gcs.plan.poses import Pose, floor_m, poses
 from gcs.plan.problem import Problem
 from gcs.quadrotor import Array
-from gcs.scenario.terrain import ground_envelope_m
 
 CELLS = 120  # along the longer side of the map
 MAX_ROUTES = 4
 _TRIES = 8
 _AVOID = 1.6  # how much dearer the surroundings of a found way become, so that the next one differs
 _AVOID_CELLS = 3
+_INSTANTS = 201  # at which the bounds are asked for
 # Steps to the 16 nearest directions: 8 neighbours alone make paths up to 8 % too long.
 _STEPS = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 1]
 
@@ -68,10 +70,12 @@ class Route:
 
 
 def survey(problem: Problem) -> Map:
-    """Fold terrain, clearance and disks of every vehicle into the leader's map."""
-    scenario = problem.scenario
+    """Fold terrain, clearance and disks of every vehicle into the leader's map, in the pose that passes best."""
     ends = np.array([problem.start_state[:2], problem.end_state[:2]])
-    low, high = problem.state_low[:2], problem.state_high[:2]
+    loosest = leader_state_bounds(problem, np.linspace(problem.start_s, problem.end_s, _INSTANTS))
+    low, high = loosest[0].min(axis=0), loosest[1].max(axis=0)
+    ceiling_m = float(-low[2])
+    low, high = low[:2], high[:2]
     # Without a box (the run-up) a margin around the straight way is map enough.
     room = 0.25 * float(np.linalg.norm(ends[1] - ends[0])) + 10.0
     low = np.where(np.isfinite(low), low, ends.min(axis=0) - room)
@@ -79,15 +83,17 @@ def survey(problem: Problem) -> Map:
     step = float((high - low).max()) / CELLS
     north, east = (np.linspace(a, b, max(int(np.ceil((b - a) / step)) + 1, 2)) for a, b in zip(low, high, strict=True))
     grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
-    floor = np.full(grid_n.shape, -np.inf)
-    for offset_n, offset_e, offset_d in problem.offsets_ned_m:
-        at_n, at_e = grid_n + offset_n, grid_e + offset_e
-        ground = ground_envelope_m(scenario.terrain, at_n, at_e)
-        floor = np.maximum(floor, ground + scenario.limits.clearance_min_m + offset_d)
-        for disk in scenario.no_fly:
-            inside = np.hypot(at_n - disk.north_m, at_e - disk.east_m) < disk.radius_m
-            floor[inside] = np.inf
-    return Map(north, east, np.asarray(floor), float(-problem.state_low[2]))
+    floor = np.min([floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in _extremes(problem)], axis=0)
+    return Map(north, east, np.asarray(floor), ceiling_m)
+
+
+def _extremes(problem: Problem) -> list[Pose]:
+    """Poses with every coordinate at rest or at the end of its range: what lies between passes no better."""
+
+    def is_extreme(pose: Pose) -> bool:
+        return all(c.free_end or pose.values[c.name] in (c.low, c.rest, c.high) for c in problem.coordinates)
+
+    return [pose for pose in poses(problem) if is_extreme(pose)]
 
 
 def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:

@@ -18,12 +18,14 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import FileFormatError
 from gcs.files import atomic_write
+from gcs.plan.formation.shape import Shape
+from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory import Alternative, MeshRound, Phase, Plan, Trajectory
 from gcs.plan.verify import Check, Report
 from gcs.scenario.model import Scenario
 
 SUFFIX = ".skein"
-_FORMAT = 1
+_FORMAT = 2
 
 
 def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
@@ -35,6 +37,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "objective": plan.objective,
         "mesh_history": [asdict(r) for r in plan.mesh_history],
         "alternatives": [asdict(a) for a in plan.alternatives],
+        "moves": [asdict(m) for m in plan.moves],
         "timings_s": plan.timings_s,
         "report": asdict(report),
     }
@@ -45,8 +48,9 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "joints_s": motion.joints_s,
         "state": motion.state.c,
         "control": motion.control.c,
-        "shape_joints_s": plan.shape.x,
-        "shape": plan.shape.c,
+        "shape_joints_s": plan.shape.joints_s,
+        "shape_functions": plan.shape.functions.c,
+        "shape_tables_ned_m": plan.shape.basis_ned_m,
     }
     np.savez_compressed(buffer, **arrays, checksum=_checksum(arrays))
     atomic_write(Path(path), buffer.getvalue())
@@ -67,11 +71,12 @@ def load_plan(path: Path | str) -> tuple[Plan, Report]:
         plan = Plan(
             Scenario.model_validate(meta["scenario"]),
             Trajectory(PPoly(arrays["state"], arrays["joints_s"]), PPoly(arrays["control"], arrays["joints_s"])),
-            PPoly(arrays["shape"], arrays["shape_joints_s"]),
+            Shape(PPoly(arrays["shape_functions"], arrays["shape_joints_s"]), arrays["shape_tables_ned_m"]),
             tuple(Phase(**p) for p in meta["phases"]),
             meta["objective"],
             tuple(MeshRound(**{**r, "complaints": tuple(r["complaints"])}) for r in meta["mesh_history"]),
             tuple(Alternative(**a) for a in meta["alternatives"]),
+            tuple(Move(**m) for m in meta["moves"]),
             meta["timings_s"],
         )
         verdict = meta["report"]

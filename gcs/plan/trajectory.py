@@ -13,23 +13,42 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
+from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.shape import EVERYONE, Rows, Shape
+from gcs.plan.formation.timeline import Move
+from gcs.quadrotor import VELOCITY, Array, Quadrotor, derivative
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """State (12) and control (4) of Eq. 1 on [start_s, end_s]; both share their joints."""
+    """State and control of Eq. 1 on [start_s, end_s]; both share their joints.
 
-    state: PPoly  # coefficients (K+1, M, 12)
-    control: PPoly  # coefficients (C+1, M, 4)
+    While a formation is optimised that moves by itself, A chains of four integrators, one for each of its coordinates,
+    stand behind the vehicle's 12 and 4 numbers.
+    """
+
+    state: PPoly  # coefficients (K+1, M, 12 + 4 A)
+    control: PPoly  # coefficients (C+1, M, 4 + A)
 
     def __post_init__(self) -> None:
-        if self.state.c.shape[1:] != (self.intervals, 12) or self.control.c.shape[1:] != (self.intervals, 4):
+        chains = self.control.c.shape[2] - 4
+        if self.state.c.shape[1:] != (self.intervals, 12 + 4 * chains) or self.control.c.shape[1] != self.intervals:
             raise ValueError("state and control need (degree + 1, M, 12) and (degree + 1, M, 4) on the same joints")
         if not np.array_equal(self.state.x, self.control.x):
             raise ValueError("state and control must join at the same instants")
+
+    @property
+    def vehicle(self) -> Trajectory:
+        """The vehicle's part alone."""
+        joints = self.state.x
+        return Trajectory(PPoly(self.state.c[:, :, :12], joints), PPoly(self.control.c[:, :, :4], joints))
+
+    @property
+    def coordinates(self) -> PPoly:
+        """The formation's coordinates alone: coefficients (K+1, M, A)."""
+        return PPoly(np.ascontiguousarray(self.state.c[:, :, 12::4]), self.state.x)
 
     @property
     def joints_s(self) -> Array:
@@ -107,16 +126,17 @@ class Plan:
 
     scenario: Scenario
     leader_trajectory: Trajectory
-    shape: PPoly  # offsets from the leader: coefficients (C+1, P, V, 3), on the same span as the leader's trajectory
+    shape: Shape  # offsets from the leader, on the same span as the leader's trajectory
     phases: tuple[Phase, ...]
     objective: float
     mesh_history: tuple[MeshRound, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
+    moves: tuple[Move, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.shape.c.shape[2:] != (len(self.sysids), 3):
-            raise ValueError(f"shape needs offsets (V, 3) = {(len(self.sysids), 3)}, not {self.shape.c.shape[2:]}")
+        if self.shape.basis_ned_m.shape[1] != len(self.sysids):
+            raise ValueError(f"shape needs {len(self.sysids)} vehicles, not {self.shape.basis_ned_m.shape[1]}")
 
     @cached_property
     def sysids(self) -> tuple[int, ...]:
@@ -151,7 +171,7 @@ class Plan:
     @cached_property
     def joints_s(self) -> Array:
         """Instants where polynomials join, the leader's or the shape's."""
-        return np.union1d(self.leader_trajectory.joints_s, self.shape.x)
+        return np.union1d(self.leader_trajectory.joints_s, self.shape.joints_s)
 
     @cached_property
     def pads_ned_m(self) -> Array:
@@ -160,8 +180,8 @@ class Plan:
 
     @cached_property
     def landing_points_ned_m(self) -> Array:
-        """Ground points (V, 3) the vehicles land on."""
-        return landing_points_ned_m(self.scenario)
+        """Ground points (V, 3) the vehicles land on: straight below their places when the landing begins."""
+        return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
 
     def phase(self, name: str) -> Phase:
         """The phase of that name."""
@@ -169,33 +189,31 @@ class Plan:
 
     def offsets(self, t_s: Array, order: int = 0) -> Array:
         """Offsets from the leader, or their `order`-th time derivative: (V, N, 3)."""
-        return np.moveaxis(self.shape(t_s, nu=order), 0, 1)
+        return self.shape.offsets(t_s, order)
 
     def states(self, t_s: Array) -> Array:
-        """States (V, N, 12) of all vehicles: the leader's plus the shape (Eq. 22) and its rate."""
-        states = np.repeat(self.leader_trajectory.state(t_s)[None], len(self.sysids), axis=0)
-        states[..., POSITION] += self.offsets(t_s)
-        states[..., VELOCITY] += self.offsets(t_s, 1)
-        return states
+        """States (V, N, 12) of all vehicles: the leader's, moved by the shape (Eq. 22)."""
+        return self.motion(t_s)[0]
 
     def controls(self, t_s: Array) -> Array:
-        """Controls (V, N, 4): the leader's, and the thrust that moves the shape vertically (Eq. 1, third row)."""
-        controls = np.repeat(self.leader_trajectory.control(t_s)[None], len(self.sysids), axis=0)
-        rate, acceleration = self.offsets(t_s, 1)[..., 2], self.offsets(t_s, 2)[..., 2]
-        roll, pitch = self.leader_trajectory.state(t_s)[:, 6:8].T
-        force = self.quadrotor.mass_kg * acceleration + self.quadrotor.drag_Nspm[2] * rate
-        controls[..., 0] -= force / (np.cos(roll) * np.cos(pitch))
-        return controls
+        """Controls (V, N, 4): the leader's, and what moves a vehicle within the shape."""
+        return self.motion(t_s)[1]
+
+    def motion(self, t_s: Array, rows: slice | Rows = EVERYONE) -> tuple[Array, Array]:
+        """States and controls of the vehicles in `rows`: (V, N, 12) and (V, N, 4)."""
+        leader = self.leader_trajectory
+        return formation_motion(leader.state, leader.control, self.shape, self.quadrotor, t_s, rows)
 
     def accelerations(self, t_s: Array) -> Array:
         """Accelerations (V, N, 3) in NED, by Eq. 1 from states and controls."""
-        return derivative(self.states(t_s), self.controls(t_s), self.quadrotor)[..., VELOCITY]
+        return derivative(*self.motion(t_s), self.quadrotor)[..., VELOCITY]
 
     @cached_property
     def hash(self) -> str:
         """Hex digest over everything that is flown."""
         digest = hashlib.sha256(self.scenario.model_dump_json().encode() + repr(self.phases).encode())
-        for part in (self.leader_trajectory.state, self.leader_trajectory.control, self.shape):
+        for part in (self.leader_trajectory.state, self.leader_trajectory.control, self.shape.functions):
             digest.update(np.ascontiguousarray(part.x).tobytes())
             digest.update(np.ascontiguousarray(part.c).tobytes())
+        digest.update(np.ascontiguousarray(self.shape.basis_ned_m).tobytes())
         return digest.hexdigest()

@@ -21,11 +21,13 @@ from scipy import sparse
 from scipy.interpolate import PPoly
 
 from gcs.plan import instant
+from gcs.plan.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.gauss import gauss_rule
-from gcs.plan.layout import NU, NX, NZ, STATE_WORDS, ControlForm, Layout
+from gcs.plan.layout import ControlForm, Layout
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
+from gcs.plan.watched import watched
 from gcs.quadrotor import Array
 
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
@@ -59,8 +61,8 @@ class Program:
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y that sample an existing trajectory: the warm start."""
-        mesh, layout = self.layout.mesh, self.layout
-        states = trajectory.state(np.concatenate([mesh.joints_s, layout.node_times_s()]))
+        layout = self.layout
+        states = trajectory.state(layout.point_times_s())
         w = np.concatenate([states.ravel(), trajectory.control(layout.control_times_s()).ravel()])
         return np.clip((w - self.shift) / self.unit, self.y_low, self.y_high)
 
@@ -70,71 +72,73 @@ class Program:
         w = y * self.unit + self.shift
         top = max(mesh.degrees)
         top_control = max(len(layout.control_support(i)[0]) for i in range(mesh.intervals)) - 1
-        state = np.zeros((top + 1, mesh.intervals, NX))
-        control = np.zeros((top_control + 1, mesh.intervals, NU))
+        state = np.zeros((top + 1, mesh.intervals, layout.nx))
+        control = np.zeros((top_control + 1, mesh.intervals, layout.nu))
         for i, degree in enumerate(mesh.degrees):
             h = mesh.joints_s[i + 1] - mesh.joints_s[i]
             first = layout.node(i, 0)
-            values = np.vstack([w[layout.joint(i) :][:NX], w[first : first + NX * degree].reshape(degree, NX)])
+            nx = layout.nx
+            values = np.vstack([w[layout.joint(i) :][:nx], w[first : first + nx * degree].reshape(degree, nx)])
             powers = h ** np.arange(degree, -1.0, -1.0)
             state[top - degree :, i] = gauss_rule(degree).power_basis() @ values / powers[:, None]
             points, support = layout.control_support(i)
-            controls = w[layout.control(points.start) : layout.control(points.stop)].reshape(len(points), NU)
+            controls = w[layout.control(points.start) : layout.control(points.stop)].reshape(len(points), layout.nu)
             basis = np.linalg.inv(np.vander(0.5 * h * (support + 1.0)))
             control[top_control + 1 - len(points) :, i] = basis @ controls
         return Trajectory(PPoly(state, mesh.joints_s), PPoly(control, mesh.joints_s))
 
 
-def transcribe(problem: Problem, mesh: Mesh, control_form: ControlForm = ControlForm.LINEAR) -> Program:
-    """Build the program for one problem on one mesh."""
-    layout = Layout(mesh, control_form)
+def transcribe(
+    problem: Problem, mesh: Mesh, last: Trajectory, control_form: ControlForm = ControlForm.LINEAR
+) -> Program:
+    """Build the program for one problem on one mesh; where the leader was `last` says which vehicles to watch when."""
+    layout = Layout(mesh, control_form, tuple(c.name for c in problem.coordinates))
+    nx = layout.nx
     unit, shift = _scales(problem, layout)
+    state_unit = unit[:nx]
     node_times = layout.node_times_s()
     times = np.concatenate([node_times, mesh.watch_s])
+    chosen = watched(problem, times, last.state(times))
     sampling = layout.sampling(times)
-    scaled_sampling = _dm(sampling @ sparse.diags(unit))
-    offset = ca.DM(sampling @ shift)
     a, b = layout.collocation()
-    row_unit = np.tile(STATE_UNIT, a.shape[0] // NX)
-    a_scaled = _dm(sparse.diags(1.0 / row_unit) @ a @ sparse.diags(unit))
-    a_shift = ca.DM((a @ shift) / row_unit)
-    b_scaled = _dm(sparse.diags(1.0 / row_unit) @ b)
-
+    row_unit = sparse.diags(1.0 / np.tile(state_unit, a.shape[0] // nx))
     weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
     quadrature = layout.quadrature()
-    shares = ca.DM(np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)]))
-
-    parts = instant.functions(problem)
+    shares = np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)])
+    counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.disks), default=0), chosen.moving.shape[1])
+    parts = instant.functions(problem, *counts)
     nlp, derivatives = _assemble(
-        parts, layout.nodes, len(mesh.watch_s), scaled_sampling, offset, a_scaled, a_shift, b_scaled, shares
+        parts,
+        _Constants(
+            nodes=layout.nodes,
+            watched=len(mesh.watch_s),
+            sampling=_dm(sampling @ sparse.diags(unit)),
+            offset=ca.DM(sampling @ shift),
+            a=_dm(row_unit @ a @ sparse.diags(unit)),
+            a_shift=ca.DM(row_unit @ (a @ shift)),
+            b=_dm(row_unit @ b),
+            shares=ca.DM(shares),
+            slots=ca.DM(chosen.parameters.T),
+            state_unit=state_unit,
+        ),
     )
     y_low, y_high = _bounds(problem, layout)
-    dynamics_rows = a.shape[0]
-    path_rows = len(parts.path_names)
-    watched = len(mesh.watch_s)
-    names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in STATE_WORDS]
-    names += [(name, float(t)) for t in times for name in parts.path_names]
-    names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in STATE_WORDS]
+    path_names = instant.path_names(problem, chosen)
+    box_low, box_high = leader_state_bounds(problem, mesh.watch_s)
+    dynamics = np.zeros(a.shape[0])
+    free = instant.path_is_free(problem, chosen)
+    words = layout.state_words
+    names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
+    names += [(name, float(t)) for t, row in zip(times, path_names, strict=True) for name in row]
+    names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in words]
     return Program(
         layout,
         unit,
         shift,
         (y_low - shift) / unit,
         (y_high - shift) / unit,
-        np.concatenate(
-            [
-                np.zeros(dynamics_rows),
-                np.zeros(path_rows * len(times)),
-                np.tile(problem.state_low / STATE_UNIT, watched),
-            ]
-        ),
-        np.concatenate(
-            [
-                np.zeros(dynamics_rows),
-                np.full(path_rows * len(times), np.inf),
-                np.tile(problem.state_high / STATE_UNIT, watched),
-            ]
-        ),
+        np.concatenate([dynamics, np.where(free, -np.inf, 0.0).ravel(), (box_low / state_unit).ravel()]),
+        np.concatenate([dynamics, np.full(free.size, np.inf), (box_high / state_unit).ravel()]),
         layout.names(),
         tuple(names),
         nlp,
@@ -142,32 +146,40 @@ def transcribe(problem: Problem, mesh: Mesh, control_form: ControlForm = Control
     )
 
 
-def _assemble(
-    parts: instant.Instant,
-    nodes: int,
-    watched: int,
-    sampling: ca.DM,
-    offset: ca.DM,
-    a: ca.DM,
-    a_shift: ca.DM,
-    b: ca.DM,
-    shares: ca.DM,
-) -> tuple[ca.Function, dict[str, ca.Function]]:
+@dataclass(frozen=True)
+class _Constants:
+    """Everything of a program that its unknowns do not change."""
+
+    nodes: int
+    watched: int
+    sampling: ca.DM
+    offset: ca.DM
+    a: ca.DM
+    a_shift: ca.DM
+    b: ca.DM
+    shares: ca.DM
+    slots: ca.DM
+    state_unit: Array  # (nx,)
+
+
+def _assemble(parts: instant.Instant, k: _Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
     """Program and exact derivatives as CasADi functions of y."""
-    points = nodes + watched
+    nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
+    nodes, points = k.nodes, k.nodes + k.watched
+    sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
     y, p = ca.MX.sym("y", sampling.size2()), ca.MX.sym("p", 0)
-    z = ca.reshape(ca.mtimes(sampling, y) + offset, NZ, points)
+    z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
-    s_nodes, s_watch = sampling[: NZ * nodes, :], sampling[NZ * nodes :, :]
-    state_rows = [NZ * i + j for i in range(watched) for j in range(NX)]
-    watch_unit = ca.DM(np.tile(1.0 / STATE_UNIT, watched))
-    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if watched else ca.DM(0, sampling.size2())
-    box_shift = offset[NZ * nodes :][state_rows] * watch_unit if watched else ca.DM(0, 1)
+    s_nodes, s_watch = sampling[: nz * nodes, :], sampling[nz * nodes :, :]
+    state_rows = [nz * i + j for i in range(k.watched) for j in range(nx)]
+    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.watched))
+    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.watched else ca.DM(0, sampling.size2())
+    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.watched else ca.DM(0, 1)
 
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))
     g = ca.vertcat(
-        ca.mtimes(a, y) + a_shift - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(zn))),
-        ca.vec(parts.path.map(points)(z)),
+        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(zn))),
+        ca.vec(parts.path.map(points)(z, k.slots)),
         ca.mtimes(box, y) + box_shift,
     )
     nlp = ca.Function("nlp", [y, p], [f, g], ["x", "p"], ["f", "g"])
@@ -176,18 +188,18 @@ def _assemble(
     gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
     jacobian = ca.vertcat(
         a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn), s_nodes]),
-        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z), sampling),
+        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots), sampling),
         ca.MX(box),
     )
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
     costate = -ca.mtimes(b.T, lam[: a.size1()])
-    path_count = len(parts.path_names)
+    path_count = parts.path.size1_out(0)
     lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
     curvature = _block_diagonal(
-        parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), ca.reshape(costate, NX, nodes)
+        parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), ca.reshape(costate, nx, nodes)
     )
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
-    hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, lam_path), sampling])
+    hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
     return nlp, {
         "grad_f": ca.Function("grad_f", [y, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("jac_g", [y, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
@@ -213,21 +225,31 @@ def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX | ca.DM
 
 def _scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Unit and shift (n,) of every unknown."""
-    hover = np.array([problem.quadrotor.weight_N, 0.0, 0.0, 0.0])
+    hover = np.zeros(layout.nu)
+    hover[0] = problem.quadrotor.weight_N
     control_unit = 0.5 * (problem.control_high - problem.control_low)
     control_unit[0] = problem.control_high[0] - hover[0]
-    unit = np.concatenate([np.tile(STATE_UNIT, layout.state_points), np.tile(control_unit, layout.control_points)])
-    return unit, np.concatenate([np.zeros(NX * layout.state_points), np.tile(hover, layout.control_points)])
+    chains = [np.array([c.unit, *c.most[:3]]) for c in problem.coordinates]
+    state_unit = np.concatenate([STATE_UNIT, *chains])
+    control_unit = np.concatenate([control_unit, [c.most[3] for c in problem.coordinates]])
+    unit = np.concatenate([np.tile(state_unit, layout.state_points), np.tile(control_unit, layout.control_points)])
+    return unit, np.concatenate([np.zeros(layout.nx * layout.state_points), np.tile(hover, layout.control_points)])
 
 
 def _bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
-    states, controls = layout.state_points, layout.control_points
-    low = np.concatenate([np.tile(problem.state_low, states), np.tile(problem.control_low, controls)])
-    high = np.concatenate([np.tile(problem.state_high, states), np.tile(problem.control_high, controls)])
-    for index, state in (
-        (layout.joint(0), problem.start_state),
-        (layout.joint(layout.mesh.intervals), problem.end_state),
-    ):
-        low[index : index + NX] = high[index : index + NX] = state
-    return low, high
+    state_low, state_high = leader_state_bounds(problem, layout.point_times_s())
+    control_low, control_high = leader_control_bounds(problem, layout.control_times_s())
+    first, last = 0, layout.mesh.intervals
+    start, end_low, end_high = boundary_values(problem)
+    state_low[first] = state_high[first] = start
+    state_low[last], state_high[last] = end_low, end_high
+    # At rest in every derivative, so that the ground phases join without a jump.
+    chains = layout.nu - len(problem.control_low)
+    if chains and layout.control_form is ControlForm.LINEAR:
+        for end in (first, last):
+            control_low[end, -chains:] = control_high[end, -chains:] = 0.0
+    return (
+        np.concatenate([state_low.ravel(), control_low.ravel()]),
+        np.concatenate([state_high.ravel(), control_high.ravel()]),
+    )

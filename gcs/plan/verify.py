@@ -9,14 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.distance import pdist
 
 from gcs.plan import margins
+from gcs.plan.formation.shape import Rows
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
-from gcs.plan.windows import window_errors
+from gcs.plan.verify_shape import landing_points, least_separation, own_motion, place_in_formation
+from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
-from gcs.scenario.physical import boundary_state, offsets_ned_m
+from gcs.scenario.physical import boundary_state
 
 GRID_S = 0.05
 LENGTH_TOLERANCE_M = 1e-3  # clearance, terminal position, joints
@@ -24,6 +25,8 @@ LIMIT_TOLERANCE = 1e-3  # of a limit's size
 WINDOW_TOLERANCE_M = 10e-3
 SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
+_BLOCK = 100_000  # vehicles times instants looked at together
+_WINDOWED = 50  # vehicles re-integrated together
 AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
 
 
@@ -79,87 +82,106 @@ def verify(plan: Plan) -> Report:
         checks += _phase_checks(plan, phase.name, phase.start_s, phase.end_s)
     clearance = min(c.worst for c in checks if c.name == "clearance above ground")
     separations = [c.worst + plan.scenario.limits.separation_min_m for c in checks if c.name == "separation"]
-    windows = window_errors(plan.states, plan.controls, plan.joints_s, plan.quadrotor)
-    vehicle, window = np.unravel_index(np.argmax(windows.error_m), windows.error_m.shape)
-    drift = float(windows.error_m[vehicle, window])
-    checks.append(
-        Check(
-            "Eq. 1 re-integrated over 5 s",
-            "all",
-            "m",
-            WINDOW_TOLERANCE_M - drift,
-            0.0,
-            plan.sysids[vehicle],
-            float(windows.start_s[window]),
-        )
-    )
-    checks.append(_joint_check(plan))
+    windows = _window_check(plan)
+    checks += [windows, _joint_check(plan)]
     boundary, terminal = _boundary_checks(plan)
     return Report(
         (*checks, *boundary),
         clearance + plan.scenario.limits.clearance_min_m,
         min(separations, default=None),
-        drift,
+        WINDOW_TOLERANCE_M - windows.worst,
         terminal,
     )
 
 
 def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[Check]:
-    scenario = plan.scenario
+    """All checks of one phase, in blocks that fit into memory however many vehicles there are."""
     times = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / GRID_S)) + 1)
-    # The end belongs to this phase's last polynomial, not to the next one's first.
-    inside = np.clip(times, start_s, np.nextafter(end_s, start_s))
-    states, controls = plan.states(inside), plan.controls(inside)
-    found: list[tuple[Margin, float]] = [
-        (m, LIMIT_TOLERANCE * m.scale)
-        for m in (
-            *margins.state_limits(scenario, states, to_the_ground=phase not in AIRBORNE),
+    worst: dict[str, Check] = {}
+    for block in np.array_split(times, int(np.ceil(len(times) * len(plan.sysids) / _BLOCK))):
+        # The end belongs to this phase's last polynomial, not to the next one's first.
+        inside = np.clip(block, start_s, np.nextafter(end_s, start_s))
+        for check in _block_checks(plan, phase, inside):
+            known = worst.setdefault(check.name, check)
+            if check.worst - check.tolerance < known.worst - known.tolerance:
+                worst[check.name] = check
+    checks = list(worst.values())
+    if len(plan.sysids) > 1:
+        least, when = least_separation(plan.shape, np.clip(times, start_s, np.nextafter(end_s, start_s)))
+        missing = least - plan.scenario.limits.separation_min_m
+        checks.append(Check("separation", phase, "m", missing, LENGTH_TOLERANCE_M, None, when))
+    return checks
+
+
+def _block_checks(plan: Plan, phase: str, times: Array) -> list[Check]:
+    scenario = plan.scenario
+    moving = plan.shape.is_moving(times)
+    checks: list[Check] = []
+    everyone = np.arange(len(plan.sysids))
+    # In a rigid formation all have the leader's velocity, attitude and control: his stand for everybody's.
+    for rows, part in ((np.array([plan.leader]), times[~moving]), (everyone, times[moving])):
+        if not len(part):
+            continue
+        states, controls = plan.motion(part, rows)
+        found = [
+            *margins.state_limits(scenario, states),
             *margins.control_limits(scenario, controls),
             margins.turning(scenario, states, controls),
-        )
+            *margins.acceleration(scenario, states, controls),
+        ]
+        if phase == "mission" and len(everyone) > 1:
+            found += own_motion(plan, part) if len(rows) > 1 else []
+        checks += [_worst(m, LIMIT_TOLERANCE * m.scale, phase, rows, plan, part) for m in found]
+    places = plan.leader_trajectory.state(times)[:, POSITION] + plan.offsets(times)
+    checks += [
+        _worst(m, tolerance, phase, everyone, plan, times) for m, tolerance in _of_places(plan, phase, places, times)
     ]
-    clearance = margins.clearance(scenario, states)
+    return checks
+
+
+def _of_places(plan: Plan, phase: str, places: Array, times: Array) -> list[tuple[Margin, float]]:
+    """Heights, ground, disks, box and shape, which depend on where each vehicle (V, N, 3) is."""
+    scenario = plan.scenario
+    height = margins.height(scenario, places, to_the_ground=phase not in AIRBORNE)
+    found = [(height, LIMIT_TOLERANCE * height.scale)]
+    clearance = margins.clearance(scenario, places)
     if phase in AIRBORNE:
-        found += [(clearance, LENGTH_TOLERANCE_M), (_place_in_formation(plan, states), LENGTH_TOLERANCE_M)]
+        found += [(clearance, LENGTH_TOLERANCE_M), (place_in_formation(plan, places, times), LENGTH_TOLERANCE_M)]
     else:
         above = clearance.value + scenario.limits.clearance_min_m
         found.append((Margin("height above ground", "m", above, 1.0), LENGTH_TOLERANCE_M))
     if phase == "mission":
-        found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, states)]
-    found += [(m, LENGTH_TOLERANCE_M) for m in margins.no_fly(scenario, states)]
-    checks = [_worst(margin, tolerance, phase, plan.sysids, times) for margin, tolerance in found]
-    if len(plan.sysids) > 1:
-        checks.append(_separation(plan, states[..., POSITION], phase, times))
-    return checks
+        found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, places)]
+    return found + [(m, LENGTH_TOLERANCE_M) for m in margins.no_fly(scenario, places)]
 
 
-def _place_in_formation(plan: Plan, states: Array) -> Margin:
-    """Eq. 22: every vehicle where the scenario's formation has it, seen from the leader."""
-    places = states[..., POSITION] - states[plan.leader, :, POSITION]
-    off = np.linalg.norm(places - offsets_ned_m(plan.scenario)[:, None], axis=-1)
-    return Margin("place in formation", "m", -off, 1.0)
-
-
-def _worst(margin: Margin, tolerance: float, phase: str, sysids: tuple[int, ...], times: Array) -> Check:
+def _worst(margin: Margin, tolerance: float, phase: str, rows: Rows, plan: Plan, times: Array) -> Check:
     value = np.nan_to_num(margin.value, nan=-np.inf)
     vehicle, instant = np.unravel_index(np.argmin(value), value.shape)
-    return Check(
-        margin.name,
-        phase,
-        margin.unit,
-        float(value[vehicle, instant]),
-        tolerance,
-        sysids[vehicle],
-        float(times[instant]),
-    )
+    sysid, t_s = plan.sysids[rows[vehicle]], float(times[instant])
+    return Check(margin.name, phase, margin.unit, float(value[vehicle, instant]), tolerance, sysid, t_s)
 
 
-def _separation(plan: Plan, positions: Array, phase: str, times: Array) -> Check:
-    """Least distance between any two vehicles against the scenario's limit."""
-    least = np.array([pdist(positions[:, n]).min() for n in range(len(times))])
-    instant = int(np.argmin(least))
-    worst = float(least[instant]) - plan.scenario.limits.separation_min_m
-    return Check("separation", phase, "m", worst, LENGTH_TOLERANCE_M, None, float(times[instant]))
+def _window_check(plan: Plan) -> Check:
+    """Eq. 1 re-integrated: the leader's whole flight, and everybody's where the shape moves."""
+    worst = (0.0, plan.sysids[plan.leader], plan.t_start_s)
+    spans: list[tuple[Rows, float, float]] = [(np.array([plan.leader]), plan.t_start_s, plan.t_end_s)]
+    for start_s, end_s in plan.shape.moving_s:
+        for rows in np.array_split(np.arange(len(plan.sysids)), int(np.ceil(len(plan.sysids) / _WINDOWED))):
+            spans.append((rows, max(start_s - WINDOW_S, plan.t_start_s), min(end_s + WINDOW_S, plan.t_end_s)))
+    for rows, start_s, end_s in spans:
+        inner = plan.joints_s[(plan.joints_s > start_s) & (plan.joints_s < end_s)]
+        windows = window_errors(
+            lambda t, who=rows: plan.motion(t, who)[0],  # type: ignore[misc]
+            lambda t, who=rows: plan.motion(t, who)[1],  # type: ignore[misc]
+            np.concatenate([[start_s], inner, [end_s]]),
+            plan.quadrotor,
+        )
+        errors = np.nan_to_num(windows.error_m, nan=np.inf)
+        vehicle, window = np.unravel_index(np.argmax(errors), errors.shape)
+        error = float(errors[vehicle, window])
+        worst = max(worst, (error, plan.sysids[rows[vehicle]], float(windows.start_s[window])))
+    return Check("Eq. 1 re-integrated over 5 s", "all", "m", WINDOW_TOLERANCE_M - worst[0], 0.0, worst[1], worst[2])
 
 
 def _joint_check(plan: Plan) -> Check:
@@ -216,7 +238,7 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
         ]
     for name, t_s, points in (
         ("take-off point", plan.t_start_s, plan.pads_ned_m),
-        ("landing point", plan.t_end_s, plan.landing_points_ned_m),
+        ("landing point", plan.t_end_s, landing_points(plan)),
     ):
         distance = np.linalg.norm(plan.states(np.array([t_s]))[:, 0, POSITION] - points, axis=1)
         worst = int(np.argmax(distance))

@@ -86,10 +86,10 @@ def pads_ned_m(scenario: Scenario) -> Array:
     return _on_ground(scenario, hover_start_ned_m(scenario))
 
 
-def landing_points_ned_m(scenario: Scenario) -> Array:
-    """Ground point each vehicle lands on (V, 3): straight below its place at the end."""
+def landing_points_ned_m(scenario: Scenario, offsets: Array | None = None) -> Array:
+    """Ground point each vehicle lands on (V, 3): below its place at the end, in the start's or another shape."""
     end = np.array(scenario.end.position_m) * NED_FROM_UP
-    return _on_ground(scenario, end + offsets_ned_m(scenario))
+    return _on_ground(scenario, end + (offsets_ned_m(scenario) if offsets is None else offsets))
 
 
 def _on_ground(scenario: Scenario, position_ned_m: Array) -> Array:

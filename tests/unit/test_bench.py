@@ -43,7 +43,7 @@ def test_dynamics_and_path_constraints_are_the_planners(problem: Problem, leader
         z = np.concatenate([x * leader.state_unit, u * leader.control_unit + leader.control_shift])
         rates = np.array(leader.rates(x, u, np)) * leader.state_unit
         np.testing.assert_allclose(rates, np.array(parts.motion(z)).ravel(), rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(leader.path(x, u, np), np.array(parts.path(z)).ravel(), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(leader.path(x, u, np), np.array(parts.path(z, np.zeros(parts.path.size1_in(1)))).ravel(), rtol=1e-10, atol=1e-10)
 
 
 def test_cost_is_the_planners(problem: Problem, leader: Leader) -> None:
@@ -77,7 +77,7 @@ def rebuilt(flown: Trajectory) -> Trajectory:
 def test_findings_of_the_papers_own_control_form(problem: Problem) -> None:
     """Eq. 41 on 15 intervals: at peace with its nodes, out of its box and off by metres between them."""
     mesh = describe.uniform(problem)
-    program = transcribe(problem, mesh, ControlForm.LAGRANGE)
+    program = transcribe(problem, mesh, describe.straight(problem), ControlForm.LAGRANGE)
     solution = solve(program, program.scaled(describe.straight(problem)))
     flown = program.trajectory(solution.y)
     found = findings.look(problem, rebuilt(flown))

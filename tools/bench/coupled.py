@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from gcs.plan import instant
-from gcs.plan.layout import NX, NZ, ControlForm
+from gcs.plan.layout import NX, ControlForm
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.plan.transcription import STATE_UNIT, Program, transcribe
@@ -47,7 +47,7 @@ def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
     """One program for all, its derivatives CasADi's own; `limit_s` bounds the solver's time."""
     began, began_cpu = time.perf_counter(), time.process_time()
     problems = each_vehicle()
-    programs = [transcribe(problem, mesh, ControlForm.LAGRANGE) for problem in problems]
+    programs = [transcribe(problem, mesh, straight(problem), ControlForm.LAGRANGE) for problem in problems]
     guesses = [p.scaled(straight(q)) for p, q in zip(programs, problems, strict=True)]
     unknowns = [ca.MX.sym(f"y{v}", p.layout.size) for v, p in enumerate(programs)]
     parts = instant.functions(problems[0])
@@ -100,7 +100,7 @@ def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
 def _instants(program: Program, y: ca.MX) -> ca.MX:
     """State and control (16, N) at the nodes."""
     sampling = ca.DM(program.layout.sampling(program.layout.node_times_s()))
-    return ca.reshape(ca.mtimes(sampling, y * program.unit + program.shift), NZ, program.layout.nodes)
+    return ca.reshape(ca.mtimes(sampling, y * program.unit + program.shift), program.layout.nz, program.layout.nodes)
 
 
 def _one_vehicle(problem: Problem, program: Program, parts: instant.Instant, y: ca.MX, z: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -112,7 +112,7 @@ def _one_vehicle(problem: Problem, program: Program, parts: instant.Instant, y: 
     a, b = (ca.DM(matrix) for matrix in layout.collocation())
     unit = np.tile(STATE_UNIT, a.size1() // NX)
     motion = ca.mtimes(a, y * program.unit + program.shift) - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(z)))
-    return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(motion / unit, ca.vec(parts.path.map(nodes)(z)))
+    return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(motion / unit, ca.vec(parts.path.map(nodes)(z, np.zeros((parts.path.size1_in(1), nodes)))))
 
 
 def main(problem: str, answer: str, limit_s: str) -> None:

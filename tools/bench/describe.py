@@ -68,7 +68,7 @@ def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
     """Everything contender.py's Leader reads; arrays as lists."""
     scenario = problem.scenario
     assert scenario.terrain.ripple is not None and not scenario.no_fly and len(scenario.formation.vehicle) == 1
-    program = transcribe(problem, mesh)
+    program = transcribe(problem, mesh, straight(problem))
     times = np.linspace(problem.start_s, problem.end_s, 201)
     guess = straight(problem)
     mountains = scenario.terrain.mountains

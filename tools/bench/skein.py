@@ -34,7 +34,7 @@ def fixed_mesh(scenario: Scenario, mesh: Mesh, form: ControlForm) -> dict[str, A
     """One solve, cold, from the scenario on."""
     watch = _Watch()
     problem = flight_problem(scenario)
-    program = transcribe(problem, mesh, form)
+    program = transcribe(problem, mesh, straight(problem), form)
     solution = solve(program, program.scaled(straight(problem)))
     trajectory = program.trajectory(solution.y)
     return watch.read() | _result(solution.seconds, solution.iterations, solution.objective, trajectory, 1)

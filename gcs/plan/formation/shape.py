@@ -11,9 +11,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.quadrotor import Array
+
+Rows = NDArray[np.intp]
+EVERYONE = slice(None)
 
 
 @dataclass(frozen=True)
@@ -44,9 +48,14 @@ class Shape:
         """Last instant."""
         return float(self.functions.x[-1])
 
-    def offsets(self, t_s: Array, order: int = 0) -> Array:
-        """Offsets (V, N, 3) from the leader in NED, or their `order`-th time derivative, in m/s^order."""
-        return np.asarray(np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m))
+    def offsets(self, t_s: Array, order: int = 0, rows: slice | Rows = EVERYONE) -> Array:
+        """Offsets (V, N, 3) from the leader, or their `order`-th time derivative in m/s^order; of some `rows`."""
+        return np.asarray(np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m[:, rows]))
+
+    def is_moving(self, t_s: Array) -> NDArray[np.bool_]:
+        """Whether the formation is not rigid at these instants (N,)."""
+        piece = np.clip(np.searchsorted(self.joints_s, t_s, side="right") - 1, 0, len(self._moves) - 1)
+        return np.asarray(self._moves[piece])
 
     def at(self, t_s: float, order: int = 0) -> Array:
         """Offsets (V, 3) at one instant, or their `order`-th derivative."""
@@ -55,11 +64,14 @@ class Shape:
     @cached_property
     def moving_s(self) -> tuple[tuple[float, float], ...]:
         """Stretches of time over which the offsets change; outside them the formation is rigid."""
-        moves = np.any(np.abs(self.functions.c[:-1]) > 0.0, axis=(0, 2))
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self._moves, [False]]).astype(int)))
         return tuple(
             (float(self.joints_s[a]), float(self.joints_s[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)
         )
+
+    @cached_property
+    def _moves(self) -> NDArray[np.bool_]:
+        return np.asarray(np.any(np.abs(self.functions.c[:-1]) > 0.0, axis=(0, 2)))
 
 
 def rigid(offsets_ned_m: Array, start_s: float, end_s: float) -> Shape:

@@ -39,7 +39,7 @@ TOO_FAST = {"time": {"flight_s": 60.0}, "end": {"position_m": [500.0, 14.0, 5.0]
 
 def program(scenario: Scenario) -> Program:
     problem = flight_problem(scenario)
-    return transcribe(problem, Mesh(np.linspace(problem.start_s, problem.end_s, 7), (4,) * 6))
+    return transcribe(problem, Mesh(np.linspace(problem.start_s, problem.end_s, 7), (4,) * 6), straight(problem))
 
 
 def attempt(scenario: Scenario) -> PlanningError:
@@ -83,7 +83,7 @@ def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monke
 def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(simulation1: Scenario) -> None:
     """In 242 s the way is too long by a little, and the solver tries for many seconds."""
     problem = flight_problem(changed(simulation1, time={"flight_s": 242.0}))
-    made = transcribe(problem, end_refined(0.0, 242.0, 9.0, 1.0, 5))
+    made = transcribe(problem, end_refined(0.0, 242.0, 9.0, 1.0, 5), straight(problem))
     start = made.scaled(straight(problem))
     timer = threading.Timer(0.5, _thread.interrupt_main)
     timer.start()
@@ -96,7 +96,7 @@ def test_functions_without_a_value_are_a_failure_and_do_not_hide_the_rest(simula
     scenario = meadow(alone(simulation1))
     problem = flight_problem(scenario)
     broken = replace(problem, quadrotor=replace(problem.quadrotor, drag_Nspm=(float("nan"),) * 3))
-    made = transcribe(broken, Mesh(np.linspace(0.0, 20.0, 4), (3, 3, 3)))
+    made = transcribe(broken, Mesh(np.linspace(0.0, 20.0, 4), (3, 3, 3)), straight(broken))
     with pytest.raises(PlanningError, match="not finite"):
         solve(made, made.scaled(straight(problem)))
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gcs.plan import margins
-from gcs.plan.problem import control_bounds, flight_problem, run_up_problem, state_bounds
+from gcs.plan.bounds import leader_state_bounds
+from gcs.plan.problem import control_bounds, flight_problem, run_up_problem
 from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
@@ -31,7 +32,7 @@ def test_followers_boxes_are_folded_into_the_leaders(simulation1: Scenario) -> N
     lifted = [v.model_dump() for v in simulation1.formation.vehicle]
     lifted[2]["position_m"] = (0.0, 2.0, 4.5)
     scenario = changed(simulation1, formation={"vehicle": lifted})
-    low, high = state_bounds(scenario)
+    (low,), (high,) = leader_state_bounds(flight_problem(scenario), np.zeros(1))
     # Vehicle 2 is 2 m south and 1 m west of the leader, vehicle 3 is 1 m east of it and 1.5 m above.
     np.testing.assert_allclose(low[:3], [2.0, 1.0, -33.5])
     np.testing.assert_allclose(high[:3], [1500.0, 1499.0, 0.0])
@@ -85,7 +86,7 @@ def test_box_and_state_limits(simulation1: Scenario) -> None:
     assert only(box, "east position") == pytest.approx(10)
     state = states(z=-36, vx=-5.5, vy=1, vz=-2.25, roll=3, pitch=-1.2, yaw=1, p=-0.6, q=0.1, r=0.1)
     found = margins.state_limits(simulation1, state)
-    assert only(found, "height") == pytest.approx(-1)
+    assert margins.height(simulation1, state).value[0, 0] == pytest.approx(-1)
     assert only(found, "north speed") == pytest.approx(-0.5)
     assert only(found, "east speed") == pytest.approx(4)
     assert only(found, "vertical speed") == pytest.approx(-0.25)
@@ -98,7 +99,8 @@ def test_box_and_state_limits(simulation1: Scenario) -> None:
         ("yaw rate", 5, 0.1),
     ):
         assert only(found, name) == pytest.approx(limit - np.degrees(value))
-    assert only(margins.state_limits(simulation1, states(z=1)), "height") == pytest.approx(-1)
+    assert margins.height(simulation1, states(z=1)).value[0, 0] == pytest.approx(-1)
+    assert margins.height(simulation1, states(z=1), to_the_ground=True).value[0, 0] > 0
 
 
 def test_control_limits_and_rotors(simulation1: Scenario) -> None:
@@ -149,13 +151,13 @@ def test_the_optimiser_grants_no_turn_the_verifier_would_refuse(simulation1: Sce
     from gcs.plan import instant
 
     problem = flight_problem(meadow(simulation1))
-    path = instant.functions(problem)
-    row = path.path_names.index("turning radius")
+    path = instant.functions(problem).path
+    slots, row = np.zeros(path.size1_in(1)), path.size1_out(0) - 1  # the leader's turning comes last
     for speed in (0.0, 0.01, 0.05, 0.1, 0.15, 0.3, 1.0, 4.0):
         for bank in np.radians(np.linspace(0, 30, 61)):
             state = states(z=-3, vx=speed, roll=float(bank))
             control = np.array([[[4.9 / np.cos(bank), 0, 0, 0]]])
             z = np.concatenate([state[0, 0], control[0, 0]])
-            if float(path.path(z)[row]) >= 0:
+            if float(path(z, slots)[row]) >= 0:
                 judged = margins.turning(problem.scenario, state, control)
                 assert judged.value[0, 0] >= -1e-3 * judged.scale

@@ -26,7 +26,7 @@ def evenly(problem: Problem, intervals: int, degree: int) -> Mesh:
 
 
 def solved(problem: Problem, mesh: Mesh) -> tuple[Solution, Trajectory, Program]:
-    program = transcribe(problem, mesh)
+    program = transcribe(problem, mesh, straight(problem))
     solution = solve(program, program.scaled(straight(problem)))
     return solution, program.trajectory(solution.y), program
 
@@ -57,7 +57,7 @@ def near(program: Program, problem: Problem, seed: int) -> Array:
 @pytest.mark.parametrize("watched", [True, False])
 def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, form: ControlForm) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)), form)
+    program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)), straight(problem), form)
     y, p = ca.MX.sym("y", program.layout.size), ca.MX.sym("p", 0)
     f, g = program.nlp(y, p)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
@@ -83,7 +83,7 @@ def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, 
 def test_rows_are_eqs_44_and_46_written_out(rich: tuple[Problem, Mesh]) -> None:
     """Sum by sum as the paper has them, from the polynomials, with no matrix of the program's."""
     problem, mesh = rich
-    program = transcribe(problem, mesh)
+    program = transcribe(problem, mesh, straight(problem))
     at = near(program, problem, 3)
     flown = program.trajectory(at)
     g = np.array(program.nlp(at, [])[1]).ravel()
@@ -108,7 +108,7 @@ def test_rows_are_eqs_44_and_46_written_out(rich: tuple[Problem, Mesh]) -> None:
 
 def test_every_row_and_unknown_has_a_name_of_its_own(rich: tuple[Problem, Mesh]) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh)
+    program = transcribe(problem, mesh, straight(problem))
     assert (
         len(program.g_names)
         == len(program.g_low)
@@ -124,7 +124,7 @@ def test_every_row_and_unknown_has_a_name_of_its_own(rich: tuple[Problem, Mesh])
 @pytest.mark.parametrize("form", ControlForm)
 def test_unknowns_become_a_trajectory_and_come_back(rich: tuple[Problem, Mesh], form: ControlForm) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh, form)
+    program = transcribe(problem, mesh, straight(problem), form)
     at = np.clip(near(program, problem, 4), program.y_low, program.y_high)
     # The end of an interval is an unknown of its own until Eq. 46 ties it to the polynomial; tie it here.
     flown = program.trajectory(at)

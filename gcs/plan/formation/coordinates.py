@@ -1,0 +1,176 @@
+"""The formation's own degrees of freedom: scale, heading and blend, which the optimiser moves like a vehicle.
+
+Knows: how the three bend a base shape, how far and how fast each may go, and the shape over time that follows from
+their solution. Does not know: transcription, solvers.
+
+    offset = scale * Rz(heading) * ((1 - blend) * base + blend * target)
+
+Each is the end of a chain of four integrators, as a quadrotor's position is in Eq. 1: then every follower's attitude,
+rates and moments are as smooth as the leader's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.interpolate import PPoly
+
+from gcs.plan.formation.shape import Shape
+from gcs.plan.formation.timelaw import Budget, budget
+from gcs.quadrotor import Array
+from gcs.scenario.model import Change, Scenario
+from gcs.scenario.physical import offsets_ned_m, shape_offsets_ned_m
+
+Name = Literal["scale", "heading", "blend"]
+ORDER = 4  # integrators from the control (a snap) to the coordinate
+_KIND: dict[str, Name] = {"shrink": "scale", "rotate": "heading", "reshape": "blend"}
+_REST: dict[Name, float] = {"scale": 1.0, "heading": 0.0, "blend": 0.0}
+_DEFAULT_WEIGHT = 0.3
+# An interior-point method never quite reaches a bound: rest lies this far inside, in units, and is reached exactly.
+_BEYOND = 0.05
+_FREE_RAD = 20.0  # heading with the course: turns add up
+# Pieces of at most this length, as polynomials of this degree, hold products and cosines of the coordinates to 1e-10.
+_PIECE_S, _PIECE_DEGREE = 4.5, 12
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One degree of freedom of the shape."""
+
+    name: Name
+    low: float
+    high: float
+    most: tuple[float, float, float, float]  # largest rate, acceleration, jerk and snap, either way
+    unit: float  # departure from rest that costs `weight` when it lasts the whole flight
+    weight: float  # in units of Eq. 35; 0 where something else pulls the coordinate
+    free_end: bool  # else it ends at rest's value
+
+    @property
+    def rest(self) -> float:
+        """Value that leaves the base shape as it is."""
+        return _REST[self.name]
+
+
+def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
+    """The scenario's automatic changes, and the heading of a formation that turns with its course."""
+    autos = [change for change in scenario.formation.change if change.auto]
+    names = [_KIND[change.kind] for change in autos]
+    follows_course = scenario.formation.frame == "course"
+    share = 1.0 / max(len(names) + follows_course, 1)
+    made = [_automatic(scenario, change, share) for change in autos]
+    if follows_course:
+        most = _turning(budget(scenario), _extent_m(scenario), share)
+        made.append(Coordinate("heading", -_FREE_RAD, _FREE_RAD, most, 1.0, 0.0, free_end=True))
+    return tuple(made)
+
+
+def target_ned_m(scenario: Scenario) -> Array:
+    """Shape (V, 3) that the blend leads to; the base shape where nothing blends."""
+    for change in scenario.formation.change:
+        if change.auto and change.to is not None:
+            return shape_offsets_ned_m(scenario, change.to)
+    return offsets_ned_m(scenario)
+
+
+def bent(values: Mapping[Name, Any], base: Sequence[Any], target: Sequence[Any], xp: Any = np) -> tuple[Any, Any, Any]:
+    """Offset (north, east, down) of one vehicle, on arrays or symbols; `values` holds those coordinates that exist."""
+    n, e, d = base
+    if "blend" in values:
+        blend = values["blend"]
+        n, e, d = (b + blend * (t - b) for b, t in zip(base, target, strict=True))
+    if "heading" in values:
+        c, s = xp.cos(values["heading"]), xp.sin(values["heading"])
+        n, e = c * n - s * e, s * n + c * e
+    if "scale" in values:
+        scale = values["scale"]
+        n, e, d = scale * n, scale * e, scale * d
+    return n, e, d
+
+
+def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -> Shape:
+    """The shape over time (C3) that coordinates `values` (coefficients (C+1, P, A)) make of a base shape.
+
+    Three tables for every table of the base: what turns with cosine, what with sine, and the vertical part.
+    """
+    blending = "blend" in names
+    joints = _fine(np.union1d(values.x, base.joints_s))
+    flat = np.array([1.0, 1.0, 0.0])
+    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
+    tables = np.concatenate([base.basis_ned_m, target[None]]) if blending else base.basis_ned_m
+
+    def functions(t: Array) -> Array:
+        q = dict(zip(names, values(t).T, strict=True))
+        one = np.ones_like(t)
+        blend, heading, scale = (q.get(name, _REST[name] * one) for name in ("blend", "heading", "scale"))
+        own = base.functions(t) * (1.0 - blend)[:, None]
+        if blending:
+            own = np.column_stack([own, blend])
+        own = own * scale[:, None]
+        return np.hstack([own * np.cos(heading)[:, None], own * np.sin(heading)[:, None], own])
+
+    basis = np.concatenate([tables * flat, tables @ quarter, tables * (1.0 - flat)])
+    return Shape(_interpolated(functions, joints), basis)
+
+
+def _automatic(scenario: Scenario, change: Change, share: float) -> Coordinate:
+    name = _KIND[change.kind]
+    limit, size_m = budget(scenario), _extent_m(scenario)
+    weight = change.weight if change.weight is not None else _DEFAULT_WEIGHT
+    if name == "scale":
+        assert change.scale is not None
+        unit = 1.0 - change.scale
+        return Coordinate(
+            name, change.scale, 1.0 + _BEYOND * unit, _straight(limit, size_m, share), unit, weight, False
+        )
+    if name == "heading":
+        assert change.angle_deg is not None
+        angle = abs(float(np.radians(change.angle_deg)))
+        return Coordinate(name, -angle, angle, _turning(limit, size_m, share), angle, weight, False)
+    travel_m = float(np.linalg.norm(target_ned_m(scenario) - offsets_ned_m(scenario), axis=1).max())
+    return Coordinate(name, -_BEYOND, 1.0, _straight(limit, travel_m, share), 1.0, weight, False)
+
+
+def _straight(limit: Budget, length_m: float, share: float) -> tuple[float, float, float, float]:
+    length = max(length_m, 1e-6) / share
+    return (limit.speed_mps / length, limit.accel_mps2 / length, limit.jerk_mps3 / length, limit.snap_mps4 / length)
+
+
+def _turning(limit: Budget, radius_m: float, share: float) -> tuple[float, float, float, float]:
+    """Half of the acceleration for going round, half for speeding up."""
+    rate, acceleration, jerk, snap = _straight(limit, radius_m, share)
+    return min(rate, float(np.sqrt(0.5 * acceleration))), 0.5 * acceleration, 0.5 * jerk, 0.5 * snap
+
+
+def _extent_m(scenario: Scenario) -> float:
+    """Farthest any vehicle is from the leader, in any shape of the scenario."""
+    shapes = [offsets_ned_m(scenario), *(shape_offsets_ned_m(scenario, s.name) for s in scenario.formation.shape)]
+    return float(np.linalg.norm(np.stack(shapes), axis=2).max())
+
+
+def _fine(joints: Array) -> Array:
+    """The same joints, with long pieces cut into equal parts."""
+    counts = np.ceil(np.diff(joints) / _PIECE_S).astype(int)
+    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(joints[:-1], joints[1:], counts, strict=True)]
+    return np.concatenate([*parts, joints[-1:]])
+
+
+def _interpolated(functions: Any, joints: Array) -> PPoly:
+    """Piecewise polynomials through functions (N,) -> (N, K) at Chebyshev points that include both ends of a piece."""
+    points = -np.cos(np.pi * np.arange(_PIECE_DEGREE + 1) / _PIECE_DEGREE)
+    lengths = np.diff(joints)
+    times = joints[:-1, None] + 0.5 * lengths[:, None] * (points + 1.0)
+    times[:, 0] = joints[:-1]
+    times[:, -1] = np.nextafter(joints[1:], -np.inf)
+    values = functions(times.ravel()).reshape(len(lengths), len(points), -1)
+    fit = np.linalg.inv(chebyshev.chebvander(points, _PIECE_DEGREE))
+    to_powers = np.zeros((len(points), len(points)))
+    for k in range(len(points)):
+        powers = np.polynomial.Chebyshev.basis(k, domain=[0.0, 1.0]).convert(kind=np.polynomial.Polynomial).coef
+        to_powers[: len(powers), k] = powers
+    coefficients = np.einsum("ij,pjk->ipk", to_powers @ fit, values)
+    coefficients /= lengths[None, :, None] ** np.arange(len(points))[:, None, None]
+    return PPoly(coefficients[::-1], joints)

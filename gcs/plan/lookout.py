@@ -1,0 +1,109 @@
+"""A look at every vehicle between the nodes: which constraint is broken, how far, and when most.
+
+Knows: a fine grid, all vehicles, and how to look closely only where it is needed. Does not know: meshes, solvers,
+verdicts (the verifier looks again, at everything).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from gcs.plan import margins
+from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.shape import Rows, Shape
+from gcs.plan.margins import Margin
+from gcs.plan.problem import Problem
+from gcs.plan.trajectory import Trajectory
+from gcs.quadrotor import Array
+from gcs.scenario.terrain import ground_envelope_m
+
+LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
+# Half of what the verifier tolerates, so that its own finer grid finds nothing new.
+LENGTH_TOLERANCE_M = 0.5e-3
+LIMIT_TOLERANCE = 0.5e-3
+_BLOCK_S = 10.0
+# Fleets larger than this are first looked at twice a second, against the smooth ground, which bends slowly: what is
+# that far from it is not looked at more closely.
+_FEW = 16
+_GLANCE_S, _FAR_M = 0.5, 0.2
+
+
+def broken(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
+    """Worst instant of every stretch over which a constraint is broken, and the complaints in words."""
+    instants: set[float] = set()
+    worst: dict[str, tuple[float, str]] = {}
+    for times, found in _looks(problem, trajectory, shape):
+        for margin, tolerance in found:
+            lowest = margin.value.min(axis=0)
+            if lowest.min() >= -tolerance:
+                continue
+            by = float(-lowest.min() / tolerance)
+            text = f"{margin.name} broken by {-lowest.min():.3g} {margin.unit} at {times[lowest.argmin()]:.1f} s"
+            worst[margin.name] = max(worst.get(margin.name, (0.0, "")), (by, text))
+            instants |= {float(times[a + np.argmin(lowest[a:b])]) for a, b in _stretches(lowest < 0.0)}
+    return np.array(sorted(instants)), tuple(text for _, text in worst.values())
+
+
+def _looks(
+    problem: Problem, trajectory: Trajectory, shape: Shape
+) -> Iterator[tuple[Array, list[tuple[Margin, float]]]]:
+    """Block by block: instants, and the margins there with their tolerances."""
+    count = max(int(np.ceil(problem.duration_s / _BLOCK_S)), 1) if problem.vehicles > _FEW else 1
+    edges = np.linspace(problem.start_s, problem.end_s, count + 1)
+    for low, high in itertools.pairwise(edges):
+        times = np.linspace(low, high, int(np.ceil((high - low) / LOOK_EVERY_S)) + 1)
+        yield times, _positions(problem, trajectory, shape, times)
+        moving = shape.is_moving(times)
+        leader = np.array([problem.leader])
+        for part, rows in ((times[~moving], leader), (times[moving], np.arange(problem.vehicles))):
+            if len(part):
+                yield part, _motions(problem, trajectory, shape, part, rows)
+
+
+def _positions(problem: Problem, trajectory: Trajectory, shape: Shape, times: Array) -> list[tuple[Margin, float]]:
+    scenario = problem.scenario
+    rows = _endangered(problem, trajectory, shape, float(times[0]), float(times[-1]))
+    if not len(rows):
+        return []
+    places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
+    found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places)]
+    height = margins.height(scenario, places)
+    looks = [(height, LIMIT_TOLERANCE * height.scale)]
+    if problem.has_box:
+        found += margins.box(scenario, places)
+    return looks + [(margin, LENGTH_TOLERANCE_M) for margin in found]
+
+
+def _endangered(problem: Problem, trajectory: Trajectory, shape: Shape, start_s: float, end_s: float) -> Rows:
+    """Vehicles worth a close look over a block of time."""
+    everyone = np.arange(problem.vehicles)
+    if problem.vehicles <= _FEW:
+        return everyone
+    times = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / _GLANCE_S)) + 1)
+    places = trajectory.state(times)[:, :3] + shape.offsets(times)
+    scenario = problem.scenario
+    ground = ground_envelope_m(scenario.terrain, places[..., 0], places[..., 1])
+    near = (-places[..., 2] - ground - scenario.limits.clearance_min_m).min(axis=1) < _FAR_M
+    others = [*margins.no_fly(scenario, places), *(margins.box(scenario, places) if problem.has_box else [])]
+    for margin in others:
+        near |= margin.value.min(axis=1) < _FAR_M
+    return np.flatnonzero(near)
+
+
+def _motions(
+    problem: Problem, trajectory: Trajectory, shape: Shape, times: Array, rows: Rows
+) -> list[tuple[Margin, float]]:
+    scenario, vehicle = problem.scenario, trajectory.vehicle
+    states, controls = formation_motion(vehicle.state, vehicle.control, shape, problem.quadrotor, times, rows)
+    found = [*margins.state_limits(scenario, states), margins.turning(scenario, states, controls)]
+    found += margins.acceleration(scenario, states, controls)
+    return [(margin, LIMIT_TOLERANCE * margin.scale) for margin in found]
+
+
+def _stretches(mask: Array) -> list[tuple[int, int]]:
+    """Half-open index ranges over which `mask` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,0 +1,123 @@
+"""Which vehicles the optimiser watches at which instant: those that can bind there, however many fly along.
+
+Knows: how near every vehicle is to ground and disks where the leader was last seen, and a little beside it. Does not
+know: solvers. A thousand vehicles cost no more constraints than a few; what this choice misses, the look at every
+vehicle between solves finds, and the next choice has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.plan.formation.coordinates import bent
+from gcs.plan.problem import Problem
+from gcs.quadrotor import Array
+from gcs.scenario.terrain import ground_envelope_m
+
+NEAR_GROUND, NEAR_DISK, MOVING = 6, 3, 5  # vehicles watched at one instant, of each kind
+SLOT = 12  # numbers that describe one watched vehicle: base offset, its rate, its acceleration, and where it blends to
+_ASIDE_M = 8.0  # the next solution passes that far from the last one
+_DIRECTIONS = 4
+
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Rows of the watched vehicles at T instants, and their motion in the shape."""
+
+    ground: Rows  # (T, G)
+    disks: tuple[Rows, ...]  # one (T, D) for every no-fly disk
+    moving: Rows  # (T, M)
+    moving_used: NDArray[np.bool_]  # (T, M): false where another row says the same
+    parameters: Array  # (T, (G + sum D + M) * SLOT)
+
+
+def watched(problem: Problem, times_s: Array, states: Array) -> Watched:
+    """Choose for `times_s` (T,), given the last known states (T, nx) there."""
+    base = problem.shape.offsets(times_s)
+    places = offsets_at(problem, base, states)
+    ground = _near_ground(problem, places, states)
+    disks = tuple(_near_disk(places, states, disk.north_m, disk.east_m) for disk in problem.scenario.no_fly)
+    moving, used = _moving(problem, times_s, base)
+    motion = [base, problem.shape.offsets(times_s, 1), problem.shape.offsets(times_s, 2)]
+    target = np.broadcast_to(problem.target_ned_m[:, None], base.shape)
+    every = np.concatenate([*motion, target], axis=2)  # (V, T, SLOT)
+    rows = np.hstack([ground, *disks, moving])
+    parameters = every[rows, np.arange(len(times_s))[:, None]].reshape(len(times_s), -1)
+    return Watched(ground, disks, moving, used, parameters)
+
+
+def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
+    """Offsets (V, T, 3) that the coordinates in `states` (T, nx) make of the scheduled ones (V, T, 3)."""
+    if not problem.coordinates:
+        return base
+    values = {c.name: states[:, 12 + 4 * i] for i, c in enumerate(problem.coordinates)}
+    target = problem.target_ned_m[:, None]
+    return np.stack(bent(values, tuple(np.moveaxis(base, 2, 0)), tuple(np.moveaxis(target, 2, 0))), axis=-1)
+
+
+def _near_ground(problem: Problem, places: Array, states: Array) -> Rows:
+    if problem.vehicles <= NEAR_GROUND:
+        return _everyone(problem, len(states))
+    terrain = problem.scenario.terrain
+    spare = []
+    for aside in _ASIDE_M * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]):
+        north, east = (places[..., i] + states[:, i] + aside[i] for i in (0, 1))
+        spare.append(-(places[..., 2] + states[:, 2]) - ground_envelope_m(terrain, north, east))
+    return _most_urgent(np.stack(spare), NEAR_GROUND)
+
+
+def _near_disk(places: Array, states: Array, north_m: float, east_m: float) -> Rows:
+    count = min(len(places), NEAR_DISK)
+    spare = []
+    for aside in _ASIDE_M * np.array([[0, 0], [1, 0], [0, 1]]):
+        spare.append(
+            np.hypot(
+                places[..., 0] + states[:, 0] + aside[0] - north_m, places[..., 1] + states[:, 1] + aside[1] - east_m
+            )
+        )
+    return _most_urgent(np.stack(spare), count)
+
+
+def _most_urgent(spare: Array, count: int) -> Rows:
+    """Rows (T, count) by `spare` (S, V, T): the worst of each of S possibilities, then the next worst of the first."""
+    worst = spare.argmin(axis=1)  # (S, T)
+    ranked = np.argsort(spare[0], axis=0)[: count + len(spare)]  # (>= count, T)
+    chosen = np.empty((spare.shape[2], count), dtype=np.intp)
+    for t in range(spare.shape[2]):
+        order = dict.fromkeys([*worst[:, t].tolist(), *ranked[:, t].tolist()])
+        chosen[t] = list(order)[:count]
+    return chosen
+
+
+def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArray[np.bool_]]:
+    """Vehicles whose own motion differs most from the leader's; the leader first, the only one in a rigid formation."""
+    shape = problem.shape
+    if not problem.coordinates and not shape.moving_s:
+        leader = np.full((len(times_s), 1), problem.leader, dtype=np.intp)
+        return leader, np.ones_like(leader, dtype=bool)
+    count = min(MOVING, problem.vehicles)
+    angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    ways = np.stack([np.cos(angle), np.sin(angle)])
+    # Where the shape moves by itself, what is far out moves most.
+    criterion = base if problem.coordinates else shape.offsets(times_s, 2) + shape.offsets(times_s, 1)
+    reach = np.einsum("vtk,kd->dvt", criterion[..., :2], ways)
+    worst = reach.argmax(axis=1)  # (directions, T)
+    chosen = np.empty((len(times_s), count), dtype=np.intp)
+    everyone = range(problem.vehicles)
+    for t in range(len(times_s)):
+        order = dict.fromkeys([problem.leader, *worst[:, t].tolist(), *everyone[: 2 * count]])
+        chosen[t] = list(order)[:count]
+    used = np.ones_like(chosen, dtype=bool)
+    if not problem.coordinates:
+        rigid = ~np.any(np.abs(shape.offsets(times_s, 1)) + np.abs(shape.offsets(times_s, 2)) > 0, axis=(0, 2))
+        used[rigid, 1:] = False
+    return chosen, used
+
+
+def _everyone(problem: Problem, instants: int) -> Rows:
+    return np.tile(np.arange(problem.vehicles, dtype=np.intp), (instants, 1))
