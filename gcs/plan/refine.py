@@ -120,7 +120,7 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory, shape: Shape) 
         windows = window_errors(
             lambda t: _motion(trajectory, shape, problem, t, outermost)[0],
             lambda t: _motion(trajectory, shape, problem, t, outermost)[1],
-            joints,
+            np.union1d(joints, shape.joints_s),
             problem.quadrotor,
         )
         starts_s, error_m = np.append(starts_s, windows.start_s), np.append(error_m, windows.error_m[0])
