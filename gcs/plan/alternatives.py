@@ -6,6 +6,7 @@ Knows: routes, their lower bounds, what to try when none works. Does not know: h
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from gcs.plan.feasibility import check_time, why_not
 from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem
 from gcs.plan.refine import Optimum
-from gcs.plan.route import Route, find_routes, survey
+from gcs.plan.route import Route, every_route
 from gcs.plan.schedule import optimise_on_schedule
 from gcs.plan.trajectory import Alternative, MeshRound
 
@@ -30,7 +31,7 @@ def best_way(
     Raises Infeasible (no way at all, too little time, ...) or PlanningError.
     """
     check_time(problem)
-    routes = find_routes(problem, survey(problem))
+    routes = every_route(problem)
     best: Optimum | None = None
     failures: list[PlanningError] = []
     tried: list[Alternative] = []
@@ -48,6 +49,8 @@ def best_way(
         tried.append(Alternative(route.length_m, found.objective, "holds between nodes"))
         if best is None or found.objective < best.objective:
             best = found
+    if every_way and problem.coordinates and not problem.follows_course:
+        tried += [replace(way, verdict=f"rigid: {way.verdict}") for way in _rigid(problem, on_round)]
     if best is None:
         # The map is coarse; the optimiser may find room that its cells do not show.
         try:
@@ -55,6 +58,14 @@ def best_way(
         except PlanningError as failure:
             raise why_not(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)
+
+
+def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alternative, ...]:
+    """What the formation could do without changing by itself, for comparison."""
+    try:
+        return best_way(replace(problem, coordinates=()), on_round)[1]
+    except PlanningError as failure:
+        return (Alternative(0.0, None, failure.message),)
 
 
 def least_objective(problem: Problem, route: Route) -> float:

@@ -100,6 +100,7 @@ def _motions(
     states, controls = formation_motion(vehicle.state, vehicle.control, shape, problem.quadrotor, times, rows)
     found = [*margins.state_limits(scenario, states), margins.turning(scenario, states, controls)]
     found += margins.acceleration(scenario, states, controls)
+    found += margins.shape_motion(scenario, shape.offsets(times, 1, rows), shape.offsets(times, 2, rows))
     return [(margin, LIMIT_TOLERANCE * margin.scale) for margin in found]
 
 

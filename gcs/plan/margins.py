@@ -114,6 +114,18 @@ def acceleration(scenario: Scenario, states: Array, controls: Array) -> list[Mar
     return [Margin("acceleration", "m/s2", most - np.linalg.norm(moved, axis=-1), most)]
 
 
+def shape_motion(scenario: Scenario, speeds: Array, accelerations: Array) -> list[Margin]:
+    """Every vehicle's own motion (V, N, 3) in the shape against v_max and a_max of a change."""
+    formation = scenario.formation
+    return [
+        Margin(f"{name} in the shape", unit, most - np.linalg.norm(motion, axis=-1), most)
+        for name, unit, motion, most in (
+            ("speed", "m/s", speeds, formation.change_speed_mps),
+            ("acceleration", "m/s2", accelerations, formation.change_accel_mps2),
+        )
+    ]
+
+
 def no_fly(scenario: Scenario, states: Array) -> list[Margin]:
     """Distance outside every no-fly disk (Eqs. 21, 24)."""
     return [

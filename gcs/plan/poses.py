@@ -83,4 +83,5 @@ def _rigid_instants(problem: Problem) -> list[float]:
 def _grid(coordinate: Coordinate) -> Array:
     if coordinate.free_end:
         return np.linspace(0.0, 2.0 * np.pi, _HEADINGS, endpoint=False)
-    return np.linspace(coordinate.low, coordinate.high, _STEPS[coordinate.name])
+    grid = np.linspace(coordinate.low, coordinate.high, _STEPS[coordinate.name])
+    return np.unique(np.append(grid, coordinate.rest))

@@ -24,6 +24,7 @@ MAX_ROUTES = 4
 _TRIES = 8
 _AVOID = 1.6  # how much dearer the surroundings of a found way become, so that the next one differs
 _AVOID_CELLS = 3
+_SAME_WAY = 0.03  # of their length: how far two ways may be apart and still be one
 _INSTANTS = 201  # at which the bounds are asked for
 # Steps to the 16 nearest directions: 8 neighbours alone make paths up to 8 % too long.
 _STEPS = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 1]
@@ -69,8 +70,11 @@ class Route:
         return np.column_stack([np.interp(at, along, self.points_m[:, axis]) for axis in (0, 1)])
 
 
-def survey(problem: Problem) -> Map:
-    """Fold terrain, clearance and disks of every vehicle into the leader's map, in the pose that passes best."""
+def survey(problem: Problem, *, at_rest: bool = False) -> Map:
+    """Fold terrain, clearance and disks of every vehicle into the leader's map, in the pose that passes best.
+
+    `at_rest`: a shape that could move by itself does not; one that turns with the course passes in any heading.
+    """
     ends = np.array([problem.start_state[:2], problem.end_state[:2]])
     loosest = leader_state_bounds(problem, np.linspace(problem.start_s, problem.end_s, _INSTANTS))
     low, high = loosest[0].min(axis=0), loosest[1].max(axis=0)
@@ -83,7 +87,9 @@ def survey(problem: Problem) -> Map:
     step = float((high - low).max()) / CELLS
     north, east = (np.linspace(a, b, max(int(np.ceil((b - a) / step)) + 1, 2)) for a, b in zip(low, high, strict=True))
     grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
-    floor = np.min([floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in _extremes(problem)], axis=0)
+    chosen = _at_rest(problem) if at_rest else _extremes(problem)
+    floors = [floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in chosen]
+    floor = np.max(floors, axis=0) if at_rest and problem.follows_course else np.min(floors, axis=0)
     return Map(north, east, np.asarray(floor), ceiling_m)
 
 
@@ -94,6 +100,29 @@ def _extremes(problem: Problem) -> list[Pose]:
         return all(c.free_end or pose.values[c.name] in (c.low, c.rest, c.high) for c in problem.coordinates)
 
     return [pose for pose in poses(problem) if is_extreme(pose)]
+
+
+def _at_rest(problem: Problem) -> list[Pose]:
+    return [p for p in poses(problem) if all(c.free_end or p.values[c.name] == c.rest for c in problem.coordinates)]
+
+
+def every_route(problem: Problem) -> tuple[Route, ...]:
+    """Ways for the formation as it is, and those that only open when it changes by itself; shortest first.
+
+    Raises Infeasible when there is none.
+    """
+    routes = list(find_routes(problem, survey(problem)))
+    if problem.coordinates:
+        try:
+            rigid = find_routes(problem, survey(problem, at_rest=True))
+        except Infeasible:
+            rigid = ()
+        share = np.linspace(0.0, 1.0, _INSTANTS)
+        for route in rigid:
+            apart = [np.linalg.norm(route.place(share) - known.place(share), axis=1).max() for known in routes]
+            if min(apart) > _SAME_WAY * route.length_m:
+                routes.append(route)
+    return tuple(sorted(routes, key=lambda route: route.length_m))
 
 
 def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:

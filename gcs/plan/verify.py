@@ -14,7 +14,7 @@ from gcs.plan import margins
 from gcs.plan.formation.shape import Rows
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
-from gcs.plan.verify_shape import landing_points, least_separation, own_motion, place_in_formation
+from gcs.plan.verify_shape import landing_points, least_separation, place_in_formation
 from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.scenario.physical import boundary_state
@@ -129,8 +129,10 @@ def _block_checks(plan: Plan, phase: str, times: Array) -> list[Check]:
             margins.turning(scenario, states, controls),
             *margins.acceleration(scenario, states, controls),
         ]
-        if phase == "mission" and len(everyone) > 1:
-            found += own_motion(plan, part) if len(rows) > 1 else []
+        if phase == "mission":
+            found += margins.shape_motion(
+                scenario, plan.shape.offsets(part, 1, rows), plan.shape.offsets(part, 2, rows)
+            )
         checks += [_worst(m, LIMIT_TOLERANCE * m.scale, phase, rows, plan, part) for m in found]
     places = plan.leader_trajectory.state(times)[:, POSITION] + plan.offsets(times)
     checks += [

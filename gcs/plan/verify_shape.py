@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from gcs.plan.formation.coordinates import target_ned_m
 from gcs.plan.formation.shape import Shape
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
@@ -60,22 +61,17 @@ def place_in_formation(plan: Plan, places_ned_m: Array, times: Array) -> Margin:
     seen = places_ned_m - places_ned_m[plan.leader]
     off = np.zeros(seen.shape[:2])
     similar = any(change.auto for change in plan.scenario.formation.change) or plan.scenario.formation.frame == "course"
+    blends = any(change.auto and change.to is not None for change in plan.scenario.formation.change)
+    target = target_ned_m(plan.scenario) if blends else None
     for start_s, end_s, expected in expected_places(plan):
         inside = (times >= start_s) & (times <= end_s)
         if not inside.any():
             continue
         wanted = expected[:, None]
         if similar:
-            wanted = _nearest_alike(seen[:, inside], expected, _blends_to(plan))
+            wanted = _nearest_alike(seen[:, inside], expected, target)
         off[:, inside] = np.linalg.norm(seen[:, inside] - wanted, axis=-1)
     return Margin("place in formation", "m", -off, 1.0)
-
-
-def _blends_to(plan: Plan) -> Array | None:
-    for change in plan.scenario.formation.change:
-        if change.auto and change.to is not None:
-            return shape_offsets_ned_m(plan.scenario, change.to)
-    return None
 
 
 def _nearest_alike(seen: Array, expected: Array, target: Array | None) -> Array:
@@ -90,18 +86,6 @@ def _nearest_alike(seen: Array, expected: Array, target: Array | None) -> Array:
     near = flat @ np.linalg.lstsq(flat, seen_flat, rcond=None)[0]
     high = tall @ np.linalg.lstsq(tall, seen[..., 2], rcond=None)[0]
     return np.stack([near.real, near.imag, high], axis=-1)
-
-
-def own_motion(plan: Plan, times: Array) -> list[Margin]:
-    """Every vehicle's speed and acceleration in the shape against v_max and a_max of a change."""
-    formation = plan.scenario.formation
-    return [
-        Margin(f"{name} in the shape", unit, most - np.linalg.norm(plan.offsets(times, order), axis=-1), most)
-        for order, name, unit, most in (
-            (1, "speed", "m/s", formation.change_speed_mps),
-            (2, "acceleration", "m/s2", formation.change_accel_mps2),
-        )
-    ]
 
 
 def least_separation(shape: Shape, times: Array) -> tuple[float, float]:

@@ -19,11 +19,13 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import PPoly
 
+from gcs.errors import Infeasible
+from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timelaw import Budget, budget
 from gcs.quadrotor import Array
 from gcs.scenario.model import Change, Scenario
-from gcs.scenario.physical import offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.physical import leader_index, offsets_ned_m, shape_offsets_ned_m
 
 Name = Literal["scale", "heading", "blend"]
 ORDER = 4  # integrators from the control (a snap) to the coordinate
@@ -69,11 +71,29 @@ def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
 
 
 def target_ned_m(scenario: Scenario) -> Array:
-    """Shape (V, 3) that the blend leads to; the base shape where nothing blends."""
+    """Shape (V, 3) that the blend leads to, everybody's place in it assigned; the base shape where nothing blends.
+
+    Raises Infeasible where vehicles would come too near another on the straight ways there.
+    """
+    base = offsets_ned_m(scenario)
     for change in scenario.formation.change:
         if change.auto and change.to is not None:
-            return shape_offsets_ned_m(scenario, change.to)
-    return offsets_ned_m(scenario)
+            made = reshape(
+                base,
+                shape_offsets_ned_m(scenario, change.to),
+                leader_index(scenario),
+                scenario.limits.separation_min_m,
+                fixed=change.assignment == "fixed",
+                sysids=scenario.formation.sysids,
+            )
+            if len(made.legs) > 1:
+                raise Infeasible(
+                    f'no straight way from the start to the shape "{change.to}" keeps '
+                    f"{scenario.limits.separation_min_m:g} m; it would go {made.way}",
+                    hint="trigger the change by a time or a gate instead of auto, or give the shapes more spacing",
+                )
+            return made.offsets_after_ned_m
+    return base
 
 
 def bent(values: Mapping[Name, Any], base: Sequence[Any], target: Sequence[Any], xp: Any = np) -> tuple[Any, Any, Any]:
