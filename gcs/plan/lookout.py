@@ -29,6 +29,8 @@ _BLOCK_S = 10.0
 # that far from it is not looked at more closely.
 _FEW = 16
 _GLANCE_S, _FAR_M = 0.5, 0.2
+_GLANCE_EVERY = round(_GLANCE_S / LOOK_EVERY_S)
+_DIRECTIONS = 8
 
 
 def broken(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
@@ -58,7 +60,7 @@ def _looks(
         yield times, _positions(problem, trajectory, shape, times)
         moving = shape.is_moving(times)
         leader = np.array([problem.leader])
-        for part, rows in ((times[~moving], leader), (times[moving], np.arange(problem.vehicles))):
+        for part, rows in ((times[~moving], leader), (times[moving], _liveliest(problem, shape, times[moving]))):
             if len(part):
                 yield part, _motions(problem, trajectory, shape, part, rows)
 
@@ -91,6 +93,20 @@ def _endangered(problem: Problem, trajectory: Trajectory, shape: Shape, start_s:
     for margin in others:
         near |= margin.value.min(axis=1) < _FAR_M
     return np.flatnonzero(near)
+
+
+def _liveliest(problem: Problem, shape: Shape, times: Array) -> Rows:
+    """Vehicles whose own speed or acceleration is the largest in some direction; of a few, all."""
+    if problem.vehicles <= _FEW or not len(times):
+        return np.arange(problem.vehicles)
+    angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    ways = np.stack([np.cos(angle), np.sin(angle)])
+    rows = [np.array([problem.leader])]
+    for order in (1, 2):
+        motion = shape.offsets(times[::_GLANCE_EVERY], order)
+        rows.append(np.argmax(motion[..., :2] @ ways, axis=0).ravel())
+        rows.append(np.argmax(np.abs(motion[..., 2]), axis=0))
+    return np.unique(np.concatenate(rows))
 
 
 def _motions(

@@ -112,7 +112,9 @@ def _one_vehicle(problem: Problem, program: Program, parts: instant.Instant, y: 
     a, b = (ca.DM(matrix) for matrix in layout.collocation())
     unit = np.tile(STATE_UNIT, a.size1() // NX)
     motion = ca.mtimes(a, y * program.unit + program.shift) - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(z)))
-    return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(motion / unit, ca.vec(parts.path.map(nodes)(z, np.zeros((parts.path.size1_in(1), nodes)))))
+    return ca.sum2(parts.cost.map(nodes)(z, shares)), ca.vertcat(
+        motion / unit, ca.vec(parts.path.map(nodes)(z, np.zeros((parts.path.size1_in(1), nodes))))
+    )
 
 
 def main(problem: str, answer: str, limit_s: str) -> None:

@@ -50,7 +50,9 @@ class Shape:
 
     def offsets(self, t_s: Array, order: int = 0, rows: slice | Rows = EVERYONE) -> Array:
         """Offsets (V, N, 3) from the leader, or their `order`-th time derivative in m/s^order; of some `rows`."""
-        return np.asarray(np.einsum("nk,kvi->vni", self.functions(t_s, nu=order), self.basis_ned_m[:, rows]))
+        tables = self.basis_ned_m[:, rows]
+        flat = self.functions(t_s, nu=order) @ tables.reshape(len(tables), -1)
+        return np.ascontiguousarray(flat.reshape(len(flat), *tables.shape[1:]).swapaxes(0, 1))
 
     def is_moving(self, t_s: Array) -> NDArray[np.bool_]:
         """Whether the formation is not rigid at these instants (N,)."""
