@@ -162,7 +162,8 @@ def _line(snapshot: Snapshot) -> str:
     worst = max((e for e in snapshot.errors_m.values() if not math.isnan(e)), default=math.nan)
     return (
         f"{snapshot.phase}: t = {snapshot.plan_time_s:.0f} s ({snapshot.progress:.0%}), "
-        f"position error at most {worst:.2f} m, separation {snapshot.separation_m:.2f} m"
+        f"position error at most {worst:.2f} m, shape off by {snapshot.formation_error_m:.2f} m, "
+        f"separation {snapshot.separation_m:.2f} m"
     )
 
 
@@ -170,7 +171,8 @@ def _table(snapshot: Snapshot) -> Table:
     bar = "█" * round(30 * snapshot.progress)
     time_text = "" if snapshot.plan_time_s is None else f"  t = {snapshot.plan_time_s:.0f} s"
     separation = "" if math.isnan(snapshot.separation_m) else f"  separation {snapshot.separation_m:.2f} m"
-    table = Table("vehicle", "armed", "position error", "link", title=f"{snapshot.phase}{time_text}{separation}")
+    off = "" if math.isnan(snapshot.formation_error_m) else f"  shape off by {snapshot.formation_error_m:.2f} m"
+    table = Table("vehicle", "armed", "position error", "link", title=f"{snapshot.phase}{time_text}{separation}{off}")
     table.caption = f"{bar:░<30} {snapshot.progress:.0%}"
     for sysid, error in snapshot.errors_m.items():
         error_text = "–" if math.isnan(error) else f"{error:.3f} m"
@@ -185,6 +187,7 @@ def _show(screen: Screen, verdict: Verdict, folder: Path) -> None:
         who = "" if c.sysid is None else f" (vehicle {c.sysid})"
         table.add_row(c.name, f"{c.value:.3f} {c.unit}{who}", asked(c), "yes" if c.ok else "NO")
     screen.show(table)
+    screen.say(f"formation's shape off by at most {verdict.formation_error_m:.3f} m (Definition 1)")
     screen.say(f"flight {'held' if verdict.ok else 'NOT held'}. Report and pictures: {folder}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,8 +13,11 @@ from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
+    from gcs.plan.formation.timeline import Move
     from gcs.plan.trajectory import Plan
     from gcs.plan.verify import Report
+
+_BAR = 20  # characters
 
 
 def plan(
@@ -59,6 +63,7 @@ def plan(
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
             "failures": [str(c) for c in report.failures],
+            "changes": [asdict(m) for m in made.moves],
             "alternatives": [asdict(a) for a in made.alternatives],
             "mesh": [asdict(r) for r in made.mesh_history],
             "time_s": watch.laps_s,
@@ -83,6 +88,7 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     )
     for phase in made.phases:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
+    _show_changes(screen, made)
     screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks")
     limits = scenario.limits
     screen.say(f"  clearance above ground at least {report.clearance_min_m:.3f} m (asked {limits.clearance_min_m:g} m)")
@@ -92,6 +98,28 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")
     for check in report.failures:
         screen.say(f"  NOT HELD: {check}")
+
+
+def _show_changes(screen: Screen, made: Plan) -> None:
+    """Changes of shape on the flight's time line, with the paper's least time beside the flown one."""
+    if not made.moves:
+        return
+    screen.say("changes of shape, with the paper's least time (Eqs. 8, 12, 14) beside the flown one")
+    name = max(len(move.name) for move in made.moves)
+    for move in made.moves:
+        how = ", ".join(part for part in (move.trigger, move.way, f"limited by {move.limited_by}") if part)
+        screen.say(
+            f"  {move.start_s:8.1f} s … {move.end_s:6.1f} s  {_bar(move, made.flight_s)}  {move.name:<{name}}  "
+            f"{move.paper_time_s:5.1f} s → {move.end_s - move.start_s:5.1f} s"
+        )
+        screen.say(f"  {'':29}{how}; vehicles at least {move.least_gap_m:.2f} m apart")
+
+
+def _bar(move: Move, flight_s: float) -> str:
+    """The flight as a line, the change as the thick part of it."""
+    first = int(_BAR * move.start_s / flight_s)
+    last = max(math.ceil(_BAR * move.end_s / flight_s), first + 1)
+    return f"{'─' * first}{'━' * (last - first)}{'─' * (_BAR - last)}"
 
 
 def _show_alternatives(screen: Screen, made: Plan) -> None:

@@ -109,6 +109,7 @@ class Flight:
             {sysid: s.heartbeat_age_s() for sysid, s in self.sessions.items()},
             {sysid: s.armed for sysid, s in self.sessions.items()},
             self.monitor.separation_m(),
+            self.monitor.formation_error_m(),
         )
 
     async def _run(self) -> FlightTimes:

@@ -75,6 +75,7 @@ def report_data(
         "criteria": [{**asdict(c), "ok": c.ok} for c in verdict.criteria],
         "position_rms_m": {str(k): v for k, v in verdict.rms_m.items()},
         "position_max_m": {str(k): v for k, v in verdict.max_m.items()},
+        "formation_error_max_m": verdict.formation_error_m,
         "times": asdict(times),
     }
 

@@ -45,6 +45,7 @@ class Verdict:
     criteria: tuple[Criterion, ...]
     rms_m: dict[int, float]
     max_m: dict[int, float]
+    formation_error_m: float  # Definition 1, the largest between T0 and the arrival
 
     @property
     def ok(self) -> bool:
@@ -78,6 +79,7 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
         tuple(criteria),
         dict(zip(plan.sysids, rms.tolist(), strict=True)),
         dict(zip(plan.sysids, error[:, mission].max(axis=1).tolist(), strict=True)),
+        float(plan.formation_error_m(t_s[mission], flown[:, mission]).max()),
     )
 
 

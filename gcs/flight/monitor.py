@@ -39,6 +39,7 @@ class Snapshot:
     link_age_s: dict[int, float]
     armed: dict[int, bool]
     separation_m: float
+    formation_error_m: float  # Definition 1: how far the shape is off, wherever it flies
 
 
 class Monitor:
@@ -65,13 +66,26 @@ class Monitor:
             self._compare(row, view, unix_s - self.t0_unix_s)
 
     def separation_m(self) -> float:
-        """Least distance between two vehicles, all moved on to the newest report's time; NaN before all reported."""
+        """Least distance between two vehicles; NaN before all reported."""
+        now = self._everyone_now()
+        return math.nan if now is None or len(self.views) < 2 else float(pdist(now[1]).min())
+
+    def formation_error_m(self) -> float:
+        """How far the formation's shape is off (Definition 1); NaN before all reported, or before T0 is known."""
+        now = self._everyone_now()
+        if now is None or self.t0_unix_s is None:
+            return math.nan
+        unix_s, positions = now
+        t_s = np.clip(np.array([unix_s - self.t0_unix_s]), self.plan.t_start_s, self.plan.t_end_s)
+        return float(self.plan.formation_error_m(t_s, positions[:, None])[0])
+
+    def _everyone_now(self) -> tuple[float, Array] | None:
+        """Positions (V, 3), all moved on to the newest report's time."""
         views = list(self.views.values())
         newest = max(v.unix_s for v in views)
-        if len(views) < 2 or math.isnan(sum(v.unix_s for v in views)):
-            return math.nan
-        positions = [v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views]
-        return float(pdist(np.array(positions)).min())
+        if math.isnan(sum(v.unix_s for v in views)):
+            return None
+        return newest, np.array([v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views])
 
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
         if not self.plan.phase("mission").start_s - 60.0 <= t_s <= self.plan.t_end_s:

@@ -13,7 +13,9 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.plan.formation.error import formation_error_m
 from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
 from gcs.quadrotor import VELOCITY, Array, Quadrotor, derivative
@@ -207,6 +209,14 @@ class Plan:
     def accelerations(self, t_s: Array) -> Array:
         """Accelerations (V, N, 3) in NED, by Eq. 1 from states and controls."""
         return derivative(*self.motion(t_s), self.quadrotor)[..., VELOCITY]
+
+    def information_graph(self, t_s: float) -> InformationGraph:
+        """Whose state each vehicle needs when it follows telemetry, in the shape of that instant."""
+        return information_graph(self.scenario.formation.topology, self.shape.at(t_s), self.leader)
+
+    def formation_error_m(self, t_s: Array, positions_ned_m: Array) -> Array:
+        """Definition 1 for positions (V, N, 3) flown at plan times t_s (N,): how far the shape is off, (N,), in m."""
+        return formation_error_m(positions_ned_m, self.offsets(t_s))
 
     @cached_property
     def hash(self) -> str:

@@ -57,5 +57,5 @@ def _words(coordinate: Coordinate, value: float) -> str:
     if coordinate.name == "scale":
         return f"shrink to {value:.2f}"
     if coordinate.name == "heading":
-        return f"rotate {np.degrees(value):.0f}°"
+        return f"rotate {np.degrees(value):.0f} deg"
     return f"reshape, {100 * value:.0f} % of the way"
