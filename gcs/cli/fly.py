@@ -13,6 +13,8 @@ from gcs.errors import UsageError
 
 CONFIRMATION = "arm"
 
+LARGEST_SYSID = 254  # 255 is the ground station
+
 
 def fly(
     mission: MissionArgument,
@@ -51,6 +53,11 @@ def fly(
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified)
+    if max(plan.sysids) > LARGEST_SYSID:
+        raise UsageError(
+            f"{len(plan.sysids)} vehicles do not fit on one MAVLink network: system ids end at {LARGEST_SYSID}",
+            hint="`gcs export` writes files for all of them; fly smaller formations",
+        )
     if link is not None and not yes_arm:
         _confirm(link, len(plan.sysids))
     request = FlyRequest(plan, report, FlightMode(mode), link, speedup, seed, tuple(fault or ()), to, screen, watch)

@@ -64,6 +64,7 @@ def plan(
             "terminal_error_m": report.terminal_error_m,
             "failures": [str(c) for c in report.failures],
             "changes": [asdict(m) for m in made.moves],
+            "information": _information(made),
             "alternatives": [asdict(a) for a in made.alternatives],
             "mesh": [asdict(r) for r in made.mesh_history],
             "time_s": watch.laps_s,
@@ -98,6 +99,14 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")
     for check in report.failures:
         screen.say(f"  NOT HELD: {check}")
+
+
+def _information(made: Plan) -> dict[str, list[int]]:
+    """Whose state each vehicle needs at T0 when it follows telemetry (graph G of §2.2)."""
+    sources = made.information_graph(0.0).sources
+    return {
+        str(sysid): [made.sysids[row] for row in rows] for sysid, rows in zip(made.sysids, sources, strict=True) if rows
+    }
 
 
 def _show_changes(screen: Screen, made: Plan) -> None:

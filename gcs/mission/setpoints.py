@@ -35,6 +35,7 @@ COLUMNS = (
 )
 _DECIMALS = 6  # micrometres: far below what float32 on the wire keeps
 _MS = 1000
+LARGEST_ID = 10_000  # of a fleet; links carry 254
 
 
 def build_stream(plan: Plan, rate_hz: float, smooth: SmoothPath | None = None) -> SetpointStream:
@@ -102,8 +103,8 @@ def _stream(table: Array) -> SetpointStream:
     table = table.reshape(-1, len(sysids), len(COLUMNS))
     if (table[..., 1] != sysids).any() or (table[..., 0] != table[:, :1, 0]).any():
         raise ValueError(f"not every instant has vehicles {sysids} in this order")
-    if len(set(sysids)) != len(sysids) or (ids != sysids).any() or min(sysids) < 1 or max(sysids) > 254:
-        raise ValueError(f"{ids.tolist()} are not distinct system ids from 1 to 254")
+    if len(set(sysids)) != len(sysids) or (ids != sysids).any() or min(sysids) < 1 or max(sysids) > LARGEST_ID:
+        raise ValueError(f"{ids.tolist()} are not distinct system ids from 1 to {LARGEST_ID}")
     t_s = table[:, 0, 0].copy()
     if (np.diff(t_s) <= 0).any() or (np.rint(t_s * _MS) / _MS != t_s).any():
         raise ValueError("times must rise in whole milliseconds")
