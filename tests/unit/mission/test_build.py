@@ -13,6 +13,7 @@ from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.build import ITEMS_MAX, ROUNDING_M, TIME_SHARE, build_missions, timed_legs
 from gcs.mission.model import Command, Frame, MissionItem, VehicleMission
 from gcs.mission.simplify import Flown, deviation
+from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Phase, Plan, Trajectory
 from gcs.quadrotor import POSITION
 
@@ -152,7 +153,7 @@ def stop_and_go(plan: Plan, yaw_ned_rad: float) -> Plan:
     state[1, :, 8] = yaw_ned_rad
     names = ("takeoff", "mission", "landing")
     phases = tuple(map(Phase, names, (-10.0, 0.0, 35.0), (0.0, 35.0, 45.0)))
-    shape = np.zeros((1, 1, len(plan.sysids), 3))
+    shape = rigid(np.zeros((len(plan.sysids), 3)), -10.0, 45.0)
     scenario = plan.scenario.model_copy(
         update={
             "origin": plan.scenario.origin.model_copy(update={"lat_deg": -35.0, "lon_deg": -71.0}),
@@ -160,7 +161,7 @@ def stop_and_go(plan: Plan, yaw_ned_rad: float) -> Plan:
         }
     )
     motion = Trajectory(PPoly(state, joints), PPoly(np.zeros((1, 5, 4)), joints))
-    return Plan(scenario, motion, PPoly(shape, [-10.0, 45.0]), phases, 0.0)
+    return Plan(scenario, motion, shape, phases, 0.0)
 
 
 def test_standing_still_on_the_way_is_a_delay_and_no_speed_of_zero(simulation1_plan: Plan) -> None:
