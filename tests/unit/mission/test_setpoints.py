@@ -77,7 +77,7 @@ LINES = write_setpoints(STREAM).splitlines()
         ([*LINES[:3], LINES[4], LINES[3]], "in this order"),
         ([LINES[0], *LINES[3:], *LINES[1:3]], "times must rise"),
         ([LINES[0], LINES[1], LINES[1]], "distinct system ids"),
-        ([LINES[0], LINES[1].replace(",3,", ",255,")], "distinct system ids"),
+        ([LINES[0], LINES[1].replace(",3,", ",10001,")], "distinct system ids"),
         ([LINES[0], LINES[1].replace("-0.040", "-0.0401")], "whole milliseconds"),
         ([LINES[0], LINES[1].replace("1.0", "nan", 1)], "finite"),
         ([LINES[0], LINES[1].replace("1.0", "one", 1)], "one"),
