@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.link.dialect import CopterMode, LandedState, MavResult, Severity
+from gcs.link.dialect import LandedState, MavResult, Severity
 from gcs.mission.model import Command, MissionItem
 from gcs.quadrotor import Array
 from sim_bridge.course import Course, Guide, Mark, is_navigation
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.guidance.stream import Setpoint, SetpointFollower
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Intent, Mode, Personality
 
-_HOVERING = frozenset({CopterMode.STABILIZE, CopterMode.GUIDED, CopterMode.LOITER, CopterMode.BRAKE})
+_HOVERING = frozenset({Intent.MANUAL, Intent.HOLD, Intent.GUIDED})
 _LIFT_OFF_PATIENCE_S = 3.0  # after a take-off that never left the ground
 _ITEM_NAMES = {16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay"}
 
@@ -62,7 +62,7 @@ class Autopilot:
     def __init__(self, personality: Personality, guide: Guide, yaw_ned_rad: float) -> None:
         self._personality = personality
         self.guide = guide
-        self.mode: int = CopterMode.STABILIZE
+        self.mode = self._mode_numbered(personality.modes.at_boot)
         self.armed = False
         self.flying = False  # motors lift: from take-off to contact with the ground
         self.ready = False
@@ -112,21 +112,27 @@ class Autopilot:
 
     def set_mode(self, t_s: float, mode: int) -> MavResult:
         """Change the mode; on the ground any mode is taken, in the air it acts at once."""
-        if mode not in self._personality.modes:
+        known = self._personality.modes.numbered(mode)
+        if known is None:
             return MavResult.FAILED
-        if mode == self.mode and mode != CopterMode.AUTO:
+        if known is self.mode and known.intent is not Intent.MISSION:
             return MavResult.ACCEPTED
-        if mode == CopterMode.AUTO and self.flying and not self._has_mission():
-            self._say(Severity.WARNING, "Mode change to AUTO failed: requires mission")
+        if known.intent is Intent.MISSION and self.flying and not self._has_mission():
+            self._say(Severity.WARNING, f"Mode change to {known.name} failed: requires mission")
             return MavResult.FAILED
-        self._enter(mode)
+        self._enter(known)
         if self.flying:
-            self._act(t_s, mode)
+            self._act(t_s)
         return MavResult.ACCEPTED
+
+    def pursue(self, t_s: float, intent: Intent) -> MavResult:
+        """Change to the mode for `intent`, as commands like NAV_LAND do."""
+        mode = self._personality.modes.of(intent)
+        return self.set_mode(t_s, mode.number) if mode is not None else MavResult.UNSUPPORTED
 
     def take_off(self, t_s: float, height_m: float) -> MavResult:
         """Climb to `height_m` above home; only armed, in GUIDED, from the ground."""
-        allowed = self.mode == CopterMode.GUIDED and self.armed and not self.flying
+        allowed = self.mode.intent is Intent.GUIDED and self.armed and not self.flying
         if not (allowed and math.isfinite(height_m) and height_m > 0):
             return MavResult.FAILED
         self._lift(t_s, self.guide.take_off(t_s, self.piece.at(t_s), height_m))
@@ -135,14 +141,14 @@ class Autopilot:
     def start_mission(self, t_s: float) -> MavResult:
         """Switch to AUTO and fly; unarmed in AUTO it is accepted and nothing happens, as on the original."""
         if not self.armed:
-            return MavResult.ACCEPTED if self.mode == CopterMode.AUTO else MavResult.FAILED
+            return MavResult.ACCEPTED if self.mode.intent is Intent.MISSION else MavResult.FAILED
         if not self._has_mission():
             return MavResult.FAILED
         if not self.flying and self._first_navigation() != Command.NAV_TAKEOFF:
             self._say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return MavResult.FAILED
-        self._enter(CopterMode.AUTO)
-        self._act(t_s, CopterMode.AUTO)
+        self._enter(self._mode_for(Intent.MISSION))
+        self._act(t_s)
         return MavResult.ACCEPTED
 
     def set_mission(self, items: Sequence[MissionItem]) -> None:
@@ -158,8 +164,8 @@ class Autopilot:
         while seq + 1 < len(self.mission) and not is_navigation(self.mission[seq].command):
             seq += 1
         self.current_seq = seq
-        if self.flying and self.mode == CopterMode.AUTO:
-            self._act(t_s, CopterMode.AUTO)
+        if self.flying and self.mode.intent is Intent.MISSION:
+            self._act(t_s)
         return MavResult.ACCEPTED
 
     def follow(self, t_s: float, setpoint: Setpoint) -> None:
@@ -198,7 +204,7 @@ class Autopilot:
         """Whether it is armed and has nothing to do: on the ground, or hovering."""
         if not self.flying:
             return self.armed
-        return self.mode in _HOVERING and not self._streaming and math.isinf(self.piece.end_s)
+        return self.mode.intent in _HOVERING and not self._streaming and math.isinf(self.piece.end_s)
 
     def awaits_setpoint(self, t_s: float) -> bool:
         """Whether it flies a stamped stream and has to guess how it goes on from `t_s`."""
@@ -248,7 +254,7 @@ class Autopilot:
 
     def _watch_ground(self, t_s: float, landed: bool) -> None:
         if not self.flying:
-            if t_s - self._idle_since_s >= self._personality.idle_disarm_s:
+            if t_s - self._idle_since_s >= self._personality.arming.idle_disarm_s:
                 self.disarm()
         elif not landed:
             self._contact_s, self._left_ground = None, True
@@ -256,7 +262,7 @@ class Autopilot:
             self._left_ground = False  # a hop at the start of a climb is no landing
         elif self._contact_s is None:
             self._contact_s = t_s
-        elif t_s - self._contact_s >= self._personality.landed_after_s:
+        elif t_s - self._contact_s >= self._personality.flight.landed_after_s:
             self._touched_down(t_s)
 
     def _touched_down(self, t_s: float) -> None:
@@ -275,12 +281,12 @@ class Autopilot:
     def _reason_not_to_arm(self) -> str:
         if not self.ready:
             return "Need Position Estimate"
-        if self.mode in self._personality.not_armable:
-            return f"{CopterMode(self.mode).name} mode not armable"
+        if not self.mode.armable:
+            return f"{self.mode.name} mode not armable"
         return ""
 
     def _guided_in_flight(self) -> bool:
-        return self.mode == CopterMode.GUIDED and self.flying and self._left_ground
+        return self.mode.intent is Intent.GUIDED and self.flying and self._left_ground
 
     def _has_mission(self) -> bool:
         return self._first_navigation() is not None
@@ -289,24 +295,36 @@ class Autopilot:
         commands = (item.command for item in self.mission[max(self.current_seq, 1) :])
         return next((command for command in commands if is_navigation(command)), None)
 
-    def _enter(self, mode: int) -> None:
-        if mode != self.mode:
+    def _mode_numbered(self, number: int) -> Mode:
+        mode = self._personality.modes.numbered(number)
+        if mode is None:
+            raise ValueError(f"{self._personality.name} has no mode {number}")
+        return mode
+
+    def _mode_for(self, intent: Intent) -> Mode:
+        mode = self._personality.modes.of(intent)
+        if mode is None:
+            raise ValueError(f"{self._personality.name} has no mode for {intent.name}")
+        return mode
+
+    def _enter(self, mode: Mode) -> None:
+        if mode is not self.mode:
             self.mode = mode
             self.events.append(ModeChanged())
 
-    def _act(self, t_s: float, mode: int) -> None:
+    def _act(self, t_s: float) -> None:
         """Begin, in the air or about to be, what the mode is for."""
-        flat = self.piece.at(t_s)
-        self.mission_running = mode == CopterMode.AUTO
-        if mode == CopterMode.AUTO:
+        flat, intent = self.piece.at(t_s), self.mode.intent
+        self.mission_running = intent is Intent.MISSION
+        if self.mission_running:
             landed = not self.flying
             course = self.guide.fly_mission(t_s, flat, self.mission, self.current_seq, landed)
             self._lift(t_s, course) if landed else self._start(t_s, course)
-        elif mode == CopterMode.RTL:
+        elif intent is Intent.RETURN:
             self._start(t_s, self.guide.return_home(t_s, flat))
-        elif mode == CopterMode.LAND:
+        elif intent is Intent.LAND:
             self._start(t_s, self.guide.land(t_s, flat))
-        elif mode in _HOVERING:
+        elif intent in _HOVERING:
             self._start(t_s, self.guide.stop(t_s, flat))
 
     def _lift(self, t_s: float, course: Course) -> None:

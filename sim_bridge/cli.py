@@ -21,6 +21,7 @@ from gcs.errors import GcsError, UsageError
 
 STOPPED = 130
 BUG = 70
+AUTOPILOTS = ("ardupilot", "px4")
 
 app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
 
@@ -30,6 +31,9 @@ def fly(
     mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission folder, or the scenario file.")],
     udp: Annotated[str, typer.Option(help="Ground station that the vehicles call.")] = "127.0.0.1:14550",
     speedup: Annotated[str, typer.Option(help="Times real time, or 'max'.")] = "1",
+    autopilot: Annotated[
+        str | None, typer.Option(help="Whose manners: ardupilot or px4.", show_default="the scenario's")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of sensor noise and boot clocks.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     fault: Annotated[
@@ -44,16 +48,26 @@ def fly(
     """
     del debug  # read by `run`, because the arguments may be what is wrong
     ground, rate = parse_ground(udp), parse_speedup(speedup)
+    if autopilot not in (None, *AUTOPILOTS):
+        raise UsageError(f"--autopilot {autopilot!r} is neither {' nor '.join(AUTOPILOTS)}.")
     if truth is not None and not truth.parent.is_dir():
         raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.physical import sysids  # noqa: PLC0415
     from sim_bridge.faults import parse_faults  # noqa: PLC0415
     from sim_bridge.fleet import Fleet, FleetOptions  # noqa: PLC0415
+    from sim_bridge.personality import by_name  # noqa: PLC0415
 
     scenario = load_scenario(mission)
     faults = parse_faults(fault or (), sysids(scenario))
-    options = FleetOptions(ground=ground, speedup=rate, seed=seed, faults=faults, record_truth=truth is not None)
+    options = FleetOptions(
+        ground=ground,
+        speedup=rate,
+        seed=seed,
+        faults=faults,
+        record_truth=truth is not None,
+        personality=by_name(autopilot or scenario.mission.autopilot),
+    )
     with Fleet(scenario, options) as fleet:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: fleet.stop())

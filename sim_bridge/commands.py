@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from gcs.frames import from_degE7
 from gcs.link.command import CommandMemory, command_ack
-from gcs.link.dialect import CopterMode, MavCommand, MavResult, MessageId
+from gcs.link.dialect import MavCommand, MavResult, MessageId
 from gcs.link.message import Message
 from sim_bridge.autopilot import Autopilot
+from sim_bridge.personality import Intent
 from sim_bridge.telemetry import Telemetry
 
 _FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
@@ -41,8 +42,8 @@ class Commands:
         self._handlers: dict[int, Callable[[Request, float], tuple[MavResult, list[Message]]]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.NAV_TAKEOFF: lambda r, t: (autopilot.take_off(t, r.z), []),
-            MavCommand.NAV_LAND: lambda r, t: (autopilot.set_mode(t, CopterMode.LAND), []),
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: (autopilot.set_mode(t, CopterMode.RTL), []),
+            MavCommand.NAV_LAND: lambda r, t: (autopilot.pursue(t, Intent.LAND), []),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: (autopilot.pursue(t, Intent.RETURN), []),
             MavCommand.DO_SET_MODE: self._set_mode,
             MavCommand.MISSION_START: lambda r, t: (autopilot.start_mission(t), []),
             MavCommand.DO_SET_MISSION_CURRENT: self._set_current,

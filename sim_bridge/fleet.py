@@ -38,7 +38,7 @@ from sim_bridge.gains import ControlLimits
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.guidance.piece import PieceBatch
 from sim_bridge.pace import Pace
-from sim_bridge.personality import ARDUPILOT, Personality
+from sim_bridge.personality import Personality, by_name
 from sim_bridge.sensors import GRADES
 from sim_bridge.sockets import Address, Sockets
 from sim_bridge.telemetry import Instruments, Whereabouts
@@ -62,7 +62,7 @@ class FleetOptions:
     faults: Mapping[int, Faults] = field(default_factory=dict)
     epoch_unix_s: float | None = None  # default: now
     record_truth: bool = False
-    personality: Personality = ARDUPILOT
+    personality: Personality | None = None  # default: that of the scenario
 
 
 class Fleet:
@@ -76,6 +76,7 @@ class Fleet:
         """Put the vehicles on their pads and open their sockets. Raises `LinkError`."""
         self.options = options = options or FleetOptions()
         self.sysids = physical.sysids(scenario)
+        personality = options.personality or by_name(scenario.mission.autopilot)
         quadrotor = physical.quadrotor(scenario)
         pads_ned_m = physical.pads_ned_m(scenario)
         yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
@@ -115,9 +116,9 @@ class Fleet:
                 epoch_unix_us=round(epoch_s * 1e6),
                 uid=f"skein-{options.seed & 0xFFFF:04x}-{sysid:03d}".encode(),
             )
-            pilot = Autopilot(options.personality, guide, yaw_rad)
+            pilot = Autopilot(personality, guide, yaw_rad)
             faults = options.faults.get(sysid, NO_FAULTS)
-            self.vehicles.append(Vehicle(sysid, pilot, instruments, options.personality, faults))
+            self.vehicles.append(Vehicle(sysid, pilot, instruments, personality, faults))
         self._codecs = [Codec(*vehicle.station) for vehicle in self.vehicles]
         self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
         self.truth = (
@@ -174,7 +175,7 @@ class Fleet:
             self._batch.put(row, vehicle.autopilot.piece)
         if self.truth is not None and self._steps % PERIOD_STEPS == 0:
             pilots = [vehicle.autopilot for vehicle in vehicles]
-            self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode) for p in pilots])
+            self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in pilots])
         motors_on = np.array([vehicle.autopilot.flying for vehicle in vehicles])
         self.airframes.step(self._batch.reference(t_s), motors_on)
         self._steps += 1

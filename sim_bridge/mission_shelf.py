@@ -99,10 +99,10 @@ class MissionShelf:
                 peer,
                 me=self._me,
                 mission_type=kind,
-                timers=self._personality.mission_timers,
-                capacity=self._personality.mission_capacity,
+                timers=self._personality.missions.timers,
+                capacity=self._personality.missions.capacity,
                 check=self._check(kind),
-                int_requests=self._personality.int_requests,
+                int_requests=self._personality.missions.int_requests,
             )
         return upload.receive(message, now_s) + self._finish()
 
@@ -122,7 +122,7 @@ class MissionShelf:
             peer,
             me=self._me,
             mission_type=kind,
-            timers=self._personality.mission_timers,
+            timers=self._personality.missions.timers,
             current=-1,
         )
         self._downloads[kind] = download
@@ -136,7 +136,7 @@ class MissionShelf:
 
     def _told(self, messages: list[Message]) -> list[Message]:
         """Items in the frames that this autopilot names."""
-        if self._personality.tells_file_frames:
+        if self._personality.missions.tells_file_frames:
             for message in messages:
                 if message.name == "MISSION_ITEM_INT":
                     message.fields["frame"] = item_from_message(message).frame

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from gcs.link.message import Message
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Personality, Setting
 
 _BY_NAME = 0xFFFF  # param_index of an answer to a question by name
 
@@ -20,7 +20,8 @@ class Params:
     def __init__(self, personality: Personality, sysid: int) -> None:
         self._table = {param.name: param for param in personality.params}
         self._values = {param.name: param.value for param in personality.params}
-        self._values["SYSID_THISMAV"] = float(sysid)
+        self._setters = {param.sets: param for param in personality.params if param.sets is not None}
+        self._values[personality.params[0].name] = float(sysid)
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
@@ -28,9 +29,10 @@ class Params:
     def __setitem__(self, name: str, value: float) -> None:
         self._values[name] = value
 
-    def used(self, name: str) -> float:
-        """What the vehicle goes by: the value, within its bounds."""
-        return min(max(self._values[name], self._table[name].low), self._table[name].high)
+    def setting(self, setting: Setting) -> float:
+        """What the vehicle goes by: the value of the parameter that decides, within its bounds, in SI units."""
+        param = self._setters[setting]
+        return min(max(self._values[param.name], param.low), param.high) * param.unit
 
     def receive(self, message: Message) -> list[Message]:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""

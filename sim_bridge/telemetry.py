@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.link.dialect import CopterMode, EkfFlag, MavState, MavType, MessageId, ModeFlag
+from gcs.link.dialect import EkfFlag, MavState, MavType, MessageId, ModeFlag
 from gcs.link.message import Message
 from gcs.quadrotor import Array
 from sim_bridge.airframes import Airframes
 from sim_bridge.autopilot import Autopilot
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Intent, Personality
 
 _PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 _SENSORS = 0x2000002F | 0x200000  # gyro, accelerometer, magnetometer, barometer, GNSS; AHRS
@@ -152,18 +152,16 @@ class Telemetry:
 def heartbeat(tm: Telemetry) -> Message:
     """HEARTBEAT."""
     pilot, habits = tm.autopilot, tm.personality
-    flags = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
-    if pilot.mode in habits.guided_modes:
-        flags |= ModeFlag.GUIDED
+    flags = pilot.mode.flags
     if pilot.armed:
         flags |= ModeFlag.ARMED
     return Message(
         "HEARTBEAT",
         {
             "type": int(MavType.QUADROTOR),
-            "autopilot": int(habits.autopilot),
+            "autopilot": int(habits.identity.autopilot),
             "base_mode": int(flags),
-            "custom_mode": pilot.mode,
+            "custom_mode": pilot.mode.number,
             "system_status": int(MavState.ACTIVE if pilot.flying else MavState.STANDBY),
             "mavlink_version": 3,
         },
@@ -258,7 +256,7 @@ def _ekf_status(tm: Telemetry) -> Message:
 
 
 def _sys_status(tm: Telemetry) -> Message:
-    prearm = tm.autopilot.armed or (tm.instruments.t_s >= tm.personality.prearm_after_s)
+    prearm = tm.autopilot.armed or (tm.instruments.t_s >= tm.personality.arming.prearm_after_s)
     return Message(
         "SYS_STATUS",
         {
@@ -288,7 +286,7 @@ def _mission_current(tm: Telemetry) -> Message:
             "seq": pilot.current_seq,
             "total": max(len(pilot.mission) - 1, 0),  # ArduPilot does not count home
             "mission_state": _MISSION_STATES[state],
-            "mission_mode": int(pilot.mode == CopterMode.AUTO),
+            "mission_mode": int(pilot.mode.intent is Intent.MISSION),
         },
     )
 
@@ -345,8 +343,8 @@ def _autopilot_version(tm: Telemetry) -> Message:
     return Message(
         "AUTOPILOT_VERSION",
         {
-            "capabilities": int(tm.personality.capabilities),
-            "flight_sw_version": tm.personality.version,
+            "capabilities": int(tm.personality.identity.capabilities),
+            "flight_sw_version": tm.personality.identity.version,
             "middleware_sw_version": 0,
             "os_sw_version": 0,
             "board_version": 0,
@@ -363,7 +361,7 @@ def _autopilot_version(tm: Telemetry) -> Message:
 
 def _located(tm: Telemetry) -> bool:
     """Whether there is a position to tell; before that ArduPilot sends none."""
-    return tm.instruments.t_s >= tm.personality.prearm_after_s
+    return tm.instruments.t_s >= tm.personality.arming.prearm_after_s
 
 
 _BUILDERS: dict[int, Builder] = {

@@ -24,7 +24,7 @@ from sim_bridge.faults import Faults
 from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
 from sim_bridge.mission_shelf import MissionShelf
 from sim_bridge.params import Params
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Personality, Setting
 from sim_bridge.telemetry import Instruments, Telemetry, heartbeat
 
 _COMPID = 1
@@ -96,7 +96,7 @@ class Vehicle:
         autopilot = self.autopilot
         autopilot.step(t_s, landed)
         if not autopilot.ready and not self._dead:
-            autopilot.ready = t_s >= self._personality.ready_after_s and self._instruments.healthy
+            autopilot.ready = t_s >= self._personality.arming.ready_after_s and self._instruments.healthy
         if autopilot.flying or self._flying_since_s is not None:
             self._watch_fault(t_s)
         if self._dead or self.faults.silent:
@@ -160,14 +160,14 @@ class Vehicle:
         self._params["MIS_TOTAL"] = float(len(items))
 
     def _apply_params(self) -> None:
-        params, guide = self._params, self.autopilot.guide
-        self.autopilot.guided_timeout_s = params.used("GUID_TIMEOUT")
+        used, guide = self._params.setting, self.autopilot.guide
+        self.autopilot.guided_timeout_s = used(Setting.STREAM_TIMEOUT_S)
         self.autopilot.guide = replace(
             guide,
-            speed_mps=min(params.used("WPNAV_SPEED") / 100.0, guide.limits.horizontal_mps),
-            descend_mps=params.used("WPNAV_SPEED_DN") / 100.0,
-            land_mps=params.used("LAND_SPEED") / 100.0,
-            rtl_height_m=params.used("RTL_ALT") / 100.0,
+            speed_mps=min(used(Setting.CRUISE_MPS), guide.limits.horizontal_mps),
+            descend_mps=used(Setting.DESCEND_MPS),
+            land_mps=used(Setting.LAND_MPS),
+            rtl_height_m=used(Setting.RETURN_HEIGHT_M),
         )
 
     def _watch_fault(self, t_s: float) -> None:

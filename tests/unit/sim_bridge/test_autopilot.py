@@ -213,7 +213,7 @@ def test_a_mission_is_flown_and_told_as_arducopter_does():
     body.pilot.set_mode(0.0, CopterMode.GUIDED)
     body.arm()
     assert body.pilot.start_mission(body.t_s) == OK
-    assert body.pilot.mode == CopterMode.AUTO
+    assert body.pilot.mode.number == CopterMode.AUTO
     body.run(100.0)
     assert not body.pilot.armed
     assert [e.seq for e in body.told if isinstance(e, Reached)] == [2, 3, 4, 5, 6]
