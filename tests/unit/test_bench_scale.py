@@ -1,0 +1,35 @@
+"""A thousand vehicles make the same nonlinear program as six: no more unknowns, hardly more constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs.plan.guess import along, straight_way
+from gcs.plan.mesh import end_refined
+from gcs.plan.problem import flight_problem
+from gcs.plan.transcription import Program, transcribe
+from tools.bench_scale import scenario
+
+
+def program(vehicles: int) -> Program:
+    problem = flight_problem(scenario(vehicles))
+    mesh = end_refined(problem.start_s, problem.end_s, 9.0, 1.0, 5)
+    return transcribe(problem, mesh, along(problem, straight_way(problem)))
+
+
+def test_the_program_does_not_grow_with_the_fleet() -> None:
+    six, thousand = program(6), program(1000)
+    assert thousand.layout.size == six.layout.size
+    assert len(thousand.g_names) == len(six.g_names)
+    # ... and it watches other vehicles where the ground is another.
+    watched = {name for name, _ in thousand.g_names if name.startswith("clearance of vehicle")}
+    assert len(watched) > 50
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_the_benchmark_flies_what_it_says(changes: bool) -> None:
+    task = scenario(50, changes=changes)
+    assert len(task.formation.sysids) == 50
+    assert len(task.formation.change) == 3 * changes
+    assert np.all(np.diff(task.formation.sysids) == 1)
