@@ -1,0 +1,1 @@
+"""Recorded conversations with real autopilots, played against the emulated vehicles and compared."""

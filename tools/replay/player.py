@@ -1,0 +1,123 @@
+"""Plays the ground station's part of a recording to an emulated vehicle.
+
+Knows: when the recorded ground station spoke, and what it had been waiting for. Does not know: what a difference is.
+
+The ground station's frames go out at the recorded times. Where it had reacted to an answer, it waits for that
+answer here too, at most as long as a timer of the vehicle may differ; everything after that is later by so much.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from gcs.frames import Origin, from_degE7
+from gcs.link.dialect import MavCommand
+from gcs.link.message import Message
+from gcs.scenario.model import Scenario
+from sim_bridge.personality import Personality
+from tools.replay.recording import Recording, Row, Step
+from tools.replay.saying import BY_THE_WAY, TALK, saying
+from tools.replay.stage import Stage, Told
+
+TIMERS_MAY_DIFFER = 0.2
+_REACTION_S = 0.03  # what came no longer ago is what the ground station had waited for
+_PATIENCE_S = 0.15
+_FROM_POWER_ON = {"connect", "arm_refusals"}
+
+
+@dataclass
+class Played:
+    """What the vehicle said in each step; times are those of the recording."""
+
+    told: list[list[Told]] = field(default_factory=list)
+
+
+def play(recording: Recording, personality: Personality, scenario: Scenario) -> Played:
+    """Play all steps; what the vehicle says is dated in the recording's time."""
+    stage = Stage(
+        personality,
+        scenario,
+        recording.vehicle,
+        _home(recording, scenario),
+        boots_s=_boot_s(recording),
+        epoch_unix_s=_epoch_unix_s(recording),
+    )
+    if recording.scene not in _FROM_POWER_ON:
+        stage.ask_before(_left_over(recording))
+    played = Played()
+    late_s = 0.0
+    for step in recording.steps:
+        begin = len(stage.told)
+        if step.sent is not None:
+            stage.receive(step.sent.frame, step.t_s + late_s)
+        for row in step.streamed:
+            stage.run_until(row.t_s + late_s)
+            stage.receive(row.frame, row.t_s + late_s)
+        stage.run_until(step.end_s + late_s)
+        waited_s = _wait(step, stage, begin)
+        played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
+        late_s += waited_s
+    return played
+
+
+def _left_over(recording: Recording) -> dict[int, float]:
+    """Intervals in seconds, by message number, in which the recorded vehicle sent when the scene began; inf is never.
+
+    Rates are left over from earlier scenes: nobody asks for them here.
+    """
+    counts: Counter[int] = Counter()
+    until_s: dict[int, float] = {}
+    for step in recording.steps:
+        message = step.sent.message if step.sent is not None else None
+        if message is not None and message.fields.get("command") == MavCommand.SET_MESSAGE_INTERVAL:
+            until_s.setdefault(round(message.fields["param1"]), step.t_s)
+    for _, row in recording.heard():
+        if row.name not in TALK and row.message is not None:
+            number = int.from_bytes(row.frame[7:10], "little")
+            if row.t_s < until_s.get(number, recording.end_s):
+                counts[number] += 1 + row.more
+    return {number: until_s.get(number, recording.end_s) / count for number, count in counts.items()}
+
+
+def _wait(step: Step, stage: Stage, begin: int) -> float:
+    """Time, beyond the step's own, until the vehicle has said what the ground station had reacted to."""
+    awaited = [row for row in step.heard if step.end_s - row.t_s <= _REACTION_S and row.name in TALK - BY_THE_WAY]
+    if not awaited:
+        return 0.0
+    wanted = {_key(row.name, row.message) for row in awaited}
+    limit_s = _PATIENCE_S + TIMERS_MAY_DIFFER * (step.end_s - step.t_s)
+    start_s = stage.t_s
+    while stage.t_s - start_s < limit_s and not wanted <= {_key(t.message.name, t.message) for t in stage.told[begin:]}:
+        stage.run_until(stage.t_s + 0.0101)
+    return stage.t_s - start_s
+
+
+def _key(name: str, message: Message | None) -> object:
+    said = saying(0.0, 0, name, message)
+    return said.name, said.which
+
+
+def _home(recording: Recording, scenario: Scenario) -> Origin:
+    """Where the recorded vehicle stood; at the scenario's origin where it never told."""
+    fixed = [row.message.fields for _, row in recording.heard() if row.name == "GLOBAL_POSITION_INT" and row.message]
+    fields = next((f for f in fixed if f["lat"]), None)
+    if fields is None:
+        return Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
+    alt_mm = fields["alt"] - fields["relative_alt"]
+    return Origin(from_degE7(fields["lat"]), from_degE7(fields["lon"]), alt_mm / 1000.0)
+
+
+def _boot_s(recording: Recording) -> float | None:
+    """When the vehicle was switched on; None if that was before the recording."""
+    first: Row = next(row for _, row in recording.heard())
+    console = first.name == "BAD_DATA"
+    return first.t_s if console or recording.scene in _FROM_POWER_ON else None
+
+
+def _epoch_unix_s(recording: Recording) -> float:
+    """Unix time of the recording's beginning, as its vehicle had it; a fixed day where it never told."""
+    for _, row in recording.heard():
+        if row.name == "SYSTEM_TIME" and row.message and row.message.fields["time_unix_usec"]:
+            return float(row.message.fields["time_unix_usec"]) / 1e6 - row.t_s
+    return 1_795_264_000.0

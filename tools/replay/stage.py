@@ -1,0 +1,151 @@
+"""One emulated vehicle on a stage: bytes in, what it says out, on a clock that somebody else turns.
+
+Knows: how a vehicle, its codec and its body are put together without a socket. Does not know: recordings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.frames import Origin
+from gcs.link.codec import Codec
+from gcs.link.dialect import MavCommand, MessageId
+from gcs.link.message import Message, Station
+from gcs.quadrotor import Array
+from gcs.scenario import physical
+from gcs.scenario.model import Scenario
+from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.autopilot import Autopilot
+from sim_bridge.course import Guide
+from sim_bridge.faults import NO_FAULTS
+from sim_bridge.gains import ControlLimits
+from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.guidance.piece import PieceBatch
+from sim_bridge.personality import Personality
+from sim_bridge.sensors import GRADES
+from sim_bridge.telemetry import Instruments, Whereabouts
+from sim_bridge.vehicle import Vehicle
+
+_LONGEST_BOOT_S = 60.0
+_SIGNED = 0x01
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the vehicle said, and when on the stage's clock."""
+
+    t_s: float
+    message: Message
+    signed: bool
+
+
+class Stage:
+    """One vehicle at `home`. `told` grows with everything it says; `t_s` is 0 when the scene begins.
+
+    A vehicle that `boots` is switched on at that time of the scene; otherwise it has been ready for a while.
+    """
+
+    def __init__(
+        self,
+        personality: Personality,
+        scenario: Scenario,
+        vehicle: Station,
+        home: Origin,
+        *,
+        boots_s: float | None,
+        epoch_unix_s: float,
+    ) -> None:
+        self.told: list[Told] = []
+        self._boots = boots_s is not None
+        self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is `_ready_s`
+        quadrotor = physical.quadrotor(scenario)
+        pad_ned_m = np.zeros(3)
+        self._airframes = Airframes(
+            quadrotor,
+            _flat,
+            pad_ned_m[None, :],
+            np.zeros(1),
+            GRADES[scenario.sensors.grade],
+            seed=1,
+            limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+        )
+        guide = Guide(MotionLimits.of(quadrotor, scenario.limits), home, pad_ned_m, 1.0, 1.0, 1.0, 1.0, epoch_unix_s)
+        instruments = Instruments(
+            airframes=self._airframes,
+            whereabouts=Whereabouts(self._airframes, home),
+            row=0,
+            pad_ned_m=pad_ned_m,
+            origin=home,
+            boot_offset_ms=0,
+            epoch_unix_us=round(epoch_unix_s * 1e6),
+            uid=b"replay",
+        )
+        self.vehicle = Vehicle(vehicle.sysid, Autopilot(personality, guide, 0.0), instruments, personality, NO_FAULTS)
+        self._codec = Codec(*self.vehicle.station)
+        self._ground = Codec(255, 190)
+        self._batch = PieceBatch([self.vehicle.autopilot.piece])
+        self._steps = 0
+        self._start_steps = 0
+        if not self._boots:
+            self._wait_until_ready()
+
+    @property
+    def t_s(self) -> float:
+        """Time of the scene."""
+        return self._start_s + (self._steps - self._start_steps) * CONTROL_PERIOD_S
+
+    def ask_before(self, intervals_s: Mapping[int, float]) -> None:
+        """Let a ground station have asked, before the scene, for these messages in these intervals, and no others."""
+        for number in (*MessageId, *intervals_s):
+            if number != MessageId.HEARTBEAT:
+                interval_us = round(intervals_s[number] * 1e6) if number in intervals_s else -1
+                rest = {f"param{n}": 0.0 for n in range(3, 8)}
+                target = {"target_system": self.vehicle.station.sysid, "target_component": 1, "confirmation": 0}
+                fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "param1": number, "param2": interval_us}
+                self.vehicle.receive(Message("COMMAND_LONG", target | fields | rest, 255, 190), -math.inf)
+
+    def receive(self, frame: bytes, t_s: float) -> None:
+        """Hand the vehicle a frame at `t_s` of the scene."""
+        if self._boots and t_s < self._start_s:
+            return
+        for message in self._codec.decode(frame):
+            self._tell(t_s, self.vehicle.receive(message, t_s))
+
+    def run_until(self, t_s: float) -> None:
+        """Let time pass."""
+        while self.t_s + CONTROL_PERIOD_S <= t_s:
+            self._step(self.t_s)
+
+    def _step(self, now_s: float) -> None:
+        vehicle, airframes = self.vehicle, self._airframes
+        t_s = self._steps * CONTROL_PERIOD_S
+        self._tell(now_s, list(vehicle.step(t_s, now_s, bool(airframes.landed[0]))))
+        pilot = vehicle.autopilot
+        if pilot.armed or not pilot.ready or not airframes.landed[0]:  # a body at rest stays where it is
+            self._batch.put(0, pilot.piece)
+            airframes.step(self._batch.reference(t_s), np.array([pilot.flying]))
+        self._steps += 1
+
+    def _tell(self, t_s: float, messages: list[Message]) -> None:
+        for message in messages:
+            frame = self._codec.encode(message)
+            signed = bool(frame[2] & _SIGNED)
+            self.told += [Told(t_s, heard, signed) for heard in self._ground.decode(frame)]
+
+    def _wait_until_ready(self) -> None:
+        while not self.vehicle.autopilot.ready:
+            self._step(-math.inf)
+            if self._steps * CONTROL_PERIOD_S > _LONGEST_BOOT_S:
+                raise RuntimeError("the vehicle does not become ready")
+        for _ in range(round(1.0 / CONTROL_PERIOD_S)):
+            self._step(-math.inf)
+        self._start_steps = self._steps
+        self.told.clear()
+
+
+def _flat(north_m: Array, _: Array) -> Array:
+    return np.zeros_like(north_m)
