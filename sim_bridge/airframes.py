@@ -9,10 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.quadrotor import Array, Quadrotor, control_from_rotors, rotors_from_control
+from sim_bridge.battery import Battery, PowerTrain
+from sim_bridge.breakdowns import Breakdowns
 from sim_bridge.control import Controller
-from sim_bridge.estimator import Estimator, Ratios
+from sim_bridge.estimator import Accuracy, Estimator, Ratios
 from sim_bridge.gains import ControlLimits, motor_limits
 from sim_bridge.plant import Ground, Mask, Plant
+from sim_bridge.presets import power_train_of
 from sim_bridge.reference import Reference
 from sim_bridge.sensors import GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade, Sensors
 
@@ -25,7 +28,8 @@ class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
     Attributes: `control` (V, 4) and `rotors_radps` (V, 4) as last applied; `wind_ned_mps` (V, 3), which may be
-    replaced between steps; `sensors` and `estimator`, for those who study them.
+    replaced between steps; `faults`, one schedule of breakdowns per vehicle (`sim_bridge.breakdowns`); `battery`, what
+    every vehicle draws and has left; `sensors` and `estimator`, for those who study them.
     """
 
     def __init__(
@@ -38,12 +42,13 @@ class Airframes:
         *,
         seed: int,
         limits: ControlLimits | None = None,
+        power: PowerTrain | None = None,
     ) -> None:
         """Stand the vehicles on the ground, motors off, below or above pads (V, 3), with yaw (V,).
 
         ground_height_m maps north and east (V,) to height (V,). `limits` are the controls the autopilots
-        allow themselves (Eq. 51); without them, all that the motors can do. Raise ValueError if shapes disagree or
-        the thrust cannot lift the vehicle.
+        allow themselves (Eq. 51); without them, all that the motors can do. `power` is by default what presets
+        or the size say. Raise ValueError if shapes disagree or the thrust cannot lift the vehicle.
         """
         vehicles = len(pads_ned_m)
         if pads_ned_m.shape != (vehicles, 3) or yaw_ned_rad.shape != (vehicles,):
@@ -54,6 +59,9 @@ class Airframes:
         self.sensors = Sensors(grade, vehicles, seed)
         self.estimator = Estimator(quadrotor, limits, grade, vehicles)
         self._controller = Controller(quadrotor, limits)
+        self.faults = Breakdowns(vehicles)
+        self._effects = self.faults.effects(0.0)
+        self.battery = Battery(power or power_train_of(quadrotor), quadrotor, vehicles)
         self._steps = 0
         self.control = np.zeros((vehicles, 4))
         self.rotors_radps = np.zeros((vehicles, 4))
@@ -85,6 +93,16 @@ class Airframes:
         return self.estimator.ratios
 
     @property
+    def accuracy(self) -> Accuracy:
+        """Standard deviations of position and velocity, as the filters see them."""
+        return self.estimator.accuracy
+
+    @property
+    def gnss_fix(self) -> Mask:
+        """Vehicles (V,) whose receiver has a fix now."""
+        return ~self._effects.gnss_lost
+
+    @property
     def healthy(self) -> Mask:
         """Vehicles (V,) whose filter has converged and agrees with its sensors."""
         return self.estimator.healthy
@@ -99,6 +117,7 @@ class Airframes:
         wanted = self._controller.command(reference, self.estimator.state, landed)
         self.rotors_radps = rotors_from_control(wanted, self._quadrotor) * spin[:, None]
         self.control = control_from_rotors(self.rotors_radps, self._quadrotor)
+        self.battery.draw(self.rotors_radps, CONTROL_PERIOD_S)
         self._plant.step(self.control, self.wind_ned_mps, CONTROL_PERIOD_S)
         self.estimator.propagate(self.control, self._plant.landed, CONTROL_PERIOD_S)
         self._steps += 1

@@ -69,6 +69,16 @@ class Ratios:
     baro: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Standard deviations the filters give themselves, each (V,)."""
+
+    position_horizontal_m: Array  # of the worse of two axes
+    position_vertical_m: Array
+    velocity_horizontal_mps: Array
+    velocity_vertical_mps: Array
+
+
 class Estimator:
     """Filters of V vehicles, which begin level on the ground and average ALIGN_S of measurements there."""
 
@@ -104,6 +114,12 @@ class Estimator:
     def ratios(self) -> Ratios:
         """Innovation test ratios of the last samples."""
         return Ratios(*self._ratio.T)
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """What the filters think of their own position and velocity."""
+        sigma = np.sqrt(np.array([ekf.P.diagonal()[:6] for ekf in self._filters]))
+        return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, 3:5].max(axis=1), sigma[:, 5])
 
     @property
     def healthy(self) -> Mask:
