@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
+from gcs.quadrotor import Array
 from gcs.scenario.load import load_scenario
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
@@ -19,7 +21,7 @@ SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/
 def test_the_missions_are_found() -> None:
     folders = {name.split("/")[0] for name in SCENARIOS}
     assert folders == {file.parent.name for file in MISSIONS.glob("*/README.md")}
-    assert {"field", "simulation1", "simulation2", "terminal_weighting"} <= folders
+    assert {"changes", "field", "gap", "simulation1", "simulation2", "terminal_weighting"} <= folders
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -58,3 +60,41 @@ def test_field_turns_twice_and_changes_its_height_once(plan_of: Callable[[str], 
     places = plan.offsets(np.array([0.0]))[:, 0, :2]
     nearest = np.sort(np.linalg.norm(places[:, None] - places, axis=-1))[:, 1]
     assert nearest == pytest.approx(np.full(6, 5.0), abs=0.01)
+
+
+def test_gap_is_passed_by_shrinking_and_only_so(plan_of: Callable[[str], Plan]) -> None:
+    """A rigid formation has to fly round a mountain, and that costs more."""
+    plan = plan_of("gap/scenario.toml")
+    rigid = make_plan(
+        plan.scenario.model_copy(update={"formation": plan.scenario.formation.model_copy(update={"change": ()})})
+    )
+    times = np.arange(0.0, plan.flight_s, 0.5)
+    assert np.abs(plan.states(times)[plan.leader, :, 1]).max() < 1.0
+    assert np.abs(rigid.states(times)[rigid.leader, :, 1]).max() > 80.0
+    assert verify(rigid).ok
+    assert rigid.objective > 1.3 * plan.objective
+    (move,) = plan.moves
+    assert (move.kind, move.trigger) == ("shrink", "auto")
+    sizes = np.linalg.norm(plan.offsets(times), axis=2).max(axis=0)
+    assert 0.55 < sizes.min() / sizes[0] < 0.65
+    assert sizes[-1] == pytest.approx(sizes[0], rel=1e-3)
+
+
+def test_changes_come_in_order_at_their_time_or_place(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("changes/scenario.toml")
+    line, column, smaller, back = plan.moves
+    assert [move.kind for move in plan.moves] == ["reshape", "rotate", "shrink", "reshape"]
+    assert [line.start_s, smaller.start_s, back.start_s] == [10.0, 105.0, 180.0]
+    assert plan.states(np.array([column.start_s]))[plan.leader, 0, 0] == pytest.approx(110.0, abs=0.2)
+    assert all(move.end_s - move.start_s > move.paper_time_s for move in plan.moves)
+
+    def extent_m(t_s: float) -> Array:
+        return np.ptp(plan.offsets(np.array([t_s]))[:, 0], axis=0)
+
+    assert extent_m(line.end_s) == pytest.approx([0.0, 60.0, 0.0], abs=1e-6)
+    assert extent_m(column.end_s) == pytest.approx([60.0, 0.0, 0.0], abs=1e-6)
+    assert extent_m(smaller.end_s) == pytest.approx([36.0, 0.0, 0.0], abs=1e-6)
+    room_m = np.ptp([disk.east_m for disk in plan.scenario.no_fly]) - 2.0 * plan.scenario.no_fly[0].radius_m
+    assert extent_m(line.end_s)[1] > room_m
+    before, after = (plan.offsets(np.array([t]))[:, 0] for t in (0.0, back.end_s))
+    assert sorted(map(tuple, np.round(after, 6) + 0.0)) == sorted(map(tuple, np.round(before, 6) + 0.0))
