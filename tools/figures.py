@@ -1,28 +1,75 @@
-"""Draws the pictures of the README from the scenarios: ./tools/run python tools/figures.py"""
+"""Draws the pictures of the documents from the scenarios: ./tools/run python tools/figures.py [MISSION ...]"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 import gcs
 from gcs.flight.pictures import draw_all
+from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION
+from gcs.scenario.model import Scenario
+from tools.pictures.change import draw_change
+from tools.pictures.film import write_film
+from tools.pictures.flight import draw_flight
+from tools.pictures.scenery import save
 
 ROOT = Path(__file__).resolve().parent.parent
 STEP_S = 0.1
 
 
-def main() -> None:
-    """Plan Simulation 1 and write docs/pictures/simulation1/*.png."""
-    plan = gcs.make_plan(gcs.load_scenario(ROOT / "missions" / "simulation1"))
-    folder = ROOT / "docs" / "pictures" / "simulation1"
-    folder.mkdir(parents=True, exist_ok=True)
+def simulation1(plan: Plan, folder: Path) -> Iterator[Path]:
+    """Tracks, map and formation, as after a flight."""
     t_s = np.arange(plan.t_start_s, plan.t_end_s, STEP_S)
-    for path in draw_all(plan.scenario, plan.sysids, t_s, plan.states(t_s)[..., POSITION], folder):
-        print(path.relative_to(ROOT))
+    yield from draw_all(plan.scenario, plan.sysids, t_s, plan.states(t_s)[..., POSITION], folder)
+
+
+def changes(plan: Plan, folder: Path) -> Iterator[Path]:
+    """The flight, and each change in the formation's own frame; the second of a kind is numbered."""
+    yield save(draw_flight(plan), folder / "map.png")
+    kinds: list[str] = []
+    for move in plan.moves:
+        kinds.append(move.kind)
+        again = kinds.count(move.kind)
+        yield save(draw_change(plan, move), folder / f"{move.kind}{again if again > 1 else ''}.png")
+
+
+def gap(plan: Plan, folder: Path) -> Iterator[Path]:
+    """The flight beside that of the rigid formation, and a film."""
+    yield save(draw_flight(plan, gcs.make_plan(rigid(plan.scenario))), folder / "map.png")
+    yield write_film(plan, folder / "gap.gif")
+
+
+def rigid(scenario: Scenario) -> Scenario:
+    """The same scenario with a formation that keeps its shape."""
+    formation = scenario.formation.model_copy(update={"change": ()})
+    return scenario.model_copy(update={"formation": formation})
+
+
+PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
+    "simulation1": simulation1,
+    "changes": changes,
+    "gap": gap,
+}
+
+
+def main(
+    missions: Annotated[list[str] | None, typer.Argument(help=f"Of {', '.join(PICTURES)}; all when left out.")] = None,
+) -> None:
+    """Plan missions and write docs/pictures/MISSION/*."""
+    for name in missions or PICTURES:
+        if name not in PICTURES:
+            raise typer.BadParameter(f"no pictures of {name}; there are {', '.join(PICTURES)}")
+        folder = ROOT / "docs" / "pictures" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder):
+            print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

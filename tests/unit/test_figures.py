@@ -1,0 +1,86 @@
+"""The pictures of the documents can be drawn from plans, and what they measure is what the verifier measures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+from gcs.plan.trajectory import Plan
+from gcs.plan.verify import verify
+from tools import figures
+from tools.pictures.change import draw_change
+from tools.pictures.film import write_film
+from tools.pictures.flight import draw_flight
+from tools.pictures.measures import clearance_m, nearest_m, size
+from tools.pictures.scenery import chain_lines, save
+
+
+@pytest.fixture(scope="module")
+def changing(plan_of: Callable[[str], Plan]) -> Plan:
+    return plan_of("changes/scenario.toml")
+
+
+def is_drawn(path: Path) -> bool:
+    """More than a page of one colour."""
+    return bool(np.ptp(image.imread(path)[..., :3]) > 0.5)
+
+
+def test_flight_and_every_change_are_drawn(changing: Plan, tmp_path: Path) -> None:
+    assert is_drawn(save(draw_flight(changing, changing), tmp_path / "map.png"))
+    for move in (changing.moves[1], changing.moves[-1]):
+        assert is_drawn(save(draw_change(changing, move), tmp_path / "change.png"))
+
+
+def test_changes_of_height_get_a_panel(changing: Plan) -> None:
+    across, in_lanes = (len(draw_change(changing, move).axes) for move in (changing.moves[1], changing.moves[-1]))
+    assert changing.moves[-1].way == "in one altitude lane"
+    assert in_lanes == across + 1
+
+
+def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None:
+    from PIL import Image
+
+    path = write_film(changing, tmp_path / "film.gif", frame_s=75.0)
+    with Image.open(path) as film:
+        assert film.n_frames == np.ceil(changing.flight_s / 75.0)
+
+
+def test_measures_are_the_verifiers(changing: Plan) -> None:
+    t_s = np.arange(0.0, changing.flight_s, 0.05)
+    report = verify(changing)
+    assert clearance_m(changing, t_s).min() == pytest.approx(report.clearance_min_m, abs=1e-3)
+    assert nearest_m(changing, t_s).min() == pytest.approx(report.separation_min_m, abs=1e-3)
+
+
+def test_size_is_the_formations_not_its_heading(changing: Plan) -> None:
+    _, rotation, shrinking, back = changing.moves
+    during = size(changing, np.linspace(rotation.start_s, rotation.end_s, 20))
+    np.testing.assert_allclose(during, 1.0, atol=1e-9)
+    assert size(changing, np.array([0.0, shrinking.end_s, back.end_s])) == pytest.approx([1.0, 0.6, 1.0])
+
+
+def test_chain_is_the_shortest_that_joins_all() -> None:
+    vee = np.array([[0.0, 0.0], [-1.0, 1.0], [-1.0, -1.0], [-2.0, 2.0], [-2.0, -2.0]])
+    places = np.column_stack([vee, np.zeros(5)])
+    north, east = chain_lines(places)
+    lines = np.column_stack([north, east]).reshape(-1, 3, 2)
+    assert np.isnan(lines[:, 2]).all()
+    assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) == pytest.approx(np.full(4, np.sqrt(2.0)))
+
+
+def test_rigid_scenario_differs_in_its_changes_alone(changing: Plan) -> None:
+    rigid = figures.rigid(changing.scenario)
+    assert rigid.formation.change == ()
+    assert (
+        rigid.formation.model_copy(update={"change": changing.scenario.formation.change}) == changing.scenario.formation
+    )
+    assert rigid.limits == changing.scenario.limits
+
+
+def test_pictures_belong_to_missions(repo_root: Path) -> None:
+    for name in figures.PICTURES:
+        assert (repo_root / "missions" / name / "scenario.toml").is_file()

@@ -1,0 +1,1 @@
+"""The parts of figures.py: what formations that change their shape look like."""

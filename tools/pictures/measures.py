@@ -1,0 +1,39 @@
+"""Numbers of a plan over time, for people to look at.
+
+Knows: size of the formation, height above ground, nearest vehicles. Does not know: matplotlib, verdicts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.plan.trajectory import Plan
+from gcs.plan.verify_shape import nearest_pair_m
+from gcs.quadrotor import POSITION, Array
+from gcs.scenario.terrain import ground_height_m
+
+
+def places_ned_m(plan: Plan, t_s: Array) -> Array:
+    """Where every vehicle is (V, N, 3)."""
+    return plan.states(t_s)[..., POSITION]
+
+
+def size(plan: Plan, t_s: Array) -> Array:
+    """Distance of the farthest vehicle from the leader over what it is at t = 0 (N,); turning does not change it."""
+
+    def farthest_m(instants: Array) -> Array:
+        return np.asarray(np.linalg.norm(plan.offsets(instants), axis=2).max(axis=0))
+
+    return np.asarray(farthest_m(t_s) / farthest_m(np.zeros(1)))
+
+
+def clearance_m(plan: Plan, t_s: Array) -> Array:
+    """Least height above the exact ground of any vehicle (N,)."""
+    places = places_ned_m(plan, t_s)
+    ground = ground_height_m(plan.scenario.terrain, places[..., 0], places[..., 1])
+    return np.asarray((-places[..., 2] - ground).min(axis=0))
+
+
+def nearest_m(plan: Plan, t_s: Array) -> Array:
+    """Least distance between any two vehicles (N,)."""
+    return np.array([nearest_pair_m(places) for places in np.swapaxes(plan.offsets(t_s), 0, 1)])
