@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.errors import Infeasible
+from gcs.plan.layout import CONTROL_WORDS, STATE_WORDS
 from gcs.plan.problem import Problem
 from gcs.quadrotor import POSITION, VELOCITY, Array
 
@@ -19,7 +21,10 @@ _LIGHT = 1.2
 
 
 def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
-    """Bounds (T, nx), (T, nx) of the leader and of the shape's coordinates."""
+    """Bounds (T, nx), (T, nx) of the leader and of the shape's coordinates.
+
+    Raises Infeasible where the vehicles' places differ by more than a limit allows, as in lanes under a low ceiling.
+    """
     low = np.tile(problem.state_low, (len(times_s), 1))
     high = np.tile(problem.state_high, (len(times_s), 1))
     least, most = _offset_range(problem, times_s, 0)
@@ -33,6 +38,7 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
         taken = _LIGHT / gravity * _sideways(problem, times_s, order)[:, None]
         low[:, part] += taken
         high[:, part] -= taken
+    _refuse_crossed(times_s, low, high, STATE_WORDS)
     chains = [_chain(problem, c) for c in range(len(problem.coordinates))]
     return (
         np.hstack([low, *(np.tile(a, (len(times_s), 1)) for a, _ in chains)]),
@@ -44,15 +50,33 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
     """Bounds (T, nu), (T, nu) of the leader's control and of the coordinates' snaps.
 
     What the shape's own motion takes comes off the full limits, and the control margin stays where it is larger.
+    Raises Infeasible where it takes everything.
     """
     low = np.tile(problem.control_low, (len(times_s), 1))
     high = np.tile(problem.control_high, (len(times_s), 1))
     snaps = np.array([c.most[3] for c in problem.coordinates])
     if problem.coordinates or problem.shape.moving_s:
         _leave_room(problem, times_s, low, high)
+        _refuse_crossed(times_s, low, high, CONTROL_WORDS)
     return (
         np.hstack([low, np.tile(-snaps, (len(times_s), 1))]),
         np.hstack([high, np.tile(snaps, (len(times_s), 1))]),
+    )
+
+
+def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, ...]) -> None:
+    """Raises Infeasible where bounds (T, n) leave the leader nothing."""
+    crossed = np.argwhere(low > high)
+    if not len(crossed):
+        return
+    t, number = crossed[0]
+    apart = words[number] in STATE_WORDS[POSITION]
+    raise Infeasible(
+        f"no plan: at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
+        f"of {words[number]} allows",
+        hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
+        if apart
+        else "make [formation] change_speed_mps or change_accel_mps2 smaller, or widen [limits]",
     )
 
 
