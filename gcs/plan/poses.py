@@ -14,6 +14,7 @@ import numpy as np
 
 from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
+from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.problem import Problem
 from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_envelope_m
@@ -34,8 +35,7 @@ class Pose:
 
 def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
     """Every pose, the mildest first: at one instant, or for all shapes of the schedule."""
-    shape = problem.shape
-    bases = [shape.at(t) for t in (_rigid_instants(problem) if t_s is None else [t_s])]
+    bases = stops_ned_m(problem.scenario) if t_s is None else (problem.shape.at(t_s),)
     made = []
     for base in bases:
         rows = standing_for_all(base)
@@ -73,11 +73,6 @@ def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Arra
         for disk in scenario.no_fly:
             floor[np.hypot(at_n - disk.north_m, at_e - disk.east_m) < disk.radius_m] = np.inf
     return np.asarray(floor)
-
-
-def _rigid_instants(problem: Problem) -> list[float]:
-    """An instant in every stretch over which the schedule leaves the shape alone."""
-    return [problem.start_s, *(end for _, end in problem.shape.moving_s)]
 
 
 def _grid(coordinate: Coordinate) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.automatic import automatic_moves
-from gcs.plan.formation.timeline import gate_crossing_s, lay, scheduled
+from gcs.plan.formation.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.problem import Problem
 from gcs.plan.refine import Optimum, optimise
 from gcs.plan.trajectory import MeshRound, Trajectory
@@ -34,7 +34,8 @@ def optimise_on_schedule(
     scenario = problem.scenario
     changes = scheduled(scenario)
     history: tuple[MeshRound, ...] = ()
-    starts = _starts_s(problem, changes, guess)
+    # Where the guess overlaps changes, the flight need not.
+    starts = in_turn(scenario, _starts_s(problem, changes, guess), problem.end_s)
     for _ in range(_TRIES):
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         found = optimise(replace(problem, shape=timeline.shape), guess, on_round)

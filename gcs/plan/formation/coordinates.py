@@ -22,7 +22,7 @@ from scipy.interpolate import PPoly
 from gcs.errors import Infeasible
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
-from gcs.plan.formation.timelaw import Budget, budget
+from gcs.plan.formation.timelaw import Budget, budget, shared
 from gcs.quadrotor import Array
 from gcs.scenario.model import Change, Scenario
 from gcs.scenario.physical import leader_index, offsets_ned_m, shape_offsets_ned_m
@@ -60,14 +60,23 @@ class Coordinate:
 def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
     """The scenario's automatic changes, and the heading of a formation that turns with its course."""
     autos = [change for change in scenario.formation.change if change.auto]
-    names = [_KIND[change.kind] for change in autos]
     follows_course = scenario.formation.frame == "course"
-    share = 1.0 / max(len(names) + follows_course, 1)
-    made = [_automatic(scenario, change, share) for change in autos]
+    limit, size_m = budget_of_each(scenario), _extent_m(scenario)
+    made = [_automatic(scenario, change, limit, size_m) for change in autos]
     if follows_course:
-        most = _turning(budget(scenario), _extent_m(scenario), share)
-        made.append(Coordinate("heading", -_FREE_RAD, _FREE_RAD, most, 1.0, 0.0, free_end=True))
+        made.append(Coordinate("heading", -_FREE_RAD, _FREE_RAD, _most(limit, size_m), 1.0, 0.0, free_end=True))
     return tuple(made)
+
+
+def budget_of_each(scenario: Scenario) -> Budget:
+    """What a change may ask of any vehicle, beside every other change that may pass at the same time."""
+    autos = [change.kind for change in scenario.formation.change if change.auto]
+    if scenario.formation.frame == "course":
+        autos.append("rotate")
+    parts = len(autos) + (not all(change.auto for change in scenario.formation.change))
+    if not autos or (parts == 1 and "rotate" not in autos):
+        return budget(scenario)
+    return shared(budget(scenario), parts, _extent_m(scenario))
 
 
 def target_ned_m(scenario: Scenario) -> Array:
@@ -136,39 +145,31 @@ def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -
     return Shape(_interpolated(functions, joints), basis)
 
 
-def _automatic(scenario: Scenario, change: Change, share: float) -> Coordinate:
+def _automatic(scenario: Scenario, change: Change, limit: Budget, size_m: float) -> Coordinate:
     name = _KIND[change.kind]
-    limit, size_m = budget(scenario), _extent_m(scenario)
     weight = change.weight if change.weight is not None else _DEFAULT_WEIGHT
     if name == "scale":
         assert change.scale is not None
         unit = 1.0 - change.scale
-        return Coordinate(
-            name, change.scale, 1.0 + _BEYOND * unit, _straight(limit, size_m, share), unit, weight, False
-        )
+        return Coordinate(name, change.scale, 1.0 + _BEYOND * unit, _most(limit, size_m), unit, weight, False)
     if name == "heading":
         assert change.angle_deg is not None
         angle = abs(float(np.radians(change.angle_deg)))
-        return Coordinate(name, -angle, angle, _turning(limit, size_m, share), angle, weight, False)
+        return Coordinate(name, -angle, angle, _most(limit, size_m), angle, weight, False)
     travel_m = float(np.linalg.norm(target_ned_m(scenario) - offsets_ned_m(scenario), axis=1).max())
-    return Coordinate(name, -_BEYOND, 1.0, _straight(limit, travel_m, share), 1.0, weight, False)
+    return Coordinate(name, -_BEYOND, 1.0, _most(limit, travel_m), 1.0, weight, False)
 
 
-def _straight(limit: Budget, length_m: float, share: float) -> tuple[float, float, float, float]:
-    length = max(length_m, 1e-6) / share
+def _most(limit: Budget, length_m: float) -> tuple[float, float, float, float]:
+    length = max(length_m, 1e-6)
     return (limit.speed_mps / length, limit.accel_mps2 / length, limit.jerk_mps3 / length, limit.snap_mps4 / length)
 
 
-def _turning(limit: Budget, radius_m: float, share: float) -> tuple[float, float, float, float]:
-    """Half of the acceleration for going round, half for speeding up."""
-    rate, acceleration, jerk, snap = _straight(limit, radius_m, share)
-    return min(rate, float(np.sqrt(0.5 * acceleration))), 0.5 * acceleration, 0.5 * jerk, 0.5 * snap
-
-
 def _extent_m(scenario: Scenario) -> float:
-    """Farthest any vehicle is from the leader, in any shape of the scenario."""
+    """Farthest any vehicle is from the leader, in any shape of the scenario and however much it grows."""
     shapes = [offsets_ned_m(scenario), *(shape_offsets_ned_m(scenario, s.name) for s in scenario.formation.shape)]
-    return float(np.linalg.norm(np.stack(shapes), axis=2).max())
+    grown = [c.scale for c in scenario.formation.change if c.scale is not None and c.scale > 1.0]
+    return float(np.linalg.norm(np.stack(shapes), axis=2).max() * np.prod(grown))
 
 
 def _fine(joints: Array) -> Array:

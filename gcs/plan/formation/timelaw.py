@@ -64,6 +64,17 @@ def budget(scenario: Scenario) -> Budget:
     )
 
 
+def shared(limit: Budget, parts: int, radius_m: float) -> Budget:
+    """What each of several motions may use that pass at once in a shape of this radius, turns among them.
+
+    One motion carried along by another accelerates by twice the product of both rates. Together they go so fast that
+    this takes no more than half of the acceleration, and speed up with what it leaves.
+    """
+    together_mps = min(limit.speed_mps, float(np.sqrt(0.5 * limit.accel_mps2 * radius_m)))
+    left_mps2 = limit.accel_mps2 - together_mps**2 / max(radius_m, _STILL_M)
+    return Budget(together_mps / parts, left_mps2 / parts, 0.5 * limit.jerk_mps3 / parts, 0.5 * limit.snap_mps4 / parts)
+
+
 def least_duration(unit_shape: Shape, budget: Budget) -> tuple[float, str]:
     """Shortest time, in s, over which a shape on [0, 1] keeps to the budget, and the limit that sets it.
 

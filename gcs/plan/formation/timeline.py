@@ -13,10 +13,11 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.errors import Infeasible
+from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.reshape import SLACK_M, reshape
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
-from gcs.plan.formation.timelaw import NOTHING, budget, least_duration
+from gcs.plan.formation.timelaw import NOTHING, least_duration
 from gcs.plan.formation.transforms import (
     paper_reshape_time_s,
     paper_rotation_time_s,
@@ -79,6 +80,29 @@ class _Made:
 def scheduled(scenario: Scenario) -> tuple[Change, ...]:
     """Changes that begin at a time or a gate, in order; automatic ones are the planner's."""
     return tuple(change for change in scenario.formation.change if not change.auto)
+
+
+def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
+    """The rigid shapes (V, 3) of the schedule: the first, and what each change leads to. Raises as `lay`."""
+    return (offsets_ned_m(scenario), *(made.after_ned_m for made in _made(scenario)))
+
+
+def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
+    """The times nearest to `starts_s` at which changes that gates trigger neither overlap nor outlast the flight.
+
+    For times that are only guessed; what `at_s` says is left alone.
+    """
+    made = _made(scenario)
+    starts = list(starts_s)
+    for i in reversed(range(len(starts))):
+        if made[i].change.gate_m is not None:
+            next_s = starts[i + 1] if i + 1 < len(starts) else end_s
+            starts[i] = min(starts[i], next_s - made[i].duration_s)
+    for i in range(len(starts)):
+        if made[i].change.gate_m is not None:
+            ready_s = starts[i - 1] + made[i - 1].duration_s if i > 0 else 0.0
+            starts[i] = max(starts[i], ready_s)
+    return tuple(starts)
 
 
 def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: float) -> Timeline:
@@ -233,7 +257,8 @@ def _timed(
     least_gap_m: float,
 ) -> _Made:
     """The change with the least time for each leg; the limit named is that of the longest."""
-    durations = [least_duration(leg, budget(scenario)) for leg in legs]
+    limit = budget_of_each(scenario)
+    durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
     timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
     return _Made(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
