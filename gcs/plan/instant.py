@@ -149,7 +149,9 @@ def _path(
         lateral, ahead = _along_and_across(problem, x)
         sine = float(np.sin(np.radians(scenario.formation.course_tolerance_deg)))
         floor = COURSE_FLOOR_MPS
-        values.append((sine**2 * (x[3] ** 2 + x[4] ** 2) + floor**2 - lateral**2) / problem.objective.speed_ref_mps**2)
+        squared = x[3] ** 2 + x[4] ** 2
+        slow = floor**2 * ca.exp(-squared / floor**2)
+        values.append((sine**2 * squared + slow - lateral**2) / problem.objective.speed_ref_mps**2)
         values.append((ahead + floor) / problem.objective.speed_ref_mps)
     return values
 
@@ -165,6 +167,7 @@ def _moving_names(problem: Problem) -> tuple[str, ...]:
         names += ("acceleration",)
     if problem.coordinates:
         names += (*("north", "east")[: 2 * problem.has_box], "north speed", "east speed", "vertical speed")
+        names += ("height",) * problem.has_heights
     return names
 
 
@@ -184,6 +187,9 @@ def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[
             for axis, (low, high) in enumerate((scenario.limits.north_m, scenario.limits.east_m)):
                 values.append(1.0 - ((z[axis] + place[axis] - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
         values += [1.0 - (v[axis] / most) ** 2 for axis, most in enumerate(scenario.limits.speed_ned_mps)]
+        if problem.has_heights:
+            low, high = scenario.limits.height_m
+            values.append(1.0 - ((z[2] + place[2] + 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
     return values
 
 

@@ -17,13 +17,14 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.margins import Margin
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.quadrotor import Array
+from gcs.quadrotor import VELOCITY, Array
 from gcs.scenario.terrain import ground_envelope_m
 
 LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
 # Half of what the verifier tolerates, so that its own finer grid finds nothing new.
 LENGTH_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
+COURSE_TOLERANCE = 0.5e-2
 _BLOCK_S = 10.0
 # Fleets larger than this are first looked at twice a second, against the smooth ground, which bends slowly: what is
 # that far from it is not looked at more closely.
@@ -63,6 +64,17 @@ def _looks(
         for part, rows in ((times[~moving], leader), (times[moving], _liveliest(problem, shape, times[moving]))):
             if len(part):
                 yield part, _motions(problem, trajectory, shape, part, rows)
+        if problem.follows_course:
+            faced = margins.course(
+                problem.scenario, trajectory.state(times)[:, VELOCITY], _heading(problem, trajectory, times)
+            )
+            yield times, [(faced, COURSE_TOLERANCE * faced.scale)]
+
+
+def _heading(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
+    """Where the formation faces (N,), rad."""
+    number = [c.free_end for c in problem.coordinates].index(True)
+    return np.asarray(trajectory.coordinates(times)[:, number] + problem.course_at_start_rad)
 
 
 def _positions(problem: Problem, trajectory: Trajectory, shape: Shape, times: Array) -> list[tuple[Margin, float]]:
@@ -89,9 +101,12 @@ def _endangered(problem: Problem, trajectory: Trajectory, shape: Shape, start_s:
     scenario = problem.scenario
     ground = ground_envelope_m(scenario.terrain, places[..., 0], places[..., 1])
     near = (-places[..., 2] - ground - scenario.limits.clearance_min_m).min(axis=1) < _FAR_M
-    others = [*margins.no_fly(scenario, places), *(margins.box(scenario, places) if problem.has_box else [])]
+    others = [*margins.no_fly(scenario, places), margins.height(scenario, places)]
+    others += margins.box(scenario, places) if problem.has_box else []
+    # Between two glances nobody comes nearer to anything than by half of his way.
+    reach = 0.5 * np.linalg.norm(np.diff(places, axis=1), axis=2).max(axis=1)
     for margin in others:
-        near |= margin.value.min(axis=1) < _FAR_M
+        near |= margin.value.min(axis=1) < _FAR_M + reach
     return np.flatnonzero(near)
 
 
@@ -106,6 +121,7 @@ def _liveliest(problem: Problem, shape: Shape, times: Array) -> Rows:
         motion = shape.offsets(times[::_GLANCE_EVERY], order)
         rows.append(np.argmax(motion[..., :2] @ ways, axis=0).ravel())
         rows.append(np.argmax(np.abs(motion[..., 2]), axis=0))
+        rows.append(np.argmax(np.linalg.norm(motion, axis=2), axis=0))
     return np.unique(np.concatenate(rows))
 
 

@@ -24,6 +24,8 @@ from gcs.scenario.terrain import ground_height_m
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1
+# From this speed on a formation that turns with its course faces where it flies.
+COURSE_SPEED_MPS = 1.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,15 @@ def shape_motion(scenario: Scenario, speeds: Array, accelerations: Array) -> lis
             ("acceleration", "m/s2", accelerations, formation.change_accel_mps2),
         )
     ]
+
+
+def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin:
+    """Where the formation faces (N,) against where it flies (1, N), by velocities (N, 3); slow, it faces anywhere."""
+    most_deg = scenario.formation.course_tolerance_deg
+    north, east = velocities[:, 0], velocities[:, 1]
+    away = np.angle(np.exp(1j * (np.arctan2(east, north) - headings_rad)))
+    off_deg = np.where(np.hypot(north, east) > COURSE_SPEED_MPS, np.degrees(np.abs(away)), 0.0)
+    return Margin("heading along the course", "deg", (most_deg - off_deg)[None], most_deg)
 
 
 def no_fly(scenario: Scenario, states: Array) -> list[Margin]:

@@ -83,6 +83,11 @@ class Problem:
         """Shape (V, 3) that a blend leads to."""
         return target_ned_m(self.scenario)
 
+    @cached_property
+    def has_heights(self) -> bool:
+        """Whether vehicles fly higher or lower than the leader in some shape."""
+        return bool(self.shape.basis_ned_m[..., 2].any() or self.target_ned_m[:, 2].any())
+
     @property
     def follows_course(self) -> bool:
         """Whether the formation turns with the leader's course."""

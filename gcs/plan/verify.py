@@ -14,7 +14,7 @@ from gcs.plan import margins
 from gcs.plan.formation.shape import Rows
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
-from gcs.plan.verify_shape import landing_points, least_separation, place_in_formation
+from gcs.plan.verify_shape import course, landing_points, late_s, least_separation, place_in_formation
 from gcs.plan.windows import WINDOW_S, window_errors
 from gcs.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.scenario.physical import boundary_state
@@ -25,6 +25,8 @@ LIMIT_TOLERANCE = 1e-3  # of a limit's size
 WINDOW_TOLERANCE_M = 10e-3
 SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
+START_TOLERANCE_S = 0.06
+COURSE_TOLERANCE = 0.01  # of what is tolerated already
 _BLOCK = 100_000  # vehicles times instants looked at together
 _WINDOWED = 50  # vehicles re-integrated together
 AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
@@ -83,7 +85,7 @@ def verify(plan: Plan) -> Report:
     clearance = min(c.worst for c in checks if c.name == "clearance above ground")
     separations = [c.worst + plan.scenario.limits.separation_min_m for c in checks if c.name == "separation"]
     windows = _window_check(plan)
-    checks += [windows, _joint_check(plan)]
+    checks += [windows, _joint_check(plan), *_change_checks(plan)]
     boundary, terminal = _boundary_checks(plan)
     return Report(
         (*checks, *boundary),
@@ -200,6 +202,21 @@ def _joint_check(plan: Plan) -> Check:
         None,
         float(joints[instant]),
     )
+
+
+def _change_checks(plan: Plan) -> list[Check]:
+    """Every scheduled change begins when it should, and a formation that turns with its course faces where it flies."""
+    checks = []
+    if late := late_s(plan):
+        worst_s, t_s = max(late)
+        checks.append(Check("changes begin when they should", "mission", "s", -worst_s, START_TOLERANCE_S, None, t_s))
+    if plan.scenario.formation.frame == "course":
+        mission = plan.phase("mission")
+        times = np.arange(mission.start_s, mission.end_s, GRID_S)
+        faced, known_s = course(plan, times)
+        tolerance = COURSE_TOLERANCE * faced.scale
+        checks.append(_worst(faced, tolerance, "mission", np.array([plan.leader]), plan, known_s))
+    return checks
 
 
 def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:

@@ -17,7 +17,7 @@ from gcs.plan.problem import Problem
 from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_envelope_m
 
-NEAR_GROUND, NEAR_DISK, MOVING = 6, 3, 5  # vehicles watched at one instant, of each kind
+NEAR_GROUND, NEAR_DISK = 6, 3  # vehicles watched at one instant, of each kind
 SLOT = 12  # numbers that describe one watched vehicle: base offset, its rate, its acceleration, and where it blends to
 _ASIDE_M = 8.0  # the next solution passes that far from the last one
 _DIRECTIONS = 4
@@ -100,12 +100,14 @@ def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArra
     if not problem.coordinates and not shape.moving_s:
         leader = np.full((len(times_s), 1), problem.leader, dtype=np.intp)
         return leader, np.ones_like(leader, dtype=bool)
-    count = min(MOVING, problem.vehicles)
     angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ways = np.stack([np.cos(angle), np.sin(angle)])
+    ways = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    if problem.coordinates and problem.has_heights:  # else the leader's bounds know who is highest
+        ways = np.hstack([ways, [[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]]])
+    count = min(1 + ways.shape[1], problem.vehicles)
     # Where the shape moves by itself, what is far out moves most.
     criterion = base if problem.coordinates else shape.offsets(times_s, 2) + shape.offsets(times_s, 1)
-    reach = np.einsum("vtk,kd->dvt", criterion[..., :2], ways)
+    reach = np.einsum("vtk,kd->dvt", criterion, ways)
     worst = reach.argmax(axis=1)  # (directions, T)
     chosen = np.empty((len(times_s), count), dtype=np.intp)
     everyone = range(problem.vehicles)
