@@ -19,6 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.errors import ProtocolMisuse
 from gcs.link.items import item_from_message, item_to_message
 from gcs.link.message import Message, Station
+from gcs.link.signing import Signature
 
 __all__ = ["Codec", "Message", "Station", "item_from_message", "item_to_message"]
 
@@ -53,13 +54,18 @@ class Codec:
         """Whose frames this codec makes."""
         return Station(self._encoder.srcSystem, self._encoder.srcComponent)
 
-    def encode(self, message: Message) -> bytes:
-        """The message as a MAVLink 2 frame; its source is this codec's station unless it names one.
+    def encode(self, message: Message, signature: Signature | None = None) -> bytes:
+        """The message as a MAVLink 2 frame, signed where there is a signature to sign it with.
 
-        Raises `ProtocolMisuse` for a name, a field or a value that the dialect does not have.
+        Its source is this codec's station unless it names one. Raises `ProtocolMisuse` for a name, a field or a value
+        that the dialect does not have.
         """
         encoder = self._encoder
         own = encoder.srcSystem, encoder.srcComponent
+        if signature is not None:
+            signing = encoder.signing
+            signing.secret_key, signing.link_id, signing.timestamp = signature.key, signature.link_id, signature.ticks
+        encoder.signing.sign_outgoing = signature is not None
         try:
             fields = message.fields
             text = _TEXT_FIELDS[message.name]

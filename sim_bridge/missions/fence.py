@@ -1,0 +1,120 @@
+"""Fences: what their items mean, whether they make sense, and on which side of them a place is.
+
+Knows: polygons of vertices and circles, each to stay inside or outside of. Does not know: transfers, what a vehicle
+does about a breach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.link.dialect import Severity
+from gcs.mission.model import MissionItem
+from gcs.quadrotor import Array
+
+
+class FenceCommand(IntEnum):
+    """MAV_CMD values of fence items."""
+
+    RETURN_POINT = 5000
+    POLYGON_INSIDE = 5001  # parameter 1: how many vertices the polygon has
+    POLYGON_OUTSIDE = 5002
+    CIRCLE_INSIDE = 5003  # parameter 1: radius in metres
+    CIRCLE_OUTSIDE = 5004
+
+
+POLYGONS = frozenset({FenceCommand.POLYGON_INSIDE, FenceCommand.POLYGON_OUTSIDE})
+CIRCLES = frozenset({FenceCommand.CIRCLE_INSIDE, FenceCommand.CIRCLE_OUTSIDE})
+_OUTSIDE = frozenset({FenceCommand.POLYGON_OUTSIDE, FenceCommand.CIRCLE_OUTSIDE})
+LEAST_VERTICES = 3
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A polygon (its corners (N, 2)) or a circle (its centre (1, 2) and radius), north and east in metres."""
+
+    corners_ned_m: Array
+    radius_m: float  # 0 for a polygon
+    stay_outside: bool
+
+    def violated(self, north_m: float, east_m: float) -> bool:
+        """Whether a vehicle there is on the wrong side; on the line it is not."""
+        return self._holds(north_m, east_m) == self.stay_outside
+
+    def _holds(self, north_m: float, east_m: float) -> bool:
+        if self.radius_m > 0.0:
+            centre = self.corners_ned_m[0]
+            return math.hypot(north_m - centre[0], east_m - centre[1]) <= self.radius_m
+        north, east = self.corners_ned_m[:, 0], self.corners_ned_m[:, 1]
+        next_north, next_east = np.roll(north, -1), np.roll(east, -1)
+        crosses = (east > east_m) != (next_east > east_m)
+        run = np.where(crosses, next_east - east, 1.0)
+        at_north = north + (east_m - east) / run * (next_north - north)
+        return bool(np.count_nonzero(crosses & (north_m < at_north)) % 2)
+
+
+def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[Shape, ...]:
+    """The polygons and circles that whole fence items make; what makes none is left out."""
+    found: list[Shape] = []
+    at = 0
+    while at < len(items):
+        first = items[at]
+        size = 1
+        if first.command in CIRCLES and first.params[0] > 0.0:
+            found.append(Shape(_places(items[at : at + 1], origin), first.params[0], first.command in _OUTSIDE))
+        elif first.command in POLYGONS:
+            size = max(_whole(first.params[0]), 1)
+            vertices = items[at : at + size]
+            if LEAST_VERTICES <= size == len(vertices) and {v.command for v in vertices} == {first.command}:
+                found.append(Shape(_places(vertices, origin), 0.0, first.command in _OUTSIDE))
+        at += size
+    return tuple(found)
+
+
+def what_is_wrong(items: Sequence[MissionItem]) -> tuple[Severity, str] | None:
+    """Why these items make no fence, in the words ArduPilot has for it; None where they do."""
+    missing, first = 0, None
+    for item in items:
+        if item.command in POLYGONS:
+            count = _whole(item.params[0])
+            if count < LEAST_VERTICES:
+                return Severity.WARNING, f"Invalid vertex count ({count})"
+            if first is None or not missing:
+                first, missing = item, count
+            elif item.command != first.command or item.params[0] != first.params[0]:
+                return Severity.WARNING, f"Vertex of another polygon ({count})"
+            missing -= 1
+        elif missing:
+            return Severity.WARNING, f"Vertex expected, not {item.command}"
+        elif item.command in CIRCLES and not item.params[0] > 0.0:
+            return Severity.WARNING, "Non-positive circle radius"
+    return (Severity.INFO, "Incorrect item count") if missing else None
+
+
+def count_shapes(items: Sequence[MissionItem]) -> int:
+    """How many polygons and circles the items of a fence begin."""
+    number, missing = 0, 0
+    for item in items:
+        if item.command in POLYGONS and missing:
+            missing -= 1
+        else:
+            number += 1
+            missing = max(_whole(item.params[0]) - 1, 0) if item.command in POLYGONS else 0
+    return number
+
+
+def _places(items: Sequence[MissionItem], origin: Origin) -> Array:
+    lat_deg = np.array([from_degE7(item.lat_degE7) for item in items])
+    lon_deg = np.array([from_degE7(item.lon_degE7) for item in items])
+    ned_m = geodetic_to_ned(lat_deg, lon_deg, np.full(len(items), origin.alt_amsl_m), origin)
+    return np.asarray(ned_m)[:, :2]
+
+
+def _whole(value: float) -> int:
+    return round(value) if math.isfinite(value) else 0
