@@ -18,7 +18,7 @@ from gcs.link.message import Message
 from gcs.quadrotor import Array
 from sim_bridge.airframes import Airframes
 from sim_bridge.autopilot import Autopilot
-from sim_bridge.personality import Intent, Personality
+from sim_bridge.personality import Intent, Milestone, Personality
 
 _PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 _SENSORS = 0x2000002F | 0x200000  # gyro, accelerometer, magnetometer, barometer, GNSS; AHRS
@@ -256,7 +256,7 @@ def _ekf_status(tm: Telemetry) -> Message:
 
 
 def _sys_status(tm: Telemetry) -> Message:
-    prearm = tm.autopilot.armed or (tm.instruments.t_s >= tm.personality.arming.prearm_after_s)
+    prearm = tm.autopilot.armed or (tm.instruments.t_s >= tm.personality.boot.at_s(Milestone.CHECKED))
     return Message(
         "SYS_STATUS",
         {
@@ -361,7 +361,7 @@ def _autopilot_version(tm: Telemetry) -> Message:
 
 def _located(tm: Telemetry) -> bool:
     """Whether there is a position to tell; before that ArduPilot sends none."""
-    return tm.instruments.t_s >= tm.personality.arming.prearm_after_s
+    return tm.instruments.t_s >= tm.personality.boot.at_s(Milestone.CHECKED)
 
 
 _BUILDERS: dict[int, Builder] = {

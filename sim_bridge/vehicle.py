@@ -24,7 +24,7 @@ from sim_bridge.faults import Faults
 from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
 from sim_bridge.mission_shelf import MissionShelf
 from sim_bridge.params import Params
-from sim_bridge.personality import Personality, Setting
+from sim_bridge.personality import Milestone, Personality, Setting
 from sim_bridge.telemetry import Instruments, Telemetry, heartbeat
 
 _COMPID = 1
@@ -96,7 +96,7 @@ class Vehicle:
         autopilot = self.autopilot
         autopilot.step(t_s, landed)
         if not autopilot.ready and not self._dead:
-            autopilot.ready = t_s >= self._personality.arming.ready_after_s and self._instruments.healthy
+            autopilot.ready = t_s >= self._personality.boot.at_s(Milestone.READY) and self._instruments.healthy
         if autopilot.flying or self._flying_since_s is not None:
             self._watch_fault(t_s)
         if self._dead or self.faults.silent:

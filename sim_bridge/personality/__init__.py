@@ -4,33 +4,27 @@ Knows: the tables by name. Does not know: how they are used.
 """
 
 from sim_bridge.personality.ardupilot import ARDUPILOT
+from sim_bridge.personality.boot import Boot, Milestone, Stage
+from sim_bridge.personality.guards import Setting
+from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4 import PX4
-from sim_bridge.personality.table import (
-    Arming,
-    Flight,
-    Identity,
-    Intent,
-    Missions,
-    Mode,
-    Modes,
-    Param,
-    Personality,
-    Setting,
-)
+from sim_bridge.personality.table import Missions, Param, Personality
+from sim_bridge.personality.wording import Note
 
 __all__ = [
     "ARDUPILOT",
     "PX4",
-    "Arming",
-    "Flight",
-    "Identity",
+    "Boot",
     "Intent",
+    "Milestone",
     "Missions",
     "Mode",
     "Modes",
+    "Note",
     "Param",
     "Personality",
     "Setting",
+    "Stage",
     "by_name",
 ]
 

@@ -6,20 +6,24 @@ so long is its GNSS receiver's start, and no ground station learns anything from
 
 from __future__ import annotations
 
-from gcs.link.dialect import Autopilot, Capability, CopterMode, ModeFlag
-from gcs.link.mission import ARDUPILOT_TIMERS
-from sim_bridge.personality.table import (
-    Arming,
-    Flight,
-    Identity,
-    Intent,
-    Missions,
-    Mode,
-    Modes,
-    Param,
-    Personality,
-    Setting,
+from gcs.link.dialect import (
+    Autopilot,
+    Capability,
+    CopterMode,
+    EkfFlag,
+    MavResult,
+    MavState,
+    MessageId,
+    ModeFlag,
+    Severity,
 )
+from gcs.link.mission import ARDUPILOT_TIMERS
+from sim_bridge.personality.boot import Boot, Milestone, Stage
+from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.modes import Intent, Mode, Modes
+from sim_bridge.personality.table import Identity, Missions, Param, Personality
+from sim_bridge.personality.wording import Note
 
 _INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
 _ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
@@ -27,31 +31,179 @@ _BY_ITSELF = _ON_STICKS | ModeFlag.GUIDED
 
 _MODES = Modes(
     known=(
-        Mode(CopterMode.STABILIZE, "STABILIZE", Intent.MANUAL, _ON_STICKS),
+        Mode(CopterMode.STABILIZE, "STABILIZE", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(CopterMode.ACRO, "ACRO", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(CopterMode.ALT_HOLD, "ALT_HOLD", Intent.MANUAL, _ON_STICKS, needs_position=False),
         Mode(CopterMode.LOITER, "LOITER", Intent.HOLD, _BY_ITSELF),
-        Mode(CopterMode.BRAKE, "BRAKE", Intent.HOLD, _ON_STICKS, armable=False),
+        Mode(CopterMode.POSHOLD, "POSHOLD", Intent.HOLD, _BY_ITSELF),
+        Mode(CopterMode.BRAKE, "BRAKE", Intent.HOLD, _BY_ITSELF, armable=False),
         Mode(CopterMode.GUIDED, "GUIDED", Intent.GUIDED, _BY_ITSELF),
         Mode(CopterMode.AUTO, "AUTO", Intent.MISSION, _BY_ITSELF, armable=False),
         Mode(CopterMode.RTL, "RTL", Intent.RETURN, _BY_ITSELF, armable=False),
-        Mode(CopterMode.LAND, "LAND", Intent.LAND, _ON_STICKS, armable=False),
+        Mode(CopterMode.SMART_RTL, "SMART_RTL", Intent.RETURN, _BY_ITSELF, armable=False),
+        Mode(CopterMode.LAND, "LAND", Intent.LAND, _ON_STICKS, armable=False, needs_position=False),
     ),
     at_boot=CopterMode.STABILIZE,
 )
 
+_BOOT = Boot(
+    stages=(
+        Stage(
+            0.0,
+            faults=(
+                "Gyros not healthy",
+                "EKF attitude is bad",
+                "Compass not healthy",
+                "AHRS: EKF3 not started",
+                "Battery 1 unhealthy",
+            ),
+        ),
+        Stage(
+            1.73,
+            texts=("Barometer 1 calibration complete", "Barometer 2 calibration complete"),
+            faults=(
+                "Need Alt Estimate",
+                "Accels inconsistent",
+                "EKF attitude is bad",
+                "Compass not healthy",
+                "AHRS: waiting for home",
+                "Battery 1 unhealthy",
+            ),
+        ),
+        Stage(2.26, frozenset({Milestone.RUNNING}), ("ArduPilot Ready", "AHRS: DCM active")),
+        Stage(
+            4.26,
+            texts=("EKF3 IMU0 initialised", "EKF3 IMU1 initialised", "AHRS: EKF3 active"),
+            faults=("EKF attitude is bad", "AHRS: waiting for home"),
+        ),
+        Stage(
+            5.61,
+            texts=("EKF3 IMU0 tilt alignment complete", "EKF3 IMU1 tilt alignment complete"),
+            faults=("AHRS: waiting for home",),
+        ),
+        Stage(
+            5.71,
+            texts=("EKF3 IMU0 MAG0 initial yaw alignment complete", "EKF3 IMU1 MAG0 initial yaw alignment complete"),
+        ),
+        Stage(9.6, frozenset({Milestone.FIXED}), ("GPS 1: detected as u-blox at 230400 baud",)),
+        Stage(19.83, frozenset({Milestone.PLACED}), ("EKF3 IMU0 origin set", "Field Elevation Set: {alt_m:.0f}m")),
+        Stage(20.02, texts=("EKF3 IMU1 origin set",)),
+        Stage(23.4, frozenset({Milestone.CHECKED}), faults=()),
+        Stage(41.43, frozenset({Milestone.READY}), ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS")),
+    ),
+    first_heartbeat_s=1.0,
+    starting=MavState.ACTIVE,
+    restarts_mode=True,
+    pace=0.1,
+)
+
+_WORDS = {
+    Note.ARMED: (Severity.INFO, "Arming motors"),
+    Note.ARMED_FOR_MISSION: (Severity.INFO, "Arming motors"),
+    Note.DISARMED: (Severity.INFO, "Disarming motors"),
+    Note.DISARMED_IDLE: (Severity.INFO, "Disarming motors"),
+    Note.DISARMED_LANDED: (Severity.INFO, "Disarming motors"),
+    Note.ARM_REFUSED: (Severity.CRITICAL, "Arm: {reason}"),
+    Note.CHECKS_FAIL: (Severity.CRITICAL, "PreArm: {reason}"),
+    Note.MODE_UNKNOWN: (Severity.WARNING, "No such mode {mode}"),
+    Note.MODE_REFUSED: (Severity.WARNING, "Mode change to {mode} failed: init failed"),
+    Note.MISSION_REFUSED: (Severity.CRITICAL, "Auto: Missing Takeoff Cmd"),
+    Note.STREAM_UNKNOWN: (Severity.INFO, "No ap_message for mavlink id ({number})"),
+    Note.ITEM_BEGINS: (Severity.INFO, "Mission: {seq} {name}"),
+    Note.DELAY_BEGINS: (Severity.INFO, "Delaying {seconds:.0f} sec"),
+    Note.WAYPOINT_REACHED: (Severity.INFO, "Reached command #{seq}"),
+    Note.LINK_LOST: (Severity.WARNING, "GCS Failsafe - {action}"),
+    Note.LINK_FOUND: (Severity.WARNING, "GCS Failsafe Cleared"),
+    Note.BATTERY_LOW: (Severity.WARNING, "Battery 1 is low {volt:.2f}V used {mAh:.0f} mAh"),
+    Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Battery 1 is critical {volt:.2f}V used {mAh:.0f} mAh"),
+    Note.FENCE_BREACHED: (Severity.WARNING, "{fence} fence breached"),
+}
+
+_BATTERY_ACTIONS = {1: Intent.LAND, 2: Intent.RETURN, 3: Intent.RETURN, 4: Intent.LAND, 6: Intent.LAND}
+_GUARDS = Guards(
+    link=LinkGuard(
+        actions=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
+        only_ours=True,
+    ),
+    battery=(
+        BatteryGuard(
+            Note.BATTERY_LOW,
+            _BATTERY_ACTIONS,
+            Setting.BATTERY_LOW_ACTION,
+            Setting.BATTERY_LOW_V,
+            Setting.BATTERY_LOW_Ah,
+        ),
+        BatteryGuard(
+            Note.BATTERY_CRITICAL,
+            _BATTERY_ACTIONS,
+            Setting.BATTERY_CRITICAL_ACTION,
+            Setting.BATTERY_CRITICAL_V,
+            Setting.BATTERY_CRITICAL_Ah,
+        ),
+    ),
+    battery_patience_s=10.0,
+    fence=FenceGuard(actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND}),
+    stream={},
+)
+
+_STREAMS = Streams(
+    unasked_hz={MessageId.HEARTBEAT: 1.0},
+    default_hz=0.0,
+    fixed=frozenset(),
+    unsent=frozenset({MessageId.ATTITUDE_TARGET, MessageId.ALTITUDE, MessageId.ESTIMATOR_STATUS}),
+    groups={
+        2: frozenset(
+            {
+                MessageId.SYS_STATUS,
+                MessageId.MISSION_CURRENT,
+                MessageId.GPS_RAW_INT,
+                MessageId.FENCE_STATUS,
+                MessageId.NAV_CONTROLLER_OUTPUT,
+                MessageId.POSITION_TARGET_GLOBAL_INT,
+            }
+        ),
+        3: frozenset({MessageId.SERVO_OUTPUT_RAW}),
+        6: frozenset({MessageId.GLOBAL_POSITION_INT, MessageId.LOCAL_POSITION_NED}),
+        10: frozenset({MessageId.ATTITUDE}),
+        11: frozenset({MessageId.VFR_HUD}),
+        12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
+    },
+)
+
 _PARAMS = (
     Param("SYSID_THISMAV", 1.0, _INT16),
-    Param("SYSID_MYGCS", 255.0, _INT16),
+    Param("SYSID_MYGCS", 255.0, _INT16, 1.0, 255.0, Setting.GROUND_STATION),
+    Param("AUTO_OPTIONS", 0.0, _INT32, 0.0, 255.0, Setting.AUTO_OPTIONS),
+    Param("BATT_CRT_MAH", 0.0, _REAL32, 0.0, 1e6, Setting.BATTERY_CRITICAL_Ah, 0.001),
+    Param("BATT_CRT_VOLT", 0.0, _REAL32, 0.0, 120.0, Setting.BATTERY_CRITICAL_V),
+    Param("BATT_FS_CRT_ACT", 0.0, _INT8, 0.0, 7.0, Setting.BATTERY_CRITICAL_ACTION),
+    Param("BATT_FS_LOW_ACT", 0.0, _INT8, 0.0, 7.0, Setting.BATTERY_LOW_ACTION),
+    Param("BATT_LOW_MAH", 0.0, _REAL32, 0.0, 1e6, Setting.BATTERY_LOW_Ah, 0.001),
+    Param("BATT_LOW_VOLT", 10.5, _REAL32, 0.0, 120.0, Setting.BATTERY_LOW_V),
+    Param("FENCE_ACTION", 1.0, _INT8, 0.0, 8.0, Setting.FENCE_ACTION),
+    Param("FENCE_ALT_MAX", 100.0, _REAL32, 10.0, 1000.0, Setting.FENCE_HEIGHT_M),
+    Param("FENCE_ENABLE", 0.0, _INT8, 0.0, 1.0, Setting.FENCE_ENABLED),
+    Param("FENCE_RADIUS", 300.0, _REAL32, 30.0, 10_000.0, Setting.FENCE_RADIUS_M),
+    Param("FENCE_TOTAL", 0.0, _INT8),
+    Param("FENCE_TYPE", 7.0, _INT8, 0.0, 15.0, Setting.FENCE_KINDS),
     Param("FRAME_CLASS", 1.0, _INT8),
     Param("FRAME_TYPE", 1.0, _INT8),
-    Param("FS_GCS_ENABLE", 0.0, _INT8),
+    Param("FS_GCS_ENABLE", 0.0, _INT8, 0.0, 7.0, Setting.LINK_LOSS_ACTION),
+    Param("FS_GCS_TIMEOUT", 5.0, _REAL32, 2.0, 120.0, Setting.LINK_TIMEOUT_S),
     Param("GUID_TIMEOUT", 3.0, _REAL32, 0.1, 5.0, Setting.STREAM_TIMEOUT_S),
     Param("LAND_SPEED", 50.0, _INT16, 30.0, 200.0, Setting.LAND_MPS, 0.01),
     Param("MIS_TOTAL", 0.0, _INT16),
+    Param("RALLY_TOTAL", 0.0, _INT8),
     Param("RTL_ALT", 1500.0, _INT32, 30.0, 300_000.0, Setting.RETURN_HEIGHT_M, 0.01),
+    Param("RTL_LOIT_TIME", 5000.0, _INT32, 0.0, 60_000.0, Setting.RETURN_WAIT_S, 0.001),
     Param("WPNAV_SPEED", 500.0, _REAL32, 20.0, 2000.0, Setting.CRUISE_MPS, 0.01),
     Param("WPNAV_SPEED_DN", 150.0, _REAL32, 10.0, 500.0, Setting.DESCEND_MPS, 0.01),
     Param("WPNAV_SPEED_UP", 250.0, _REAL32, 10.0, 1000.0, Setting.CLIMB_MPS, 0.01),
     Param("WP_YAW_BEHAVIOR", 0.0, _INT8),
+)
+
+_BEFORE_READY = (
+    EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.VELOCITY_VERT | EkfFlag.POS_VERT_ABS | EkfFlag.CONST_POS_MODE
 )
 
 ARDUPILOT = Personality(
@@ -63,11 +215,57 @@ ARDUPILOT = Personality(
         | Capability.MISSION_INT
         | Capability.COMMAND_INT
         | Capability.SET_POSITION_TARGET_LOCAL_NED
+        | Capability.SET_POSITION_TARGET_GLOBAL_INT
         | Capability.MAVLINK2,
+        tells_uid=False,
+        vtol_state=3,
     ),
+    boot=_BOOT,
     modes=_MODES,
-    arming=Arming(prearm_after_s=2.5, ready_after_s=4.0, idle_disarm_s=10.0),
-    flight=Flight(landed_after_s=0.5),
+    arming=Arming(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True),
+    flight=Flight(
+        landed_after_s=1.6,
+        disarm_after_s=0.45,
+        takeoff_above_sea=False,
+        takeoff_in_guided=True,
+        return_cone=False,
+        sinks_without_sticks=False,
+    ),
+    streaming=Streaming(from_ground=False, proof_s=0.0, coasts_s=None),
+    reports=Reports(
+        repeats=0,
+        repeat_s=1.0,
+        tells_landing=False,
+        starts_over=True,
+        empty_total=0,
+        counts_home=False,
+        mode_elsewhere=0,
+        takeoff_finishes=False,
+        item_names={16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay", 178: "ChangeSpeed"},
+    ),
+    replies=Replies(
+        refused=MavResult.FAILED,
+        unknown_mode=MavResult.FAILED,
+        unknown_stream=MavResult.DENIED,
+        unknown_message=MavResult.FAILED,
+        unsupported=frozenset(),
+        mode_acks=1,
+        message_first=False,
+        set_mode_command=11,
+        heartbeat_on_change=True,
+        any_component=True,
+        numbered_texts=False,
+    ),
+    streams=_STREAMS,
+    health=Health(
+        present=0x5371FC2F,
+        enabled=0x5361FC2F,
+        healthy=0x4771FC2F,
+        before_ready=_BEFORE_READY,
+        ready=0x33F,
+    ),
+    guards=_GUARDS,
+    words=_WORDS,
     missions=Missions(
         capacity=650, timers=ARDUPILOT_TIMERS, int_requests=False, tells_file_frames=True, home_is_item_0=True
     ),

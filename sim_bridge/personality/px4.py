@@ -1,6 +1,6 @@
 """PX4 1.17, as recorded.
 
-Knows: numbers and habits. Does not know: how they are used.
+Knows: numbers and habits. Does not know: how they are used. Texts that also go out as an event end in a tab.
 """
 
 from __future__ import annotations
@@ -13,22 +13,21 @@ from gcs.link.dialect import (
     PX4_RTL,
     Autopilot,
     Capability,
+    MavCommand,
+    MavResult,
+    MavState,
+    MessageId,
     ModeFlag,
+    Severity,
     px4_mode,
 )
 from gcs.link.mission import Timers
-from sim_bridge.personality.table import (
-    Arming,
-    Flight,
-    Identity,
-    Intent,
-    Missions,
-    Mode,
-    Modes,
-    Param,
-    Personality,
-    Setting,
-)
+from sim_bridge.personality.boot import Boot, Milestone, Stage
+from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.modes import Intent, Mode, Modes
+from sim_bridge.personality.table import Identity, Missions, Param, Personality
+from sim_bridge.personality.wording import Note
 
 _INT32, _REAL32 = 6, 9
 _BY_ITSELF = ModeFlag.CUSTOM | ModeFlag.AUTO | ModeFlag.GUIDED | ModeFlag.STABILIZE
@@ -42,18 +41,126 @@ _MODES = Modes(
         Mode(px4_mode(4, 2), "Takeoff", Intent.TAKEOFF, _BY_ITSELF),
         Mode(PX4_RTL, "Return", Intent.RETURN, _BY_ITSELF, armable=False),
         Mode(PX4_LAND, "Land", Intent.LAND, _BY_ITSELF, armable=False),
-        Mode(px4_mode(3), "Position", Intent.MANUAL, _ON_STICKS, armable=False),
+        Mode(px4_mode(3), "Position", Intent.MANUAL, _ON_STICKS),
+        Mode(px4_mode(1), "Manual", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(px4_mode(2), "Altitude", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(px4_mode(7), "Stabilized", Intent.MANUAL, _ON_STICKS, needs_position=False),
     ),
     at_boot=PX4_HOLD,
+    two_part=True,
+    returns_after_disarming=True,
+    act_on_ground=True,
+)
+
+_BOOT = Boot(
+    stages=(
+        Stage(0.0, frozenset({Milestone.RUNNING}), faults=("health",)),
+        Stage(0.1, frozenset({Milestone.FIXED})),
+        Stage(0.9, frozenset({Milestone.PLACED})),
+        Stage(3.5, frozenset({Milestone.CHECKED, Milestone.READY}), faults=()),
+    ),
+    first_heartbeat_s=0.95,
+    starting=MavState.UNINIT,
+    restarts_mode=False,
+)
+
+_WORDS = {
+    Note.ARMED: (Severity.INFO, "Armed by external command\t"),
+    Note.ARMED_FOR_MISSION: (Severity.INFO, "Armed by mission start\t"),
+    Note.DISARMED: (Severity.INFO, "Disarmed by external command\t"),
+    Note.DISARMED_IDLE: (Severity.INFO, "Disarmed by auto preflight disarming\t"),
+    Note.DISARMED_LANDED: (Severity.INFO, "Disarmed by landing\t"),
+    Note.ARM_REFUSED: (Severity.CRITICAL, "Arming denied: Resolve system health failures first\t"),
+    Note.DISARM_REFUSED: (Severity.CRITICAL, "Disarming denied: not landed\t"),
+    Note.MODE_REFUSED: (Severity.CRITICAL, "Switching to mode '{mode}' is currently not possible\t"),
+    Note.LIFTED_OFF: (Severity.INFO, "Takeoff detected\t"),
+    Note.LANDED: (Severity.INFO, "Landing detected\t"),
+    Note.MISSION_BEGINS: (Severity.INFO, "Executing Mission\t"),
+    Note.MISSION_CLIMBS: (Severity.INFO, "Climb to {height_m:.1f} meters above home\t"),
+    Note.MISSION_ENDS: (Severity.INFO, "Mission finished, landed\t"),
+    Note.RETURN_BEGINS: (
+        Severity.INFO,
+        "RTL: start return at {alt_m:.0f} m ({height_m:.0f} m above destination)\t",
+    ),
+    Note.RETURN_LANDS: (Severity.INFO, "RTL: land at destination\t"),
+    Note.FAILSAFE: (Severity.CRITICAL, "Failsafe activated\t"),
+    Note.LINK_LOST: (Severity.INFO, "Connection to ground station lost\t"),
+    Note.LINK_FOUND: (Severity.INFO, "Connection to ground station regained\t"),
+    Note.BATTERY_LOW: (Severity.WARNING, "Low battery level\t"),
+    Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Critical battery level\t"),
+    Note.BATTERY_EMERGENCY: (Severity.EMERGENCY, "Emergency battery level\t"),
+    Note.FENCE_BREACHED: (Severity.WARNING, "Geofence violation\t"),
+}
+
+_GUARDS = Guards(
+    link=LinkGuard(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
+    battery=(
+        BatteryGuard(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
+        BatteryGuard(
+            Note.BATTERY_CRITICAL,
+            {2: Intent.LAND, 3: Intent.RETURN},
+            Setting.BATTERY_CRITICAL_ACTION,
+            share=Setting.BATTERY_CRITICAL_SHARE,
+        ),
+        BatteryGuard(
+            Note.BATTERY_EMERGENCY,
+            {2: Intent.LAND, 3: Intent.LAND},
+            Setting.BATTERY_CRITICAL_ACTION,
+            share=Setting.BATTERY_EMERGENCY_SHARE,
+        ),
+    ),
+    battery_patience_s=0.0,
+    fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, off=0),
+    stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
+)
+
+_FAST_HZ = 50.0
+_STREAMS = Streams(
+    unasked_hz={
+        MessageId.HEARTBEAT: 1.0,
+        MessageId.ATTITUDE: _FAST_HZ,
+        MessageId.ATTITUDE_QUATERNION: _FAST_HZ,
+        MessageId.ATTITUDE_TARGET: _FAST_HZ,
+        MessageId.LOCAL_POSITION_NED: _FAST_HZ,
+        MessageId.GLOBAL_POSITION_INT: _FAST_HZ,
+        MessageId.POSITION_TARGET_LOCAL_NED: _FAST_HZ,
+        MessageId.SERVO_OUTPUT_RAW: _FAST_HZ,
+        MessageId.GPS_RAW_INT: 5.0,
+        MessageId.VFR_HUD: 4.0,
+        MessageId.ALTITUDE: 1.0,
+        MessageId.EXTENDED_SYS_STATE: 1.0,
+        MessageId.MISSION_CURRENT: 1.0,
+        MessageId.POSITION_TARGET_GLOBAL_INT: 1.0,
+        MessageId.SYS_STATUS: 1.0,
+        MessageId.BATTERY_STATUS: 0.5,
+        MessageId.ESTIMATOR_STATUS: 0.5,
+        MessageId.HOME_POSITION: 0.5,
+    },
+    default_hz=1.0,
+    fixed=frozenset({MessageId.MISSION_CURRENT}),
+    unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
+    groups={},
 )
 
 _PARAMS = (
     Param("MAV_SYS_ID", 1.0, _INT32),
+    Param("BAT_CRIT_THR", 0.07, _REAL32, 0.05, 0.5, Setting.BATTERY_CRITICAL_SHARE),
+    Param("BAT_EMERGEN_THR", 0.05, _REAL32, 0.03, 0.5, Setting.BATTERY_EMERGENCY_SHARE),
+    Param("BAT_LOW_THR", 0.15, _REAL32, 0.12, 0.5, Setting.BATTERY_LOW_SHARE),
+    Param("COM_DL_LOSS_T", 10.0, _INT32, 5.0, 300.0, Setting.LINK_TIMEOUT_S),
+    Param("COM_LOW_BAT_ACT", 0.0, _INT32, 0.0, 3.0, Setting.BATTERY_CRITICAL_ACTION),
+    Param("COM_OBL_RC_ACT", 0.0, _INT32, 0.0, 7.0, Setting.STREAM_LOSS_ACTION),
     Param("COM_OF_LOSS_T", 1.0, _REAL32, 0.0, 60.0, Setting.STREAM_TIMEOUT_S),
+    Param("GF_ACTION", 2.0, _INT32, 0.0, 5.0, Setting.FENCE_ACTION),
+    Param("GF_MAX_HOR_DIST", 0.0, _REAL32, 0.0, 10_000.0, Setting.FENCE_RADIUS_M),
+    Param("GF_MAX_VER_DIST", 0.0, _REAL32, 0.0, 10_000.0, Setting.FENCE_HEIGHT_M),
+    Param("MIS_TAKEOFF_ALT", 2.5, _REAL32, 0.0, 80.0, Setting.TAKEOFF_HEIGHT_M),
     Param("MPC_LAND_SPEED", 0.7, _REAL32, 0.6, 12.0, Setting.LAND_MPS),
     Param("MPC_XY_CRUISE", 5.0, _REAL32, 3.0, 20.0, Setting.CRUISE_MPS),
     Param("MPC_Z_V_AUTO_DN", 1.5, _REAL32, 0.5, 4.0, Setting.DESCEND_MPS),
     Param("MPC_Z_V_AUTO_UP", 3.0, _REAL32, 0.5, 8.0, Setting.CLIMB_MPS),
+    Param("NAV_DLL_ACT", 0.0, _INT32, 0.0, 6.0, Setting.LINK_LOSS_ACTION),
+    Param("RTL_LAND_DELAY", 0.0, _REAL32, -1.0, 300.0, Setting.RETURN_WAIT_S),
     Param("RTL_RETURN_ALT", 60.0, _REAL32, 0.0, 3000.0, Setting.RETURN_HEIGHT_M),
 )
 
@@ -66,11 +173,57 @@ PX4 = Personality(
         | Capability.MISSION_INT
         | Capability.COMMAND_INT
         | Capability.SET_POSITION_TARGET_LOCAL_NED
+        | Capability.SET_POSITION_TARGET_GLOBAL_INT
         | Capability.MAVLINK2,
+        tells_uid=True,
+        vtol_state=0,
     ),
+    boot=_BOOT,
     modes=_MODES,
-    arming=Arming(prearm_after_s=2.5, ready_after_s=4.0, idle_disarm_s=10.0),
-    flight=Flight(landed_after_s=0.5),
+    arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False),
+    flight=Flight(
+        landed_after_s=3.3,
+        disarm_after_s=2.0,
+        takeoff_above_sea=True,
+        takeoff_in_guided=False,
+        return_cone=True,
+        sinks_without_sticks=True,
+    ),
+    streaming=Streaming(from_ground=True, proof_s=1.0, coasts_s=0.2),
+    reports=Reports(
+        repeats=10,
+        repeat_s=1.0,
+        tells_landing=True,
+        starts_over=False,
+        empty_total=0xFFFF,
+        counts_home=True,
+        mode_elsewhere=2,
+        takeoff_finishes=True,
+        item_names={},
+    ),
+    replies=Replies(
+        refused=MavResult.TEMPORARILY_REJECTED,
+        unknown_mode=MavResult.ACCEPTED,
+        unknown_stream=MavResult.FAILED,
+        unknown_message=MavResult.DENIED,
+        unsupported=frozenset({MavCommand.DO_SET_MISSION_CURRENT}),
+        mode_acks=2,
+        message_first=True,
+        set_mode_command=MavCommand.DO_SET_MODE,
+        heartbeat_on_change=False,
+        any_component=False,
+        numbered_texts=True,
+    ),
+    streams=_STREAMS,
+    health=Health(
+        present=0x300402F,
+        enabled=0x301402F,
+        healthy=0x320C83F,
+        before_ready=229,
+        ready=1023,
+    ),
+    guards=_GUARDS,
+    words=_WORDS,
     missions=Missions(
         capacity=10_000,
         timers=Timers(reply_s=0.25, item_s=0.25, retries=20, give_up_s=5.0),

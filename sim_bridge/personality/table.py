@@ -7,67 +7,16 @@ What differs is a value here, never an `if` elsewhere.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum, auto
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gcs.link.dialect import Autopilot, ModeFlag
+from gcs.link.dialect import Autopilot
 from gcs.link.mission import Timers
-
-
-class Intent(Enum):
-    """What a mode is for, whatever its number."""
-
-    MANUAL = auto()  # a pilot's sticks, which no emulated vehicle has
-    HOLD = auto()  # stand in the air
-    GUIDED = auto()  # follow what a ground station sends
-    MISSION = auto()
-    TAKEOFF = auto()
-    RETURN = auto()
-    LAND = auto()
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One flight mode."""
-
-    number: int  # HEARTBEAT.custom_mode
-    name: str
-    intent: Intent
-    flags: ModeFlag  # HEARTBEAT.base_mode, ARMED apart
-    armable: bool = True
-
-
-@dataclass(frozen=True)
-class Modes:
-    """The modes that can be set. Where several serve one intent, the first is what commands mean by it."""
-
-    known: tuple[Mode, ...]
-    at_boot: int
-
-    @cached_property
-    def _by_number(self) -> dict[int, Mode]:
-        return {mode.number: mode for mode in self.known}
-
-    def numbered(self, number: int) -> Mode | None:
-        """The mode of a HEARTBEAT.custom_mode."""
-        return self._by_number.get(number)
-
-    def of(self, intent: Intent) -> Mode | None:
-        """The mode for `intent`, where the autopilot has one."""
-        return next((mode for mode in self.known if mode.intent is intent), None)
-
-
-class Setting(Enum):
-    """What parameters decide; the unit stands in the name, whatever unit the parameter itself has."""
-
-    STREAM_TIMEOUT_S = auto()
-    CRUISE_MPS = auto()
-    CLIMB_MPS = auto()
-    DESCEND_MPS = auto()
-    LAND_MPS = auto()
-    RETURN_HEIGHT_M = auto()
+from sim_bridge.personality.boot import Boot
+from sim_bridge.personality.guards import Guards, Setting
+from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.modes import Modes
+from sim_bridge.personality.wording import Words
 
 
 class Param(NamedTuple):
@@ -89,22 +38,8 @@ class Identity:
     autopilot: Autopilot
     version: int  # AUTOPILOT_VERSION.flight_sw_version: major, minor, patch, type
     capabilities: int
-
-
-@dataclass(frozen=True)
-class Arming:
-    """From power-on to turning motors, and back."""
-
-    prearm_after_s: float  # when SYS_STATUS calls the vehicle ready ...
-    ready_after_s: float  # ... and when it can arm in fact
-    idle_disarm_s: float
-
-
-@dataclass(frozen=True)
-class Flight:
-    """In the air."""
-
-    landed_after_s: float  # contact with the ground before it counts as landed
+    tells_uid: bool  # AUTOPILOT_VERSION.uid is not 0; uid2 is always told
+    vtol_state: int  # EXTENDED_SYS_STATE's, of a vehicle that is no VTOL
 
 
 @dataclass(frozen=True)
@@ -124,8 +59,20 @@ class Personality:
 
     name: str
     identity: Identity
+    boot: Boot
     modes: Modes
     arming: Arming
     flight: Flight
+    streaming: Streaming
+    reports: Reports
+    replies: Replies
+    streams: Streams
+    health: Health
+    guards: Guards
+    words: Words
     missions: Missions
     params: tuple[Param, ...]
+
+    def booting_for_real(self) -> Personality:
+        """The same, as long on the way to being ready as the original."""
+        return replace(self, boot=replace(self.boot, pace=1.0))

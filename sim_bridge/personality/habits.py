@@ -1,0 +1,95 @@
+"""How autopilots behave between the messages: arming, flying, following, answering, telling.
+
+Knows: what can differ, and in which unit. Does not know: any autopilot's values, nor how they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gcs.link.dialect import MavResult
+
+
+@dataclass(frozen=True)
+class Arming:
+    """To turning motors, and back."""
+
+    idle_disarm_s: float
+    spool_up_s: float  # from arming until motors can lift
+    has_sticks: bool  # a pilot's sticks are there, at rest: modes that need them can be armed in
+
+
+@dataclass(frozen=True)
+class Flight:
+    """In the air."""
+
+    landed_after_s: float  # contact with the ground before it counts as landed
+    disarm_after_s: float  # landed before the motors stop
+    takeoff_above_sea: bool  # NAV_TAKEOFF's height is AMSL, not above home
+    takeoff_in_guided: bool  # NAV_TAKEOFF wants an armed vehicle in a guided mode; else it is a mode of its own
+    return_cone: bool  # close to home it returns no higher than it is far
+    sinks_without_sticks: bool  # in modes for a pilot's sticks it comes down where it is
+
+
+@dataclass(frozen=True)
+class Streaming:
+    """Setpoints that come one after the other."""
+
+    from_ground: bool  # a setpoint in the air lifts a vehicle that stands armed
+    proof_s: float  # a stream runs for so long before it is believed; 0 where none is asked for
+    coasts_s: float | None  # the last setpoint is flown on for so long; None: as STREAM_TIMEOUT_S says
+
+
+@dataclass(frozen=True)
+class Reports:
+    """MISSION_CURRENT and MISSION_ITEM_REACHED."""
+
+    repeats: int  # MISSION_ITEM_REACHED is said again so often ...
+    repeat_s: float  # ... in this interval
+    tells_landing: bool  # NAV_LAND counts as reached when the descent begins
+    starts_over: bool  # after landing the current item is the first again
+    empty_total: int  # MISSION_CURRENT.total without a mission
+    counts_home: bool
+    mode_elsewhere: int  # MISSION_CURRENT.mission_mode outside missions
+    takeoff_finishes: bool  # a take-off counts as a mission that was flown to its end
+    item_names: Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class Replies:
+    """COMMAND_ACK, and the messages around it."""
+
+    refused: MavResult  # arming, disarming, take-off
+    unknown_mode: MavResult  # ACCEPTED means: and nothing happens
+    unknown_stream: MavResult
+    unknown_message: MavResult
+    unsupported: frozenset[int]  # commands it does not know although others do
+    mode_acks: int  # times a change of mode is acknowledged
+    message_first: bool  # the message asked for comes before the acknowledgement
+    set_mode_command: int  # the command that SET_MODE's acknowledgement names
+    heartbeat_on_change: bool  # HEARTBEAT follows a change of mode at once
+    any_component: bool  # answers messages for components that are not there
+    numbered_texts: bool  # every STATUSTEXT has an id, not only those in chunks
+
+
+@dataclass(frozen=True)
+class Streams:
+    """What is told without being asked, and what can be asked for."""
+
+    unasked_hz: Mapping[int, float]  # by message number
+    default_hz: float  # what an interval of 0 asks for; 0: nothing
+    fixed: frozenset[int]  # whose rate cannot be changed
+    unsent: frozenset[int]  # not of this autopilot
+    groups: Mapping[int, frozenset[int]]  # REQUEST_DATA_STREAM's groups
+
+
+@dataclass(frozen=True)
+class Health:
+    """SYS_STATUS's three bit fields when all is well, and EKF flags on the way there."""
+
+    present: int
+    enabled: int
+    healthy: int
+    before_ready: int  # EKF_STATUS_REPORT's or ESTIMATOR_STATUS's flags
+    ready: int

@@ -1,0 +1,49 @@
+"""What an autopilot says in STATUSTEXT: occasions, and its words for them.
+
+Knows: the occasions. Does not know: any autopilot's words. Where an autopilot has none for an occasion, it is silent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum, auto
+
+from gcs.link.dialect import Severity
+
+
+class Note(Enum):
+    """An occasion to say something; in brackets what its words may quote."""
+
+    ARMED = auto()
+    ARMED_FOR_MISSION = auto()
+    DISARMED = auto()
+    DISARMED_IDLE = auto()
+    DISARMED_LANDED = auto()
+    ARM_REFUSED = auto()  # {reason}
+    CHECKS_FAIL = auto()  # {reason}: nobody tried to arm
+    DISARM_REFUSED = auto()
+    MODE_UNKNOWN = auto()  # {mode}: number
+    MODE_REFUSED = auto()  # {mode}: name
+    MISSION_REFUSED = auto()
+    STREAM_UNKNOWN = auto()  # {number}
+    LIFTED_OFF = auto()
+    LANDED = auto()
+    MISSION_RECEIVED = auto()
+    MISSION_BEGINS = auto()
+    MISSION_CLIMBS = auto()  # {height_m}
+    MISSION_ENDS = auto()  # landed
+    ITEM_BEGINS = auto()  # {seq}, {name}
+    DELAY_BEGINS = auto()  # {seconds}
+    WAYPOINT_REACHED = auto()  # {seq}
+    RETURN_BEGINS = auto()  # {alt_m}, {height_m}
+    RETURN_LANDS = auto()
+    FAILSAFE = auto()
+    LINK_LOST = auto()  # {action}
+    LINK_FOUND = auto()
+    BATTERY_LOW = auto()  # {volt}, {mAh}
+    BATTERY_CRITICAL = auto()
+    BATTERY_EMERGENCY = auto()
+    FENCE_BREACHED = auto()  # {fence}
+
+
+Words = Mapping[Note, tuple[Severity, str]]
