@@ -29,6 +29,7 @@ class Command(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     NAV_DELAY = 93
+    DO_JUMP = 177
     DO_CHANGE_SPEED = 178
 
 

@@ -8,7 +8,7 @@ programs write, move a waypoint by up to 6 cm each way.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gcs.mission.model import Command, Frame, Home, MissionItem
 
 HEADER = "QGC WPL 110"
 
+_HOME_COMMANDS = (int(Command.NAV_WAYPOINT), 0)  # some versions of Mission Planner write 0
 _COLUMNS = ("seq", "current", "frame", "command", "p1", "p2", "p3", "p4", "x", "y", "z", "autocontinue")
 _DECIMALS_MIN = 8
 
@@ -28,6 +29,7 @@ class WaypointFile:
 
     home: Home | None
     items: tuple[MissionItem, ...]
+    lines: tuple[int, ...] = field(default=(), compare=False)  # where each item was read
 
 
 def write_waypoints(file: WaypointFile) -> str:
@@ -47,7 +49,8 @@ def write_waypoints(file: WaypointFile) -> str:
 def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -> WaypointFile:
     """Contents of a file. `source` names it in errors; `home_first` says whether row 0 is home (ArduPilot) or an item.
 
-    Raises `FileFormatError` with file, line and reason for anything that is not a complete mission.
+    Lines that begin with # are comments. Raises `FileFormatError` with file, line and reason for anything that is not
+    a complete mission.
     """
     lines = _decoded(text, source).splitlines()
     if not lines or lines[0].strip() != HEADER:
@@ -55,17 +58,18 @@ def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -
             f"{source}, line 1: expected '{HEADER}'.", hint="is this a waypoint file of another format?"
         )
     items: list[MissionItem] = []
+    places: list[int] = []
     home: Home | None = None
     row = 0
     for number, line in enumerate(lines[1:], start=2):
-        if not line.strip() or line.startswith("#"):
+        if not line.strip() or line.lstrip().startswith("#"):
             continue
         try:
             item, place = _item(line, row)
         except ValueError as error:
             raise FileFormatError(f"{source}, line {number}: {error}.") from error
         if row == 0 and home_first:
-            if item.frame != Frame.GLOBAL or item.command != Command.NAV_WAYPOINT:
+            if item.frame != Frame.GLOBAL or item.command not in _HOME_COMMANDS:
                 raise FileFormatError(
                     f"{source}, line {number}: row 0 is not a home position (frame 0, command 16).",
                     hint="files for PX4 have no home row: read them as such",
@@ -73,10 +77,11 @@ def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -
             home = Home(*place)
         else:
             items.append(item)
+            places.append(number)
         row += 1
     if home_first and home is None:
         raise FileFormatError(f"{source}: no row 0, the home position.")
-    return WaypointFile(home, tuple(items))
+    return WaypointFile(home, tuple(items), tuple(places))
 
 
 def _item(line: str, row: int) -> tuple[MissionItem, tuple[float, float, float]]:

@@ -38,6 +38,14 @@ def test_mission_planner_writes_crlf_and_short_numbers() -> None:
     assert file.items[1] == MissionItem(16, 10, (0.0, 0.0, 0.0, 0.0), -353615189, 1491650772, 30.0)
 
 
+def test_comments_and_the_command_mission_planner_once_wrote_for_home() -> None:
+    lines = FROM_MISSION_PLANNER.replace("\t0\t16\t", "\t0\t0\t", 1).splitlines()
+    text = "\r\n".join([lines[0], "# home", *lines[1:3], "", "  # away", lines[3]])
+    file = read_waypoints(text, "mp.waypoints")
+    assert file == read_waypoints(FROM_MISSION_PLANNER, "mp.waypoints")
+    assert file.lines == (4, 7)
+
+
 def test_positions_have_eight_decimals_at_least() -> None:
     row = write_waypoints(WaypointFile(HOME, ITEMS)).splitlines()[2].split("\t")
     assert row[8:11] == ["-35.36326200", "149.16523700", "2.15900000"]

@@ -1,0 +1,158 @@
+"""Fences and rally points as plain values, and as the mission items that carry them.
+
+Knows: polygons and circles to stay inside or outside of, places to return to, their commands (5000 to 5004, 5100).
+Does not know: files, links, what makes a fence sensible (that is `check_safety`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from gcs.mission.model import Frame, MissionItem
+
+LEAST_VERTICES = 3
+
+
+class BadItem(ValueError):
+    """An item that has no place where it stands; `index` counts from 0."""
+
+    def __init__(self, index: int, reason: str) -> None:
+        super().__init__(f"item {index} {reason}")
+        self.index = index
+
+
+class FenceCommand(IntEnum):
+    """MAV_CMD values of fence and rally items."""
+
+    RETURN_POINT = 5000
+    POLYGON_INCLUSION = 5001  # parameter 1: number of vertices
+    POLYGON_EXCLUSION = 5002
+    CIRCLE_INCLUSION = 5003  # parameter 1: radius, m
+    CIRCLE_EXCLUSION = 5004
+    RALLY_POINT = 5100
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point on the map, as the wire has it."""
+
+    lat_degE7: int
+    lon_degE7: int
+
+
+@dataclass(frozen=True)
+class FencePolygon:
+    """Vertices in order, the last joined to the first."""
+
+    points: tuple[Place, ...]
+    inclusion: bool
+
+
+@dataclass(frozen=True)
+class FenceCircle:
+    """All points within a radius."""
+
+    center: Place
+    radius_m: float
+    inclusion: bool
+
+
+@dataclass(frozen=True)
+class RallyPoint:
+    """A place to return to, and the height above home to arrive at."""
+
+    place: Place
+    alt_m: float
+
+
+@dataclass(frozen=True)
+class Geofence:
+    """Where a vehicle may fly: inside the inclusions, outside the exclusions."""
+
+    polygons: tuple[FencePolygon, ...] = ()
+    circles: tuple[FenceCircle, ...] = ()
+    return_point: RallyPoint | None = None
+
+    @property
+    def vertices(self) -> int:
+        """How many items an autopilot stores for it."""
+        return sum(len(p.points) for p in self.polygons) + len(self.circles) + (self.return_point is not None)
+
+
+NO_FENCE = Geofence()
+
+
+def fence_items(fence: Geofence) -> tuple[MissionItem, ...]:
+    """The items an autopilot is sent: return point, polygons vertex by vertex, circles."""
+    items = []
+    if fence.return_point is not None:
+        point = fence.return_point
+        items.append(_item(FenceCommand.RETURN_POINT, Frame.GLOBAL_RELATIVE_ALT, 0.0, point.place, point.alt_m))
+    for polygon in fence.polygons:
+        command = FenceCommand.POLYGON_INCLUSION if polygon.inclusion else FenceCommand.POLYGON_EXCLUSION
+        items += [_item(command, Frame.GLOBAL, float(len(polygon.points)), place) for place in polygon.points]
+    for circle in fence.circles:
+        command = FenceCommand.CIRCLE_INCLUSION if circle.inclusion else FenceCommand.CIRCLE_EXCLUSION
+        items.append(_item(command, Frame.GLOBAL, circle.radius_m, circle.center))
+    return tuple(items)
+
+
+def fence_from_items(items: Sequence[MissionItem]) -> Geofence:
+    """The fence that items describe. Raises BadItem for other commands and for polygons cut short."""
+    polygons: list[FencePolygon] = []
+    circles: list[FenceCircle] = []
+    return_point: RallyPoint | None = None
+    index = 0
+    while index < len(items):
+        item = items[index]
+        step = 1
+        if item.command in (FenceCommand.POLYGON_INCLUSION, FenceCommand.POLYGON_EXCLUSION):
+            step = _vertices(item, index)
+            run = items[index : index + step]
+            if len(run) < step or any((i.command, i.params[0]) != (item.command, item.params[0]) for i in run):
+                raise BadItem(index, f"begins a polygon of {step} vertices, but not so many follow")
+            inclusion = item.command == FenceCommand.POLYGON_INCLUSION
+            polygons.append(FencePolygon(tuple(map(_place, run)), inclusion))
+        elif item.command in (FenceCommand.CIRCLE_INCLUSION, FenceCommand.CIRCLE_EXCLUSION):
+            if not (math.isfinite(item.params[0]) and item.params[0] > 0):
+                raise BadItem(index, f"is a circle with radius {item.params[0]:g} m")
+            circles.append(FenceCircle(_place(item), item.params[0], item.command == FenceCommand.CIRCLE_INCLUSION))
+        elif item.command == FenceCommand.RETURN_POINT and return_point is None:
+            return_point = RallyPoint(_place(item), item.alt_m)
+        else:
+            raise BadItem(index, f"with command {item.command} has no place in a fence")
+        index += step
+    return Geofence(tuple(polygons), tuple(circles), return_point)
+
+
+def rally_items(points: Iterable[RallyPoint]) -> tuple[MissionItem, ...]:
+    """The items an autopilot is sent, altitudes above home."""
+    return tuple(_item(FenceCommand.RALLY_POINT, Frame.GLOBAL_RELATIVE_ALT, 0.0, p.place, p.alt_m) for p in points)
+
+
+def rally_from_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
+    """The rally points that items describe. Raises BadItem for other commands and altitude frames."""
+    for index, item in enumerate(items):
+        if item.command != FenceCommand.RALLY_POINT:
+            raise BadItem(index, f"with command {item.command} is no rally point")
+        if item.frame != Frame.GLOBAL_RELATIVE_ALT:
+            raise BadItem(index, f"has its altitude in frame {item.frame}; rally points have it above home (3)")
+    return tuple(RallyPoint(_place(item), item.alt_m) for item in items)
+
+
+def _vertices(item: MissionItem, index: int) -> int:
+    count = item.params[0]
+    if not (LEAST_VERTICES <= count <= 0xFFFF and count == round(count)):
+        raise BadItem(index, f"begins a polygon of {count:g} vertices; it takes {LEAST_VERTICES} or more")
+    return round(count)
+
+
+def _item(command: FenceCommand, frame: Frame, p1: float, place: Place, alt_m: float = 0.0) -> MissionItem:
+    return MissionItem(command, frame, (p1, 0.0, 0.0, 0.0), place.lat_degE7, place.lon_degE7, alt_m)
+
+
+def _place(item: MissionItem) -> Place:
+    return Place(item.lat_degE7, item.lon_degE7)

@@ -1,0 +1,38 @@
+"""On which line of a JSON text a value stands, for errors that name it.
+
+Knows: strings, brackets and lines of JSON that a parser has already accepted. Does not know: what values mean.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+Key = str | int
+
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],]|[^\s{}\[\]:,"]+')
+
+
+def line_of(text: str, path: Sequence[Key]) -> int:
+    """Line, from 1, on which the value at `path` begins, or the innermost one around it that is there."""
+    wanted = tuple(path)
+    here: list[Key | None] = []  # of every open bracket the key or index read now; None: an object's key comes next
+    found, depth = 0, -1
+    for token in _TOKEN.finditer(text):
+        word = token.group()
+        if word in "}]":
+            del here[-1:]
+        elif word == ",":
+            if here:
+                last = here[-1]
+                here[-1] = last + 1 if isinstance(last, int) else None
+        elif here and here[-1] is None:
+            here[-1] = word[1:-1]
+        else:
+            if len(here) > depth and tuple(here) == wanted[: len(here)]:
+                found, depth = token.start(), len(here)
+                if depth == len(wanted):
+                    break
+            if word in "{[":
+                here.append(0 if word == "[" else None)
+    return text.count("\n", 0, found) + 1
