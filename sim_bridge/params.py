@@ -1,67 +1,149 @@
-"""The parameter protocol of one vehicle: read by name or index, set, list.
+"""The parameter protocol of one vehicle: read by name or index, set, list, and changes told unasked.
 
-Knows: ArduPilot's manners (names match in any case and come back as they were asked for; unknown ones get silence).
-Does not know: what the parameters do.
+Knows: the manners of its make of autopilot (`ParamHabits`). Does not know: what the parameters do; who wants to know
+asks for a `setting`, which is the value within its bounds, in SI units.
 """
 
 from __future__ import annotations
 
 import math
+import struct
+import zlib
+from collections.abc import Iterable
 
 from gcs.link.message import Message
 from sim_bridge.personality import Personality, Setting
 
-_BY_NAME = 0xFFFF  # param_index of an answer to a question by name
+BY_NAME = 0xFFFF  # param_index of an answer to a question by name
+
+_UINT32, _REAL32 = 5, 9
+_RANGES = {
+    1: (0, 255),
+    2: (-128, 127),
+    3: (0, 65_535),
+    4: (-32_768, 32_767),
+    5: (0, 2**32 - 1),
+    6: (-(2**31), 2**31 - 1),
+}
+_SIGNED = struct.Struct("<i")
+_UNSIGNED = struct.Struct("<I")
+_FLOAT = struct.Struct("<f")
 
 
 class Params:
     """Name, value and type of every parameter, in order."""
 
     def __init__(self, personality: Personality, sysid: int) -> None:
+        self._habits = personality.param_habits
         self._table = {param.name: param for param in personality.params}
-        self._values = {param.name: param.value for param in personality.params}
+        self._index = {name: index for index, name in enumerate(self._table)}
+        self._values = {param.name: stored(param.value, param.kind) for param in personality.params}
         self._setters = {param.sets: param for param in personality.params if param.sets is not None}
-        self._values[personality.params[0].name] = float(sysid)
+        self._values[self._habits.sysid] = float(sysid)
+        self._news: list[str] = []
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
     def __setitem__(self, name: str, value: float) -> None:
-        self._values[name] = value
+        self.change(name, value)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def change(self, name: str, value: float) -> None:
+        """The vehicle itself changes a parameter, and will tell so."""
+        value = stored(value, self._table[name].kind)
+        if value != self._values[name]:
+            self._values[name] = value
+            self._news.append(name)
 
     def setting(self, setting: Setting) -> float:
-        """What the vehicle goes by: the value of the parameter that decides, within its bounds, in SI units."""
+        """What the vehicle goes by: the value of the parameter that decides, within its bounds, in SI units.
+
+        Raises KeyError where this autopilot has no such parameter.
+        """
         param = self._setters[setting]
-        return min(max(self._values[param.name], param.low), param.high) * param.unit
+        value = self._values[param.name]
+        if math.isnan(value):
+            value = param.value
+        return min(max(value, param.low), param.high) * param.unit
+
+    def news(self) -> list[Message]:
+        """Values that the vehicle changed since it was last asked."""
+        names, self._news = self._news, []
+        return [self._told(name, name) for name in names]
 
     def receive(self, message: Message) -> list[Message]:
-        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
-        fields = message.fields
+        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; silence is an answer to what is unknown."""
         if message.name == "PARAM_REQUEST_LIST":
-            return [self._value(name, index) for index, name in enumerate(self._values)]
-        if message.name == "PARAM_SET":
-            asked, value = fields["param_id"], fields["param_value"]
-            if asked.upper() not in self._values or not math.isfinite(value):
-                return []
-            self._values[asked.upper()] = float(value)
-            return [self._value(asked, _BY_NAME)]
+            values = [self._value(name, name, index) for name, index in self._index.items()]
+            return [self._hash(), *values] if self._habits.hash_name else values
         if message.name == "PARAM_REQUEST_READ":
-            index = fields["param_index"]
-            if 0 <= index < len(self._values):
-                return [self._value(list(self._values)[index], index)]
-            asked = fields["param_id"]
-            return [self._value(asked, _BY_NAME)] if asked.upper() in self._values else []
+            return self._read(message.fields["param_id"], message.fields["param_index"])
+        if message.name == "PARAM_SET":
+            fields = message.fields
+            return self._set(fields["param_id"], fields["param_value"], fields["param_type"])
         return []
 
-    def _value(self, asked: str, index: int) -> Message:
-        name = asked.upper()
-        return Message(
-            "PARAM_VALUE",
-            {
-                "param_id": asked,
-                "param_value": self._values[name],
-                "param_type": self._table[name].kind,
-                "param_count": len(self._values),
-                "param_index": index,
-            },
-        )
+    def _read(self, asked: str, index: int) -> list[Message]:
+        if index >= 0:
+            return [self._value(name, name, i) for name, i in self._index.items() if i == index]
+        if asked == self._habits.hash_name:
+            return [self._hash()]
+        name = self._found(asked)
+        return [self._told(name, asked)] if name is not None else []
+
+    def _set(self, asked: str, sent: float, kind: int) -> list[Message]:
+        name = self._found(asked)
+        if name is None or not (math.isfinite(sent) or self._takes(sent, kind)):
+            return []
+        own = self._table[name].kind
+        if kind == own or self._habits.converts:
+            self._values[name] = self._decoded(sent, own)
+        return [self._told(name, asked)]
+
+    def _takes(self, sent: float, kind: int) -> bool:
+        """Whether a number that is none may be meant."""
+        return self._habits.takes_nan or (self._habits.bytes_in_float and kind != _REAL32)
+
+    def _found(self, asked: str) -> str | None:
+        name = asked.upper() if self._habits.any_case else asked
+        return name if name in self._values else None
+
+    def _told(self, name: str, asked: str) -> Message:
+        return self._value(name, asked, self._index[name] if self._habits.tells_index else BY_NAME)
+
+    def _value(self, name: str, asked: str, index: int) -> Message:
+        kind = self._table[name].kind
+        return self._message(asked, self._encoded(self._values[name], kind), kind, index)
+
+    def _message(self, name: str, value: float, kind: int, index: int) -> Message:
+        fields = {"param_id": name, "param_value": value, "param_type": kind, "param_index": index}
+        return Message("PARAM_VALUE", {**fields, "param_count": len(self._values)})
+
+    def _hash(self) -> Message:
+        parts: Iterable[bytes] = (name.encode() + _FLOAT.pack(value) for name, value in self._values.items())
+        number = zlib.crc32(b"".join(parts))
+        return self._message(self._habits.hash_name, _FLOAT.unpack(_UNSIGNED.pack(number))[0], _UINT32, BY_NAME)
+
+    def _encoded(self, value: float, kind: int) -> float:
+        if kind == _REAL32 or not self._habits.bytes_in_float:
+            return value
+        return float(_FLOAT.unpack(_SIGNED.pack(round(value)))[0])
+
+    def _decoded(self, sent: float, kind: int) -> float:
+        if kind == _REAL32 or not self._habits.bytes_in_float:
+            return stored(sent, kind)
+        return stored(_SIGNED.unpack(_FLOAT.pack(sent))[0], kind)
+
+
+def stored(value: float, kind: int) -> float:
+    """A value as a parameter of this type holds it: single precision, or a whole number that fits."""
+    if kind == _REAL32:
+        try:
+            return float(_FLOAT.unpack(_FLOAT.pack(value))[0])
+        except OverflowError:
+            return math.copysign(math.inf, value)
+    low, high = _RANGES[kind]
+    return float(min(max(math.floor(value + 0.5), low), high))

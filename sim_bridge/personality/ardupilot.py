@@ -18,14 +18,15 @@ from gcs.link.dialect import (
     Severity,
 )
 from gcs.link.mission import ARDUPILOT_TIMERS
+from sim_bridge.personality.ardupilot_missions import MISSIONS
+from sim_bridge.personality.ardupilot_params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
-from sim_bridge.personality.table import Identity, Missions, Param, Personality
+from sim_bridge.personality.table import Identity, Missions, Personality
 from sim_bridge.personality.wording import Note
 
-_INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
 _ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
 _BY_ITSELF = _ON_STICKS | ModeFlag.GUIDED
 
@@ -170,38 +171,6 @@ _STREAMS = Streams(
     },
 )
 
-_PARAMS = (
-    Param("SYSID_THISMAV", 1.0, _INT16),
-    Param("SYSID_MYGCS", 255.0, _INT16, 1.0, 255.0, Setting.GROUND_STATION),
-    Param("AUTO_OPTIONS", 0.0, _INT32, 0.0, 255.0, Setting.AUTO_OPTIONS),
-    Param("BATT_CRT_MAH", 0.0, _REAL32, 0.0, 1e6, Setting.BATTERY_CRITICAL_Ah, 0.001),
-    Param("BATT_CRT_VOLT", 0.0, _REAL32, 0.0, 120.0, Setting.BATTERY_CRITICAL_V),
-    Param("BATT_FS_CRT_ACT", 0.0, _INT8, 0.0, 7.0, Setting.BATTERY_CRITICAL_ACTION),
-    Param("BATT_FS_LOW_ACT", 0.0, _INT8, 0.0, 7.0, Setting.BATTERY_LOW_ACTION),
-    Param("BATT_LOW_MAH", 0.0, _REAL32, 0.0, 1e6, Setting.BATTERY_LOW_Ah, 0.001),
-    Param("BATT_LOW_VOLT", 10.5, _REAL32, 0.0, 120.0, Setting.BATTERY_LOW_V),
-    Param("FENCE_ACTION", 1.0, _INT8, 0.0, 8.0, Setting.FENCE_ACTION),
-    Param("FENCE_ALT_MAX", 100.0, _REAL32, 10.0, 1000.0, Setting.FENCE_HEIGHT_M),
-    Param("FENCE_ENABLE", 0.0, _INT8, 0.0, 1.0, Setting.FENCE_ENABLED),
-    Param("FENCE_RADIUS", 300.0, _REAL32, 30.0, 10_000.0, Setting.FENCE_RADIUS_M),
-    Param("FENCE_TOTAL", 0.0, _INT8),
-    Param("FENCE_TYPE", 7.0, _INT8, 0.0, 15.0, Setting.FENCE_KINDS),
-    Param("FRAME_CLASS", 1.0, _INT8),
-    Param("FRAME_TYPE", 1.0, _INT8),
-    Param("FS_GCS_ENABLE", 0.0, _INT8, 0.0, 7.0, Setting.LINK_LOSS_ACTION),
-    Param("FS_GCS_TIMEOUT", 5.0, _REAL32, 2.0, 120.0, Setting.LINK_TIMEOUT_S),
-    Param("GUID_TIMEOUT", 3.0, _REAL32, 0.1, 5.0, Setting.STREAM_TIMEOUT_S),
-    Param("LAND_SPEED", 50.0, _INT16, 30.0, 200.0, Setting.LAND_MPS, 0.01),
-    Param("MIS_TOTAL", 0.0, _INT16),
-    Param("RALLY_TOTAL", 0.0, _INT8),
-    Param("RTL_ALT", 1500.0, _INT32, 30.0, 300_000.0, Setting.RETURN_HEIGHT_M, 0.01),
-    Param("RTL_LOIT_TIME", 5000.0, _INT32, 0.0, 60_000.0, Setting.RETURN_WAIT_S, 0.001),
-    Param("WPNAV_SPEED", 500.0, _REAL32, 20.0, 2000.0, Setting.CRUISE_MPS, 0.01),
-    Param("WPNAV_SPEED_DN", 150.0, _REAL32, 10.0, 500.0, Setting.DESCEND_MPS, 0.01),
-    Param("WPNAV_SPEED_UP", 250.0, _REAL32, 10.0, 1000.0, Setting.CLIMB_MPS, 0.01),
-    Param("WP_YAW_BEHAVIOR", 0.0, _INT8),
-)
-
 _BEFORE_READY = (
     EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.VELOCITY_VERT | EkfFlag.POS_VERT_ABS | EkfFlag.CONST_POS_MODE
 )
@@ -269,5 +238,8 @@ ARDUPILOT = Personality(
     missions=Missions(
         capacity=650, timers=ARDUPILOT_TIMERS, int_requests=False, tells_file_frames=True, home_is_item_0=True
     ),
-    params=_PARAMS,
+    transfers=MISSIONS,
+    params=PARAMS,
+    param_habits=PARAM_HABITS,
+    link=LINK,
 )

@@ -26,10 +26,11 @@ from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
-from sim_bridge.personality.table import Identity, Missions, Param, Personality
+from sim_bridge.personality.px4_missions import MISSIONS
+from sim_bridge.personality.px4_params import LINK, PARAM_HABITS, PARAMS
+from sim_bridge.personality.table import Identity, Missions, Personality
 from sim_bridge.personality.wording import Note
 
-_INT32, _REAL32 = 6, 9
 _BY_ITSELF = ModeFlag.CUSTOM | ModeFlag.AUTO | ModeFlag.GUIDED | ModeFlag.STABILIZE
 _ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
 
@@ -142,28 +143,6 @@ _STREAMS = Streams(
     groups={},
 )
 
-_PARAMS = (
-    Param("MAV_SYS_ID", 1.0, _INT32),
-    Param("BAT_CRIT_THR", 0.07, _REAL32, 0.05, 0.5, Setting.BATTERY_CRITICAL_SHARE),
-    Param("BAT_EMERGEN_THR", 0.05, _REAL32, 0.03, 0.5, Setting.BATTERY_EMERGENCY_SHARE),
-    Param("BAT_LOW_THR", 0.15, _REAL32, 0.12, 0.5, Setting.BATTERY_LOW_SHARE),
-    Param("COM_DL_LOSS_T", 10.0, _INT32, 5.0, 300.0, Setting.LINK_TIMEOUT_S),
-    Param("COM_LOW_BAT_ACT", 0.0, _INT32, 0.0, 3.0, Setting.BATTERY_CRITICAL_ACTION),
-    Param("COM_OBL_RC_ACT", 0.0, _INT32, 0.0, 7.0, Setting.STREAM_LOSS_ACTION),
-    Param("COM_OF_LOSS_T", 1.0, _REAL32, 0.0, 60.0, Setting.STREAM_TIMEOUT_S),
-    Param("GF_ACTION", 2.0, _INT32, 0.0, 5.0, Setting.FENCE_ACTION),
-    Param("GF_MAX_HOR_DIST", 0.0, _REAL32, 0.0, 10_000.0, Setting.FENCE_RADIUS_M),
-    Param("GF_MAX_VER_DIST", 0.0, _REAL32, 0.0, 10_000.0, Setting.FENCE_HEIGHT_M),
-    Param("MIS_TAKEOFF_ALT", 2.5, _REAL32, 0.0, 80.0, Setting.TAKEOFF_HEIGHT_M),
-    Param("MPC_LAND_SPEED", 0.7, _REAL32, 0.6, 12.0, Setting.LAND_MPS),
-    Param("MPC_XY_CRUISE", 5.0, _REAL32, 3.0, 20.0, Setting.CRUISE_MPS),
-    Param("MPC_Z_V_AUTO_DN", 1.5, _REAL32, 0.5, 4.0, Setting.DESCEND_MPS),
-    Param("MPC_Z_V_AUTO_UP", 3.0, _REAL32, 0.5, 8.0, Setting.CLIMB_MPS),
-    Param("NAV_DLL_ACT", 0.0, _INT32, 0.0, 6.0, Setting.LINK_LOSS_ACTION),
-    Param("RTL_LAND_DELAY", 0.0, _REAL32, -1.0, 300.0, Setting.RETURN_WAIT_S),
-    Param("RTL_RETURN_ALT", 60.0, _REAL32, 0.0, 3000.0, Setting.RETURN_HEIGHT_M),
-)
-
 PX4 = Personality(
     name="px4",
     identity=Identity(
@@ -231,5 +210,8 @@ PX4 = Personality(
         tells_file_frames=False,
         home_is_item_0=False,
     ),
-    params=_PARAMS,
+    transfers=MISSIONS,
+    params=PARAMS,
+    param_habits=PARAM_HABITS,
+    link=LINK,
 )

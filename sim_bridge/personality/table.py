@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 from gcs.link.dialect import Autopilot
 from gcs.link.mission import Timers
+from sim_bridge.missions.habits import MissionHabits
 from sim_bridge.personality.boot import Boot
 from sim_bridge.personality.guards import Guards, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.link import LinkHabits, ParamHabits
 from sim_bridge.personality.modes import Modes
 from sim_bridge.personality.wording import Words
 
@@ -71,7 +73,10 @@ class Personality:
     guards: Guards
     words: Words
     missions: Missions
+    transfers: MissionHabits
     params: tuple[Param, ...]
+    param_habits: ParamHabits
+    link: LinkHabits
 
     def booting_for_real(self) -> Personality:
         """The same, as long on the way to being ready as the original."""
