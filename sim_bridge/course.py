@@ -58,6 +58,7 @@ class Guide:
     descend_mps: float
     rtl_height_m: float
     epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
+    return_wait_s: float = 0.0  # over home, before it descends
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
         """Straight up to `height_m` above home."""
@@ -92,6 +93,9 @@ class Guide:
             now = pieces[-1].at(pieces[-1].end_s)
             if np.linalg.norm(now[0] - over) > _MOVED_M:
                 pieces.append(transfer(pieces[-1].end_s, now, over.copy(), self.limits))
+        if self.return_wait_s > 0.0:
+            start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)
+            pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))
         down = self.land(pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s))
         return Course((*pieces, *down.pieces), landing_from_s=down.landing_from_s)
 
