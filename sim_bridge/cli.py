@@ -13,11 +13,15 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gcs.errors import GcsError, UsageError
+from sim_bridge.endpoints.spec import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
+
+if TYPE_CHECKING:
+    from sim_bridge.fleet import Fleet
 
 STOPPED = 130
 BUG = 70
@@ -29,42 +33,54 @@ app = typer.Typer(add_completion=False, context_settings={"help_option_names": [
 @app.command()
 def fly(
     mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission folder, or the scenario file.")],
-    udp: Annotated[str, typer.Option(help="Ground station that the vehicles call.")] = "127.0.0.1:14550",
+    udp: Annotated[
+        str | None, typer.Option(help="Ground station that the vehicles call.", show_default="127.0.0.1:14550")
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(help="udpout:HOST:PORT, udpin:PORT, tcpin:PORT, pty or pty:PATH; as many as are wanted."),
+    ] = None,
+    bind: Annotated[str, typer.Option(help="Address to listen at; another one lets others in.")] = LOOPBACK,
+    one_port: Annotated[bool, typer.Option("--one-port", help="All vehicles share one port of each link.")] = False,
     speedup: Annotated[str, typer.Option(help="Times real time, or 'max'.")] = "1",
     autopilot: Annotated[
         str | None, typer.Option(help="Whose manners: ardupilot or px4.", show_default="the scenario's")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of sensor noise and boot clocks.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of sensor noise, boot clocks and bad links.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     fault: Annotated[
-        list[str] | None, typer.Option(help="SYSID:silent, SYSID:reject-mission or SYSID:die@SECONDS of flight.")
+        list[str] | None,
+        typer.Option(help="SYSID:[up.|down.]KIND[=VALUE][@FROM..UNTIL], for example 3:loss=0.2@10..30."),
     ] = None,
+    faults: Annotated[Path | None, typer.Option(help="TOML file with more of them.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Emulate the vehicles of MISSION: they call a ground station over UDP, each from a port of its own.
 
-    One line of JSON on stdout says when they are there and at which ports. They fly until Ctrl-C.
+    One line of JSON on stdout says when they are there and where. They fly until Ctrl-C.
     """
     del debug  # read by `run`, because the arguments may be what is wrong
-    ground, rate = parse_ground(udp), parse_speedup(speedup)
+    links = parse_links(udp, link or (), bind=bind, shared=one_port)
+    rate = parse_speedup(speedup)
     if autopilot not in (None, *AUTOPILOTS):
         raise UsageError(f"--autopilot {autopilot!r} is neither {' nor '.join(AUTOPILOTS)}.")
     if truth is not None and not truth.parent.is_dir():
         raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.physical import sysids  # noqa: PLC0415
+    from sim_bridge.fault_file import read_fault_file  # noqa: PLC0415
     from sim_bridge.faults import parse_faults  # noqa: PLC0415
     from sim_bridge.fleet import Fleet, FleetOptions  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
 
     scenario = load_scenario(mission)
-    faults = parse_faults(fault or (), sysids(scenario))
+    texts = (read_fault_file(faults) if faults is not None else []) + (fault or [])
     options = FleetOptions(
-        ground=ground,
+        links=links,
         speedup=rate,
         seed=seed,
-        faults=faults,
+        faults=parse_faults(texts, sysids(scenario)),
         record_truth=truth is not None,
         personality=by_name(autopilot or scenario.mission.autopilot),
     )
@@ -73,11 +89,35 @@ def fly(
             signal.signal(number, lambda *_: fleet.stop())
         if until_eof:
             fleet.stop_at_end_of(sys.stdin.fileno())
-        ready = {"ready": True, "ground": "{}:{}".format(*ground), "ports": fleet.ports, "seed": seed}
-        print(json.dumps(ready), flush=True)
+        _warn(links)
+        print(json.dumps(_ready(fleet, links, seed)), flush=True)
         fleet.run()
         if truth is not None:
             fleet.save_truth(truth)
+
+
+def parse_links(udp: str | None, texts: Sequence[str], *, bind: str = LOOPBACK, shared: bool = False) -> list[LinkSpec]:
+    """The endpoints of a command line; vehicles call the usual port where none is named. Raises `UsageError`."""
+    links = [parse_link(text, bind=bind, shared=shared) for text in texts]
+    if udp is not None or not links:
+        host, port = parse_ground(udp) if udp is not None else (CALL_GROUND.host, CALL_GROUND.port)
+        links.insert(0, LinkSpec(Kind.UDP_OUT, host, port, shared=shared))
+    return links
+
+
+def _warn(links: Sequence[LinkSpec]) -> None:
+    """Say so when others are let in."""
+    for spec in links:
+        if spec.kind in (Kind.UDP_IN, Kind.TCP_IN) and not is_loopback(spec.host):
+            text = f"listening at {spec.host}: whoever reaches that address may command these vehicles"
+            print(f"warning: {text}", file=sys.stderr, flush=True)
+
+
+def _ready(fleet: Fleet, links: Sequence[LinkSpec], seed: int) -> dict[str, Any]:
+    """`ports` are those of the first link that has any, `places` all."""
+    called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is Kind.UDP_OUT), None)
+    places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}
+    return {"ready": True, "ground": called, "ports": fleet.ports, "places": places, "seed": seed}
 
 
 def parse_ground(text: str) -> tuple[str, int]:

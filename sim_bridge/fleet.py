@@ -14,118 +14,74 @@ back:
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from gcs.frames import Origin
-from gcs.link.codec import Codec
-from gcs.link.message import Message
-from gcs.scenario import physical
 from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_height_m
-from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.autopilot import Autopilot
-from sim_bridge.course import Guide
-from sim_bridge.faults import NO_FAULTS, Faults
-from sim_bridge.gains import ControlLimits
-from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.airframes import CONTROL_PERIOD_S
+from sim_bridge.endpoints.line import Place
+from sim_bridge.endpoints.spec import CALL_GROUND, LinkSpec
+from sim_bridge.endpoints.switchboard import Switchboard
+from sim_bridge.fault_desk import FaultDesk
+from sim_bridge.faults import Fault
 from sim_bridge.guidance.piece import PieceBatch
+from sim_bridge.hangar import Hangar
 from sim_bridge.pace import Pace
 from sim_bridge.personality import Personality, by_name
-from sim_bridge.sensors import GRADES
-from sim_bridge.sockets import Address, Sockets
-from sim_bridge.telemetry import Instruments, Whereabouts
+from sim_bridge.traffic import Traffic
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
-from sim_bridge.vehicle import Vehicle
 
 WAITING_RATE = 10.0
 STREAM_PATIENCE_S = 0.25
-DEFAULT_GROUND: Address = ("127.0.0.1", 14550)
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
-_BOOT_SPREAD_MS = (5_000, 60_000)
 
 
 @dataclass(frozen=True)
 class FleetOptions:
     """How to run a fleet. `epoch_unix_s` is the GNSS time at simulated time 0."""
 
-    ground: Address = DEFAULT_GROUND
+    links: Sequence[LinkSpec] = (CALL_GROUND,)
     speedup: float = 1.0  # simulated seconds per second; inf for as fast as the machine can
     seed: int = 0
-    faults: Mapping[int, Faults] = field(default_factory=dict)
+    faults: Mapping[int, Sequence[Fault]] = field(default_factory=dict)  # by system id
     epoch_unix_s: float | None = None  # default: now
     record_truth: bool = False
     personality: Personality | None = None  # default: that of the scenario
 
 
 class Fleet:
-    """The emulated vehicles of a scenario, each at a port of its own.
+    """The emulated vehicles of a scenario, and where they can be reached.
 
-    `ports` by system id; `t_s` simulated time; `airframes` with the true states; `step` to go on by hand, `run`
+    `places` by system id; `t_s` simulated time; `airframes` with the true states; `step` to go on by hand, `run`
     to go on until `stop` is called (from a signal handler or another thread).
     """
 
     def __init__(self, scenario: Scenario, options: FleetOptions | None = None) -> None:
-        """Put the vehicles on their pads and open their sockets. Raises `LinkError`."""
+        """Put the vehicles on their pads and open their endpoints. Raises `LinkError` or `UsageError`."""
         self.options = options = options or FleetOptions()
-        self.sysids = physical.sysids(scenario)
         personality = options.personality or by_name(scenario.mission.autopilot)
-        quadrotor = physical.quadrotor(scenario)
-        pads_ned_m = physical.pads_ned_m(scenario)
-        yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
-        limits = ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque)
-        self.airframes = Airframes(
-            quadrotor,
-            partial(ground_height_m, scenario.terrain),
-            pads_ned_m,
-            np.full(len(pads_ned_m), yaw_rad),
-            GRADES[scenario.sensors.grade],
-            seed=options.seed,
-            limits=limits,
-        )
+        epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
+        hangar = Hangar(scenario, personality, options.seed, epoch_s)
+        self.sysids = hangar.sysids
+        self.airframes = hangar.airframes
+        self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
         self._steps = 0
         self._stopped = False
-        self._watched = -1
         self._starved: set[int] = set()
         self._pace = Pace(options.speedup)
         self._wait_until_s = -math.inf
-        epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
-        random = np.random.default_rng([options.seed, 1])
-        boot_ms = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
-        motion = MotionLimits.of(quadrotor, scenario.limits)
-        origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
-        whereabouts = Whereabouts(self.airframes, origin)
-        self.vehicles: list[Vehicle] = []
-        for row, sysid in enumerate(self.sysids):
-            pad_ned_m = pads_ned_m[row]
-            guide = Guide(motion, origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, epoch_s)  # speeds come from the parameters
-            instruments = Instruments(
-                airframes=self.airframes,
-                whereabouts=whereabouts,
-                row=row,
-                pad_ned_m=pad_ned_m,
-                origin=origin,
-                boot_offset_ms=boot_ms[row],
-                epoch_unix_us=round(epoch_s * 1e6),
-                uid=f"skein-{options.seed & 0xFFFF:04x}-{sysid:03d}".encode(),
-            )
-            pilot = Autopilot(personality, guide, yaw_rad)
-            faults = options.faults.get(sysid, NO_FAULTS)
-            self.vehicles.append(Vehicle(sysid, pilot, instruments, personality, faults))
-        self._codecs = [Codec(*vehicle.station) for vehicle in self.vehicles]
         self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
-        self.truth = (
-            TruthRecord(self.sysids, [ms / 1000.0 for ms in boot_ms], epoch_s) if options.record_truth else None
-        )
-        self._sockets = Sockets(len(self.sysids), options.ground)
-        self.ports = dict(zip(self.sysids, self._sockets.ports, strict=True))
+        boot_s = [ms / 1000.0 for ms in hangar.boot_ms]
+        self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
+        self.desk = FaultDesk(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
+        self._board = Switchboard(options.links, self.sysids)
+        self.traffic = Traffic(self._board, self.vehicles, self.desk)
+        self.places: dict[int, list[Place]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
 
     def __enter__(self) -> Self:
         return self
@@ -134,8 +90,14 @@ class Fleet:
         self.close()
 
     def close(self) -> None:
-        """Let the ports go."""
-        self._sockets.close()
+        """Let the endpoints go."""
+        self._board.close()
+
+    @property
+    def ports(self) -> dict[int, int]:
+        """Each vehicle's port on the first link that has ports."""
+        numbered = {s: [place for place in places if place.port] for s, places in self.places.items()}
+        return {sysid: places[0].port for sysid, places in numbered.items() if places}
 
     @property
     def t_s(self) -> float:
@@ -148,8 +110,7 @@ class Fleet:
 
     def stop_at_end_of(self, file: int) -> None:
         """Let `run` return when this file descriptor (standard input) ends, as it does when a parent dies."""
-        self._watched = file
-        self._sockets.watch(file)
+        self.traffic.watch(file)
 
     def run(self, until_s: float = math.inf) -> None:
         """Go on, in the pace asked for, until simulated time `until_s` or `stop`."""
@@ -168,11 +129,14 @@ class Fleet:
         self._listen(0.0)
         now_s, t_s = time.monotonic(), self.t_s
         vehicles, landed = self.vehicles, self.airframes.landed.tolist()
+        self.desk.step(t_s)
+        self.traffic.carry(t_s, now_s)
         for row, vehicle in enumerate(vehicles):
             messages = vehicle.step(t_s, now_s, landed[row])
             if messages:
-                self._send(row, messages)
+                self.traffic.send(row, messages, t_s)
             self._batch.put(row, vehicle.autopilot.piece)
+        self._board.flush(now_s)
         if self.truth is not None and self._steps % PERIOD_STEPS == 0:
             pilots = [vehicle.autopilot for vehicle in vehicles]
             self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in pilots])
@@ -185,6 +149,9 @@ class Fleet:
         if self.truth is not None:
             self.truth.save(path)
 
+    def _reboot(self, row: int) -> None:
+        """Restart an autopilot."""
+
     def _rate(self) -> float:
         pilots = [vehicle.autopilot for vehicle in self.vehicles]
         under_way = any(pilot.flying for pilot in pilots) and not any(pilot.awaits_orders for pilot in pilots)
@@ -195,7 +162,7 @@ class Fleet:
         if self.options.speedup <= 1.0:
             return False
         t_s = self.t_s
-        waiting = {row for row, v in enumerate(self.vehicles) if v.autopilot.awaits_setpoint(t_s)}
+        waiting = {row for row in range(len(self.vehicles)) if self._awaits_setpoint(row, t_s)}
         self._starved &= waiting
         if not waiting - self._starved:
             self._wait_until_s = math.inf
@@ -208,20 +175,12 @@ class Fleet:
         self._wait_until_s = math.inf
         return False
 
-    def _listen(self, timeout_s: float) -> None:
-        for row, data, sender in self._sockets.receive(timeout_s):
-            if row < 0:
-                self._stopped = self._stopped or not os.read(self._watched, 4096)
-                continue
-            messages = self._codecs[row].decode(data, sender)
-            if messages:
-                self._sockets.answer_at(row, sender)
-                now_s = time.monotonic()
-                for message in messages:
-                    answers = self.vehicles[row].receive(message, now_s)
-                    if answers:
-                        self._send(row, answers)
+    def _awaits_setpoint(self, row: int, t_s: float) -> bool:
+        """On a bad link it is the setpoint's departure that is waited for: it may never arrive."""
+        pilot = self.vehicles[row].autopilot
+        known = self.traffic.stream_is_known(row, t_s) if pilot.flying else None
+        return pilot.awaits_setpoint(t_s) if known is None else not known
 
-    def _send(self, row: int, messages: Sequence[Message]) -> None:
-        codec = self._codecs[row]
-        self._sockets.send(row, [codec.encode(message) for message in messages])
+    def _listen(self, timeout_s: float) -> None:
+        if not self.traffic.listen(timeout_s, self.t_s):
+            self._stopped = True

@@ -36,14 +36,12 @@ class MissionShelf:
         personality: Personality,
         home: Origin,
         on_mission: Callable[[Sequence[MissionItem]], None],
-        *,
-        reject: bool = False,
     ) -> None:
         self.home = home
         self._me = me
         self._personality = personality
         self._on_mission = on_mission
-        self._reject = reject
+        self.rejects = False  # a fault: no item pleases
         self._items: dict[int, tuple[MissionItem, ...]] = dict.fromkeys(map(int, _TYPES), ())
         self._uploads: dict[int, MissionReceiver] = {}
         self._downloads: dict[int, MissionSender] = {}
@@ -107,7 +105,7 @@ class MissionShelf:
         return upload.receive(message, now_s) + self._finish()
 
     def _check(self, kind: int) -> ItemCheck:
-        if self._reject:
+        if self.rejects:
             return refuse_item
         return check_item if kind == MissionType.MISSION else accept_item
 

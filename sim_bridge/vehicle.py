@@ -20,7 +20,6 @@ from gcs.link.timesync import answer_timesync
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Armed, Autopilot, ModeChanged, Reached, Said
 from sim_bridge.commands import Commands
-from sim_bridge.faults import Faults
 from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
 from sim_bridge.mission_shelf import MissionShelf
 from sim_bridge.params import Params
@@ -36,12 +35,9 @@ _SILENCE: tuple[Message, ...] = ()
 class Vehicle:
     """Sans-I/O: messages in, messages out."""
 
-    def __init__(
-        self, sysid: int, autopilot: Autopilot, instruments: Instruments, personality: Personality, faults: Faults
-    ) -> None:
+    def __init__(self, sysid: int, autopilot: Autopilot, instruments: Instruments, personality: Personality) -> None:
         self.station = Station(sysid, _COMPID)
         self.autopilot = autopilot
-        self.faults = faults
         self._instruments = instruments
         self._personality = personality
         self._telemetry = Telemetry(instruments, autopilot, personality)
@@ -52,20 +48,36 @@ class Vehicle:
             personality,
             instruments.place(autopilot.guide.home_ned_m),
             self._hold_mission,
-            reject=faults.reject_mission,
         )
-        self._flying_since_s: float | None = None
         self._dead = False
         self._apply_params()
 
     @property
     def dead(self) -> bool:
-        """Whether its fault has struck."""
+        """Whether a fault has struck it down."""
         return self._dead
+
+    @property
+    def rejects_missions(self) -> bool:
+        """A fault: no item of any upload pleases it."""
+        return self._shelf.rejects
+
+    @rejects_missions.setter
+    def rejects_missions(self, rejects: bool) -> None:
+        self._shelf.rejects = rejects
+
+    def die(self) -> None:
+        """A fault: motors stop for good, and nothing is heard any more."""
+        self._dead = True
+        self.autopilot.fall()
+
+    def simulated_s(self, boot_ms: int) -> float:
+        """Simulated time of an instant of the vehicle's own clock."""
+        return self._instruments.simulated_s(boot_ms)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message; those for other vehicles and unknown ones get none."""
-        if self._dead or self.faults.silent or not message.is_for(Station(self.station.sysid, 0)):
+        if self._dead or not message.is_for(Station(self.station.sysid, 0)):
             return []
         name = message.name
         if name == "SET_POSITION_TARGET_LOCAL_NED":
@@ -97,9 +109,7 @@ class Vehicle:
         autopilot.step(t_s, landed)
         if not autopilot.ready and not self._dead:
             autopilot.ready = t_s >= self._personality.boot.at_s(Milestone.READY) and self._instruments.healthy
-        if autopilot.flying or self._flying_since_s is not None:
-            self._watch_fault(t_s)
-        if self._dead or self.faults.silent:
+        if self._dead:
             autopilot.events.clear()
             return _SILENCE
         messages: list[Message] = self._telemetry.due(t_s)
@@ -169,12 +179,3 @@ class Vehicle:
             land_mps=used(Setting.LAND_MPS),
             rtl_height_m=used(Setting.RETURN_HEIGHT_M),
         )
-
-    def _watch_fault(self, t_s: float) -> None:
-        if not self.autopilot.flying:
-            self._flying_since_s = None
-        elif self._flying_since_s is None:
-            self._flying_since_s = t_s
-        elif t_s - self._flying_since_s >= self.faults.dies_after_s:
-            self._dead = True
-            self.autopilot.fall()

@@ -24,6 +24,12 @@ class Place:
     kind: str
     address: str
 
+    @property
+    def port(self) -> int:
+        """The number of a UDP or TCP port; 0 of a terminal."""
+        _, colon, port = self.address.rpartition(":")
+        return int(port) if colon and port.isdecimal() else 0
+
 
 class Line(Protocol):
     """One place where bytes come and go."""

@@ -51,7 +51,12 @@ class LinkSpec:
         return port
 
 
-CALL_GROUND = LinkSpec(Kind.UDP_OUT, LOOPBACK, 14550)
+def call(port: int, host: str = LOOPBACK) -> LinkSpec:
+    """Vehicles that call a ground station over UDP."""
+    return LinkSpec(Kind.UDP_OUT, host, port)
+
+
+CALL_GROUND = call(14550)
 _HINT = "write for example udpout:127.0.0.1:14550, udpin:14540, tcpin:5760, pty or pty:/tmp/vehicle"
 
 

@@ -20,6 +20,7 @@ from pymavlink import mavutil
 from gcs.flight.truth import load_truth
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
+from sim_bridge.endpoints.spec import call
 from sim_bridge.fleet import Fleet, FleetOptions
 from tests.fleets import free_port, running_fleet, wait_until
 
@@ -202,7 +203,7 @@ def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, 
 def vehicles_out_there(short_mission: Path) -> Iterator[tuple[Fleet, str]]:
     """Vehicles that `gcs fly` did not start, and the link they can be flown by."""
     port = free_port()
-    with running_fleet(load_scenario(short_mission), FleetOptions(ground=("127.0.0.1", port), speedup=10.0)) as fleet:
+    with running_fleet(load_scenario(short_mission), FleetOptions(links=(call(port),), speedup=10.0)) as fleet:
         yield fleet, f"udpin:127.0.0.1:{port}"
 
 

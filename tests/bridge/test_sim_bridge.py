@@ -20,7 +20,8 @@ from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission import MissionRefused
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
-from sim_bridge.faults import Faults
+from sim_bridge.faults import parse_faults
+from sim_bridge.endpoints.spec import call
 from sim_bridge.fleet import FleetOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 
@@ -79,7 +80,7 @@ def station():
 
 
 def options(port: int, **kwargs) -> FleetOptions:
-    return FleetOptions(ground=("127.0.0.1", port), **kwargs)
+    return FleetOptions(links=(call(port),), **kwargs)
 
 
 def test_six_vehicles_on_one_port_with_clocks_of_their_own(simulation1, station):
@@ -243,7 +244,7 @@ def test_a_stamped_stream_is_flown_the_same_at_any_speedup(simulation1, station)
 
 def test_a_vehicle_that_dies_falls_and_says_no_more(simulation1, station):
     port = free_port()
-    faults = {5: Faults(dies_after_s=12.0), 6: Faults(silent=True)}
+    faults = parse_faults(["5:die@12", "6:silent"], physical.sysids(simulation1))
     with running_fleet(simulation1, options(port, speedup=20.0, faults=faults)) as fleet:
         ground = station(port)
         ground.ready(5)
@@ -268,7 +269,7 @@ def test_the_reject_fault_reaches_the_ground_as_a_refusal(simulation1):
             with pytest.raises(MissionRefused):
                 await vehicles[2].upload_mission(missions(simulation1)[2])
 
-    with running_fleet(simulation1, options(port, speedup=5.0, faults={2: Faults(reject_mission=True)})):
+    with running_fleet(simulation1, options(port, speedup=5.0, faults=parse_faults(["2:reject-mission"], [2]))):
         asyncio.run(try_it())
 
 

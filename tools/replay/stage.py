@@ -21,7 +21,6 @@ from gcs.scenario.model import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide
-from sim_bridge.faults import NO_FAULTS
 from sim_bridge.gains import ControlLimits
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.guidance.piece import PieceBatch
@@ -84,7 +83,7 @@ class Stage:
             epoch_unix_us=round(epoch_unix_s * 1e6),
             uid=b"replay",
         )
-        self.vehicle = Vehicle(vehicle.sysid, Autopilot(personality, guide, 0.0), instruments, personality, NO_FAULTS)
+        self.vehicle = Vehicle(vehicle.sysid, Autopilot(personality, guide, 0.0), instruments, personality)
         self._codec = Codec(*self.vehicle.station)
         self._ground = Codec(255, 190)
         self._batch = PieceBatch([self.vehicle.autopilot.piece])

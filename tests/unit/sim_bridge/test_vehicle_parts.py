@@ -1,4 +1,4 @@
-"""Parameters, the mission shelf, faults and pace, each by itself."""
+"""The mission shelf, faults and pace, each by itself."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import MissionItem
 from sim_bridge.cli import parse_ground, parse_speedup
-from sim_bridge.faults import parse_faults
 from sim_bridge.mission_shelf import MissionShelf, check_item
 from sim_bridge.pace import CATCH_UP_S, Pace
-from sim_bridge.params import Params
 from sim_bridge.personality import ARDUPILOT
 
 ME = Station(3, 1)
@@ -31,9 +29,9 @@ ITEMS = (
 )
 
 
-def shelf(**kwargs) -> tuple[MissionShelf, list]:
+def shelf() -> tuple[MissionShelf, list]:
     heard: list = []
-    return MissionShelf(ME, ARDUPILOT, HOME, heard.append, **kwargs), heard
+    return MissionShelf(ME, ARDUPILOT, HOME, heard.append), heard
 
 
 def talk(machine, vehicle: MissionShelf, messages: list[Message]) -> None:
@@ -104,7 +102,8 @@ def test_a_stalled_upload_is_given_up():
 
 
 def test_the_reject_fault_refuses_every_mission():
-    vehicle, heard = shelf(reject=True)
+    vehicle, heard = shelf()
+    vehicle.rejects = True
     assert upload(vehicle).error is not None
     assert heard == []
 
@@ -124,31 +123,6 @@ def test_the_reject_fault_refuses_every_mission():
 def test_items_are_refused_with_arducopters_reasons(change, result):
     fields = {"command": 16, "frame": 3, "params": (0.0,) * 4, "lat_degE7": 1, "lon_degE7": 1, "alt_m": 3.0}
     assert check_item(3, MissionItem(**(fields | change))) == result
-
-
-def test_parameters_by_name_index_and_list():
-    params = Params(ARDUPILOT, 3)
-    listed = params.receive(Message("PARAM_REQUEST_LIST", {}))
-    assert [m.fields["param_index"] for m in listed] == list(range(listed[0].fields["param_count"]))
-    assert listed[0].fields["param_id"] == "SYSID_THISMAV"
-    assert listed[0].fields["param_value"] == 3.0
-    read = {"param_id": "guid_timeout", "param_index": -1}
-    (answer,) = params.receive(Message("PARAM_REQUEST_READ", read))
-    assert (answer.fields["param_id"], answer.fields["param_index"]) == ("guid_timeout", 0xFFFF)
-    assert params.receive(Message("PARAM_REQUEST_READ", {"param_id": "NONE", "param_index": -1})) == []
-    (answer,) = params.receive(Message("PARAM_SET", {"param_id": "RTL_ALT", "param_value": 2000.0}))
-    assert answer.fields["param_value"] == params["RTL_ALT"] == 2000.0
-    assert params.receive(Message("PARAM_SET", {"param_id": "RTL_ALT", "param_value": math.nan})) == []
-
-
-def test_faults_are_read_and_wrong_ones_refused():
-    faults = parse_faults(["3:silent", "3:die@12.5", "1:reject-mission"], (1, 2, 3))
-    assert faults[3].silent
-    assert faults[3].dies_after_s == 12.5
-    assert faults[1].reject_mission
-    for text in ("9:silent", "silent", "3:lame", "3:die@", "3:die@-1", "3:die@nan"):
-        with pytest.raises(UsageError, match=r"fault"):
-            parse_faults([text], (1, 2, 3))
 
 
 def test_pace_is_absolute_and_forgives_a_stall():

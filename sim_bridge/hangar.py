@@ -1,0 +1,81 @@
+"""Makes the vehicles of a scenario: bodies on their pads, and an autopilot for each.
+
+Knows: what a scenario says about vehicles, what every vehicle has of its own (uid, boot clock). Does not know: time
+that passes, links.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from gcs.errors import UsageError
+from gcs.frames import Origin
+from gcs.scenario import physical
+from gcs.scenario.model import Scenario
+from gcs.scenario.terrain import ground_height_m
+from sim_bridge.airframes import Airframes
+from sim_bridge.autopilot import Autopilot
+from sim_bridge.course import Guide
+from sim_bridge.gains import ControlLimits
+from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.personality import Personality
+from sim_bridge.sensors import GRADES
+from sim_bridge.telemetry import Instruments, Whereabouts
+from sim_bridge.vehicle import Vehicle
+
+LARGEST_SYSID = 254  # 255 is the ground station
+_BOOT_SPREAD_MS = (5_000, 60_000)
+
+
+class Hangar:
+    """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
+
+    def __init__(self, scenario: Scenario, personality: Personality, seed: int, epoch_unix_s: float) -> None:
+        """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice."""
+        self.sysids = physical.sysids(scenario)
+        if max(self.sysids) > LARGEST_SYSID:
+            raise UsageError(
+                f"{len(self.sysids)} vehicles do not fit on one MAVLink network: a system id is one byte, "
+                f"and {LARGEST_SYSID} is the last a vehicle may have.",
+                hint=f"fly at most {LARGEST_SYSID} vehicles, or several sim-bridges on links of their own",
+            )
+        self._personality = personality
+        self._seed = seed
+        self._epoch_s = epoch_unix_s
+        quadrotor = physical.quadrotor(scenario)
+        self._pads_ned_m = physical.pads_ned_m(scenario)
+        self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
+        self.airframes = Airframes(
+            quadrotor,
+            partial(ground_height_m, scenario.terrain),
+            self._pads_ned_m,
+            np.full(len(self.sysids), self._yaw_rad),
+            GRADES[scenario.sensors.grade],
+            seed=seed,
+            limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+        )
+        self._motion = MotionLimits.of(quadrotor, scenario.limits)
+        self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
+        self._whereabouts = Whereabouts(self.airframes, self._origin)
+        random = np.random.default_rng([seed, 1])
+        self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
+
+    def vehicle(self, row: int) -> Vehicle:
+        """The vehicle of a row as it comes out of its box."""
+        pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
+        # speeds come from the parameters
+        guide = Guide(self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s)
+        instruments = Instruments(
+            airframes=self.airframes,
+            whereabouts=self._whereabouts,
+            row=row,
+            pad_ned_m=pad_ned_m,
+            origin=self._origin,
+            boot_offset_ms=self.boot_ms[row],
+            epoch_unix_us=round(self._epoch_s * 1e6),
+            uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
+        )
+        return Vehicle(sysid, Autopilot(self._personality, guide, self._yaw_rad), instruments, self._personality)
