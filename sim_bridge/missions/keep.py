@@ -35,9 +35,12 @@ def verdict(item: MissionItem, keeping: Keeping) -> MissionResult:
     if item.frame not in frames:
         known = any(item.frame in others for others in keeping.frames.values())
         return MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME
-    if item.command in POLYGONS and not item.params[0] >= keeping.vertices_min:
-        return MissionResult.ERROR
     return _numbers(item) if keeping.checks_numbers else MissionResult.ACCEPTED
+
+
+def too_few_vertices(item: MissionItem, keeping: Keeping) -> bool:
+    """Whether the item says that it belongs to a polygon that cannot be one."""
+    return item.command in POLYGONS and not item.params[0] >= keeping.vertices_min
 
 
 def kept(item: MissionItem, keeping: Keeping) -> MissionItem:

@@ -28,7 +28,7 @@ from gcs.link.mission import mission_ack, mission_type_of
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.missions.fence import count_shapes, what_is_wrong
 from sim_bridge.missions.habits import Answer, Download, Keeping, MissionHabits, Upload
-from sim_bridge.missions.keep import capacity, in_wire_order, kept, types_meant, verdict
+from sim_bridge.missions.keep import capacity, in_wire_order, kept, too_few_vertices, types_meant, verdict
 
 Say = Callable[[Severity, str], None]
 Items = tuple[MissionItem, ...]
@@ -157,6 +157,9 @@ class MissionShelf:
         if item is None or result != MissionResult.ACCEPTED:
             del self._uploads[kind]
             return [mission_ack(peer, result, kind), *self._answer(habits.refused_item, peer, kind)]
+        if too_few_vertices(item, keeping):
+            del self._uploads[kind]
+            return self._answer(habits.bad_shape, peer, kind)
         if message.name == "MISSION_ITEM":
             self._float_came(upload)
         item = kept(item, keeping)

@@ -73,5 +73,5 @@ MISSIONS = MissionHabits(
     read_while_busy=Answer(None, "Mission download request ignored, already active\t", Severity.INFO),
     unknown_type=Answer(MissionResult.NO_SPACE),
     unknown_type_read=None,
-    bad_shape=SILENCE,
+    bad_shape=Answer(MissionResult.ERROR),
 )
