@@ -95,11 +95,13 @@ class FaultDesk:
         if fault.kind.directed and row not in self.radios:
             self.radios[row] = Radio(self._seed, self._vehicles[row].station.sysid)
         self._patients[row].agenda.add(fault, t_s)
+        self._go_on(row, self._patients[row], t_s)
 
-    def end(self, row: int, kinds: Sequence[Kind]) -> None:
+    def end(self, row: int, kinds: Sequence[Kind], t_s: float) -> None:
         """End the faults of these kinds, those to come included. What died stays dead."""
         if row in self._patients:
             self._patients[row].agenda.end(kinds)
+            self._go_on(row, self._patients[row], t_s)
 
     def uploaded(self, row: int, item: int, t_s: float) -> None:
         """An item of a mission is about to reach the vehicle."""

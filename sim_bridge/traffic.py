@@ -67,8 +67,9 @@ class Traffic:
 
     def send(self, row: int, messages: Sequence[Message], t_s: float) -> None:
         """Tell the ground; goes out with `carry`, or the next `listen`."""
-        encode = self._encoders[row].encode
-        frames = [encode(message) for message in messages]
+        encode, signature = self._encoders[row].encode, self._vehicles[row].signature
+        now_s = time.monotonic()
+        frames = [encode(message, signature(now_s)) for message in messages]
         self.sent += len(frames)
         radio = self._desk.radios.get(row)
         if radio is None:
@@ -105,7 +106,7 @@ class Traffic:
     def _hand_on(self, row: int, message: Message, t_s: float, now_s: float) -> None:
         if is_fault_command(message):
             order = read_order(message)
-            self._desk.end(row, order.ends)
+            self._desk.end(row, order.ends, t_s)
             for fault in order.begins:
                 self._desk.add(row, fault, t_s)
             self._board.put(row, [self._encoders[row].encode(answer(message, order))])
