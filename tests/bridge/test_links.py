@@ -37,6 +37,9 @@ class Station:
         self.codec = Codec(*GROUND)
         self._write, self._read = write, read
         self._heard: list[Message] = []
+        self.beat()
+
+    def beat(self) -> None:
         self.say("HEARTBEAT", **BEAT)
 
     def say(self, name: str, **fields: float) -> None:

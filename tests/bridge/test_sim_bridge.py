@@ -20,8 +20,8 @@ from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission import MissionRefused
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
-from sim_bridge.faults import parse_faults
 from sim_bridge.endpoints.spec import call
+from sim_bridge.faults import parse_faults
 from sim_bridge.fleet import FleetOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 
