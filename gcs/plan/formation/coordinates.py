@@ -11,12 +11,13 @@ rates and moments are as smooth as the leader's.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
@@ -35,8 +36,8 @@ _DEFAULT_WEIGHT = 0.3
 # An interior-point method never quite reaches a bound: rest lies this far inside, in units, and is reached exactly.
 _BEYOND = 0.05
 _FREE_RAD = 20.0  # heading with the course: turns add up
-# Pieces of at most this length, as polynomials of this degree, hold products and cosines of the coordinates to 1e-10.
-_PIECE_S, _PIECE_DEGREE = 4.5, 12
+# So many terms of Taylor's series, over pieces of at most this length, hold products and cosines of the coordinates.
+_PIECE_S, _TERMS = 2.0, 22
 
 
 @dataclass(frozen=True)
@@ -130,19 +131,19 @@ def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -
     flat = np.array([1.0, 1.0, 0.0])
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
     tables = np.concatenate([base.basis_ned_m, target[None]]) if blending else base.basis_ned_m
-
-    def functions(t: Array) -> Array:
-        q = dict(zip(names, values(t).T, strict=True))
-        one = np.ones_like(t)
-        blend, heading, scale = (q.get(name, _REST[name] * one) for name in ("blend", "heading", "scale"))
-        own = base.functions(t) * (1.0 - blend)[:, None]
-        if blending:
-            own = np.column_stack([own, blend])
-        own = own * scale[:, None]
-        return np.hstack([own * np.cos(heading)[:, None], own * np.sin(heading)[:, None], own])
-
+    series = _taylor(values, joints[:-1])
+    q = {name: series[..., i] for i, name in enumerate(names)}
+    own = _taylor(base.functions, joints[:-1])
+    if blending:
+        blend = q["blend"][..., None]
+        own = np.concatenate([own - _product(blend, own), blend], axis=2)
+    if "scale" in q:
+        own = _product(q["scale"][..., None], own)
+    turn = _turn(q.get("heading", np.zeros(own.shape[:2])))[..., None]
+    turned = _product(turn, own)
     basis = np.concatenate([tables * flat, tables @ quarter, tables * (1.0 - flat)])
-    return Shape(_interpolated(functions, joints), basis)
+    functions = np.concatenate([turned.real, turned.imag, own], axis=2)
+    return Shape(PPoly(np.ascontiguousarray(functions[::-1]), joints), basis)
 
 
 def _automatic(scenario: Scenario, change: Change, limit: Budget, size_m: float) -> Coordinate:
@@ -179,19 +180,20 @@ def _fine(joints: Array) -> Array:
     return np.concatenate([*parts, joints[-1:]])
 
 
-def _interpolated(functions: Any, joints: Array) -> PPoly:
-    """Piecewise polynomials through functions (N,) -> (N, K) at Chebyshev points that include both ends of a piece."""
-    points = -np.cos(np.pi * np.arange(_PIECE_DEGREE + 1) / _PIECE_DEGREE)
-    lengths = np.diff(joints)
-    times = joints[:-1, None] + 0.5 * lengths[:, None] * (points + 1.0)
-    times[:, 0] = joints[:-1]
-    times[:, -1] = np.nextafter(joints[1:], -np.inf)
-    values = functions(times.ravel()).reshape(len(lengths), len(points), -1)
-    fit = np.linalg.inv(chebyshev.chebvander(points, _PIECE_DEGREE))
-    to_powers = np.zeros((len(points), len(points)))
-    for k in range(len(points)):
-        powers = np.polynomial.Chebyshev.basis(k, domain=[0.0, 1.0]).convert(kind=np.polynomial.Polynomial).coef
-        to_powers[: len(powers), k] = powers
-    coefficients = np.einsum("ij,pjk->ipk", to_powers @ fit, values)
-    coefficients /= lengths[None, :, None] ** np.arange(len(points))[:, None, None]
-    return PPoly(coefficients[::-1], joints)
+def _taylor(functions: PPoly, t_s: Array) -> Array:
+    """Taylor coefficients (_TERMS, N, K) to the right of instants (N,), lowest first."""
+    return np.stack([functions(t_s, nu=n) / math.factorial(n) for n in range(_TERMS)])
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Taylor coefficients of a product."""
+    return np.stack([sum(a[k] * b[n - k] for k in range(n + 1)) for n in range(_TERMS)])
+
+
+def _turn(angle: Array) -> NDArray[np.complex128]:
+    """Taylor coefficients of exp(i angle): e' = i angle' e, term by term."""
+    turn = np.zeros(angle.shape, dtype=np.complex128)
+    turn[0] = np.exp(1j * angle[0])
+    for n in range(1, _TERMS):
+        turn[n] = sum(1j * k / n * angle[k] * turn[n - k] for k in range(1, n + 1))
+    return turn
