@@ -157,7 +157,10 @@ def _automatic(scenario: Scenario, change: Change, limit: Budget, size_m: float)
         assert change.angle_deg is not None
         angle = abs(float(np.radians(change.angle_deg)))
         return Coordinate(name, -angle, angle, _most(limit, size_m), angle, weight, False)
-    travel_m = float(np.linalg.norm(target_ned_m(scenario) - offsets_ned_m(scenario), axis=1).max())
+    target = target_ned_m(scenario)
+    travel_m = float(np.linalg.norm(target - offsets_ned_m(scenario), axis=1).max())
+    if not all(other.auto for other in scenario.formation.change):  # the blend may begin anywhere then
+        travel_m = float(np.linalg.norm(target, axis=1).max()) + size_m
     return Coordinate(name, -_BEYOND, 1.0, _most(limit, travel_m), 1.0, weight, False)
 
 
