@@ -45,7 +45,7 @@ class Commands:
             MavCommand.NAV_LAND: lambda r, t: (autopilot.pursue(t, Intent.LAND), []),
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: (autopilot.pursue(t, Intent.RETURN), []),
             MavCommand.DO_SET_MODE: self._set_mode,
-            MavCommand.MISSION_START: lambda r, t: (autopilot.start_mission(t), []),
+            MavCommand.MISSION_START: lambda r, t: (autopilot.start_mission(t, telemetry.instruments.estimate), []),
             MavCommand.DO_SET_MISSION_CURRENT: self._set_current,
             MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
             MavCommand.GET_MESSAGE_INTERVAL: self._get_interval,

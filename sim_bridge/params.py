@@ -69,6 +69,10 @@ class Params:
             value = param.value
         return min(max(value, param.low), param.high) * param.unit
 
+    def settings(self) -> dict[Setting, float]:
+        """Every setting that this autopilot has a parameter for."""
+        return {setting: self.setting(setting) for setting in self._setters}
+
     def news(self) -> list[Message]:
         """Values that the vehicle changed since it was last asked."""
         names, self._news = self._news, []

@@ -279,7 +279,7 @@ def _sys_status(tm: Telemetry) -> Message:
 
 def _mission_current(tm: Telemetry) -> Message:
     pilot = tm.autopilot
-    state = "active" if pilot.mission_running else "not started" if pilot.mission else "none"
+    state = "active" if pilot.helm.progress.running else "not started" if pilot.mission else "none"
     return Message(
         "MISSION_CURRENT",
         {

@@ -9,22 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from gcs.link.command import command_ack
-from gcs.link.dialect import MessageId, SetpointMask, WireFrame
+from gcs.link.dialect import MessageId, MissionType, SetpointMask, Severity, WireFrame
 from gcs.link.message import Message, Station
-from gcs.link.timesync import answer_timesync
+from gcs.link.signing import Signature
 from gcs.mission.model import MissionItem
-from sim_bridge.autopilot import Armed, Autopilot, ModeChanged, Reached, Said
+from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands
+from sim_bridge.events import ModeChanged, Placed, Reached, Said
 from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
-from sim_bridge.mission_shelf import MissionShelf
+from sim_bridge.missions.keep import flyable
+from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.params import Params
-from sim_bridge.personality import Milestone, Personality, Setting
+from sim_bridge.personality import Personality
 from sim_bridge.telemetry import Instruments, Telemetry, heartbeat
+from sim_bridge.upkeep import TimeKeeper, Trust
 
 _COMPID = 1
 _SET_MODE_NUMBER = 11  # ArduPilot acknowledges this message with its own number
@@ -45,10 +47,13 @@ class Vehicle:
         self._params = Params(personality, sysid)
         self._shelf = MissionShelf(
             self.station,
-            personality,
+            personality.transfers,
             instruments.place(autopilot.guide.home_ned_m),
-            self._hold_mission,
+            self._shelved,
+            self._say,
         )
+        self._clock = TimeKeeper(personality.link, self.station)
+        self._trust = Trust(personality.link)
         self._dead = False
         self._apply_params()
 
@@ -75,9 +80,15 @@ class Vehicle:
         """Simulated time of an instant of the vehicle's own clock."""
         return self._instruments.simulated_s(boot_ms)
 
+    def signature(self, now_s: float) -> Signature | None:
+        """What its next frame is to be signed with; None where it is not."""
+        return self._trust.signature(now_s)
+
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Answer one message; those for other vehicles and unknown ones get none."""
+        """Answer one message; those for other vehicles, unknown ones and those it does not trust get none."""
         if self._dead or not message.is_for(Station(self.station.sysid, 0)):
+            return []
+        if not self._trust.believes(message, now_s):
             return []
         name = message.name
         if name == "SET_POSITION_TARGET_LOCAL_NED":
@@ -89,14 +100,15 @@ class Vehicle:
             self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
             return [m for m in [self._telemetry.build(MessageId.MISSION_CURRENT)] if m is not None]
         if name.startswith("MISSION_"):
+            self._shelf.current_seq = self.autopilot.current_seq
             return self._shelf.receive(message, now_s)
         if name.startswith("PARAM_"):
-            answers = self._params.receive(message)
-            self._apply_params()
-            return answers
+            return self._talk_of_params(message)
         if name == "TIMESYNC":
-            answer = answer_timesync(message, self._instruments.boot_ms / 1000.0)
-            return [answer] if answer is not None else []
+            return self._clock.receive(message, self._boot_ns)
+        if name == "SETUP_SIGNING":
+            self._trust.set_up(message, now_s, armed=self.autopilot.armed)
+            return []
         if name == "SET_MODE":
             result = self.autopilot.set_mode(self._instruments.t_s, message.fields["custom_mode"])
             return [command_ack(Message(name, {"command": _SET_MODE_NUMBER}, *message.source), result)]
@@ -106,18 +118,16 @@ class Vehicle:
         """Let the autopilot decide for `t_s`; what is to be told and sent then."""
         self._instruments.t_s = t_s
         autopilot = self.autopilot
-        autopilot.step(t_s, landed)
-        if not autopilot.ready and not self._dead:
-            autopilot.ready = t_s >= self._personality.boot.at_s(Milestone.READY) and self._instruments.healthy
+        autopilot.step(t_s, landed, self._instruments.healthy)
         if self._dead:
             autopilot.events.clear()
             return _SILENCE
         messages: list[Message] = self._telemetry.due(t_s)
-        if autopilot.events:
-            messages += self._tell()
         if self._shelf.busy:
             messages += self._shelf.tick(now_s)
-        return messages
+        if autopilot.events:
+            messages += self._tell()
+        return messages + self._params.news() + self._clock.due(self._boot_ns)
 
     def _tell(self) -> list[Message]:
         messages: list[Message] = []
@@ -130,7 +140,7 @@ class Vehicle:
                     messages.append(Message("MISSION_ITEM_REACHED", {"seq": seq}))
                 case ModeChanged():
                     messages.append(heartbeat(self._telemetry))
-                case Armed():
+                case Placed():
                     self._shelf.move_home(self._instruments.place(self.autopilot.guide.home_ned_m))
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION)
                     messages += [m for m in map(self._telemetry.build, both) if m is not None]
@@ -159,23 +169,35 @@ class Vehicle:
             return
         flat[0, 3] = flat_now[0, 3] + math.remainder(flat[0, 3] - flat_now[0, 3], math.tau)
         if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
-            self.autopilot.go_to(t_s, flat[0])
+            self.autopilot.follow(t_s, Setpoint(t_s, flat, stamped=False), to_rest=True)
             return
         stamp_s = self._instruments.simulated_s(f["time_boot_ms"])
         stamped = abs(stamp_s - t_s) <= LONGEST_GAP_S
         self.autopilot.follow(t_s, Setpoint(stamp_s if stamped else t_s, flat, stamped))
 
-    def _hold_mission(self, items: Sequence[MissionItem]) -> None:
-        self.autopilot.set_mission(items)
-        self._params["MIS_TOTAL"] = float(len(items))
+    def _shelved(self, kind: int, items: Sequence[MissionItem]) -> None:
+        """There is a new mission, fence or set of rally points."""
+        if kind == MissionType.MISSION:  # PX4 takes missions that nobody can fly
+            self.autopilot.set_mission(items if flyable(items) else ())
+        total = self._personality.transfers.keeping[kind].total
+        if total:
+            self._params.change(total, self._shelf.total(kind))
+
+    def _talk_of_params(self, message: Message) -> list[Message]:
+        if message.name == "PARAM_REQUEST_LIST":
+            for line in self._personality.param_habits.banner:
+                self._say(Severity.INFO, line)
+        answers = self._params.receive(message)
+        if message.name == "PARAM_SET":
+            self._apply_params()
+        return answers
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.autopilot.events.append(Said(severity, text))
+
+    @property
+    def _boot_ns(self) -> int:
+        return self._instruments.boot_ms * 1_000_000
 
     def _apply_params(self) -> None:
-        used, guide = self._params.setting, self.autopilot.guide
-        self.autopilot.guided_timeout_s = used(Setting.STREAM_TIMEOUT_S)
-        self.autopilot.guide = replace(
-            guide,
-            speed_mps=min(used(Setting.CRUISE_MPS), guide.limits.horizontal_mps),
-            descend_mps=used(Setting.DESCEND_MPS),
-            land_mps=used(Setting.LAND_MPS),
-            rtl_height_m=used(Setting.RETURN_HEIGHT_M),
-        )
+        self.autopilot.use(self._params.settings())

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gcs.link.dialect import MavResult
+from sim_bridge.personality.modes import Intent
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,7 @@ class Arming:
     idle_disarm_s: float
     spool_up_s: float  # from arming until motors can lift
     has_sticks: bool  # a pilot's sticks are there, at rest: modes that need them can be armed in
+    status_tells: bool  # system_status and the PREARM bit tell whether it can be armed in this very mode
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,9 @@ class Flight:
     disarm_after_s: float  # landed before the motors stop
     takeoff_above_sea: bool  # NAV_TAKEOFF's height is AMSL, not above home
     takeoff_in_guided: bool  # NAV_TAKEOFF wants an armed vehicle in a guided mode; else it is a mode of its own
+    mission_start_arms: bool  # MISSION_START arms, too
     return_cone: bool  # close to home it returns no higher than it is far
+    reposition_in: Intent  # the mode for DO_REPOSITION
     sinks_without_sticks: bool  # in modes for a pilot's sticks it comes down where it is
 
 
@@ -69,6 +73,7 @@ class Replies:
     message_first: bool  # the message asked for comes before the acknowledgement
     set_mode_command: int  # the command that SET_MODE's acknowledgement names
     heartbeat_on_change: bool  # HEARTBEAT follows a change of mode at once
+    announces_home: bool  # origin and home are told when they change
     any_component: bool  # answers messages for components that are not there
     numbered_texts: bool  # every STATUSTEXT has an id, not only those in chunks
 

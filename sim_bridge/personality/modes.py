@@ -44,6 +44,7 @@ class Modes:
     at_boot: int
     two_part: bool = False  # DO_SET_MODE names main and sub mode, each in a parameter of its own
     returns_after_disarming: bool = False  # to the last mode that could be armed in
+    streamed: int = 0  # ModeFlag, shown too in a guided mode, once setpoints came
     act_on_ground: bool = False  # an armed vehicle takes off when it is put into a mode that flies
 
     @cached_property

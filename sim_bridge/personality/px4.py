@@ -50,6 +50,7 @@ _MODES = Modes(
     at_boot=PX4_HOLD,
     two_part=True,
     returns_after_disarming=True,
+    streamed=ModeFlag.STABILIZE,
     act_on_ground=True,
 )
 
@@ -159,13 +160,15 @@ PX4 = Personality(
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False),
+    arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
     flight=Flight(
         landed_after_s=3.3,
         disarm_after_s=2.0,
         takeoff_above_sea=True,
         takeoff_in_guided=False,
+        mission_start_arms=True,
         return_cone=True,
+        reposition_in=Intent.HOLD,
         sinks_without_sticks=True,
     ),
     streaming=Streaming(from_ground=True, proof_s=1.0, coasts_s=0.2),
@@ -190,6 +193,7 @@ PX4 = Personality(
         message_first=True,
         set_mode_command=MavCommand.DO_SET_MODE,
         heartbeat_on_change=False,
+        announces_home=False,
         any_component=False,
         numbered_texts=True,
     ),
