@@ -10,11 +10,37 @@ import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
+from gcs.errors import UsageError
+
+AUTOPILOTS = ("ardupilot", "px4")
+ALTITUDES = ("relative", "amsl", "terrain")
 
 
 def export(
     mission: MissionArgument,
     to: Annotated[Path, typer.Option("--to", help="Folder to write; an older export in it is replaced whole.")],
+    formats: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="What to write, any number of times: waypoints, plan, fence, rally, setpoints, parquet, history, "
+            "param, kml, kmz, geojson, or all.",
+            show_default="waypoints, plan, setpoints",
+        ),
+    ] = None,
+    autopilot: Annotated[
+        str | None,
+        typer.Option("--autopilot", help="ardupilot or px4.", show_default="the scenario's"),
+    ] = None,
+    altitude: Annotated[
+        str,
+        typer.Option(
+            "--altitude",
+            help="What missions count altitudes from: relative (the vehicle's home), amsl (mean sea level) or terrain "
+            "(the ground under the vehicle).",
+        ),
+    ] = "relative",
     smooth: Annotated[
         float | None,
         typer.Option("--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline this near to the plan."),
@@ -23,18 +49,32 @@ def export(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Write .waypoints and .plan of every vehicle, and the timed setpoints of all.
+    """Write missions, setpoints and maps of every vehicle, for other people's software.
 
-    Example: gcs export missions/simulation1 --to out
+    Examples: gcs export missions/simulation1 --to out
+
+    gcs export missions/field --to out --format plan --format kml --autopilot px4
     """
     screen = Screen(json=json)
+    _check(autopilot, altitude)
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.mission.export import export as write
+    from gcs.mission.firmware import Firmware
+    from gcs.mission.formats import formats_named
+    from gcs.mission.model import Altitude
 
+    wanted = formats_named(formats or ())
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    index = write(plan, to, smooth_m=smooth)
+    index = write(
+        plan,
+        to,
+        formats=wanted,
+        firmware=None if autopilot is None else Firmware.named(autopilot),
+        altitude=Altitude(altitude),
+        smooth_m=smooth,
+    )
     watch.lap("export")
     for name in index.sha256:
         screen.say(f"  {to / name}")
@@ -54,8 +94,18 @@ def export(
             "folder": to,
             "files": index.sha256,
             "plan_hash": index.plan_hash,
+            "firmware": index.firmware.name.lower(),
+            "altitude": index.altitude,
             "waypoints": index.waypoints,
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
     return 0
+
+
+def _check(autopilot: str | None, altitude: str) -> None:
+    """Refuse what cannot be meant before anything heavy starts."""
+    if autopilot not in (None, *AUTOPILOTS):
+        raise UsageError(f"--autopilot {autopilot}: there are {' and '.join(AUTOPILOTS)}")
+    if altitude not in ALTITUDES:
+        raise UsageError(f"--altitude {altitude}: there are {', '.join(ALTITUDES)}")

@@ -14,9 +14,11 @@ import numpy as np
 
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
-from gcs.mission.model import Command, Frame, Home, MissionItem, VehicleMission
+from gcs.mission.firmware import Firmware
+from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
 from gcs.quadrotor import POSITION, Array
+from gcs.scenario.terrain import ground_height_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
 ROUNDING_M = 0.008
 # Speeds ArduCopter 4.5 ignores (WPNAV_WP_SPEED_MIN): slower legs are flown at this one and waited out.
 SPEED_MIN_MPS = 0.2
-# ArduCopter's store, home included.
-ITEMS_MAX = 650
 # How far a constant-speed leg may be from the plan at the same time, in units of the path tolerance.
 TIME_SHARE = 1.5
 
@@ -75,45 +75,59 @@ def timed_legs(plan: Plan) -> TimedLegs:
     )
 
 
-def build_missions(plan: Plan, legs: TimedLegs | None = None) -> tuple[VehicleMission, ...]:
+def build_missions(
+    plan: Plan,
+    legs: TimedLegs | None = None,
+    *,
+    firmware: Firmware | None = None,
+    altitude: Altitude = Altitude.RELATIVE,
+) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
-    Altitudes are relative to the vehicle's own home, the ground under its pad. Raises `ScenarioError` when a mission
-    has more items than ArduCopter stores.
+    For the scenario's autopilot unless `firmware` says another. Relative altitudes count from the vehicle's own home,
+    the ground under its pad. Raises `ScenarioError` when a mission has more items than the autopilot stores, or
+    altitudes that it refuses.
     """
-    t_s = (legs or timed_legs(plan)).t_s
-    origin = Origin(**plan.scenario.origin.model_dump())
-    states = plan.states(t_s)
-    missions = tuple(
-        _vehicle_mission(plan, origin, row, t_s, states[row, :, POSITION], states[row, :, 8])
-        for row in range(len(plan.sysids))
-    )
-    longest = 1 + max(len(m.items) for m in missions)
-    if longest > ITEMS_MAX:
+    firmware = firmware or Firmware.named(plan.scenario.mission.autopilot)
+    if altitude.frame not in firmware.frames:
         raise ScenarioError(
-            f"A mission of {longest} items does not fit the {ITEMS_MAX} that ArduCopter stores.",
+            f"{firmware.title} refuses altitudes above the ground in missions.",
+            hint="choose relative altitudes or altitudes above mean sea level",
+        )
+    t_s = (legs or timed_legs(plan)).t_s
+    missions = tuple(_vehicle_mission(plan, row, t_s, altitude) for row in range(len(plan.sysids)))
+    longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
+    if longest > firmware.items_max:
+        raise ScenarioError(
+            f"A mission of {longest} items does not fit the {firmware.items_max} that {firmware.title} stores.",
             hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
         )
     return missions
 
 
-def _vehicle_mission(
-    plan: Plan, origin: Origin, row: int, t_s: Array, position_ned_m: Array, yaw_ned_rad: Array
-) -> VehicleMission:
-    """Items of the vehicle in this row, whose waypoints are positions (W, 3) and yaws (W,) at times (W,)."""
+def _vehicle_mission(plan: Plan, row: int, t_s: Array, altitude: Altitude) -> VehicleMission:
+    """Items of the vehicle in this row, whose waypoints it passes at times (W,)."""
     takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
+    origin = Origin(**plan.scenario.origin.model_dump())
+    states = plan.motion(t_s, slice(row, row + 1))[0][0]
+    yaw_ned_rad = states[:, 8]
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
-    places = np.stack(ned_to_geodetic(np.concatenate([position_ned_m, ends_ned_m]), origin), axis=-1)
+    points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
+    places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
     home = Home(*places[-1].tolist())
     # Lengths as written, not as planned: the time of a slow leg depends on its last centimetre.
     written = _as_written(places[:-2])
     length_m = np.linalg.norm(
         np.diff(geodetic_to_ned(written[:, 0], written[:, 1], written[:, 2], origin), axis=0), axis=-1
     )
-    places[:, 2] -= home.alt_amsl_m
+    if altitude is Altitude.RELATIVE:
+        places[:, 2] -= home.alt_amsl_m
+    elif altitude is Altitude.TERRAIN:
+        ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
+        places[:, 2] = -points_ned_m[:, 2] - ground_m
     last = len(length_m) - 1
 
-    draft = _Draft([], [])
+    draft = _Draft(altitude.frame, [], [])
     draft.fly_to(Command.NAV_TAKEOFF, places[0], yaw_ned_rad[0], takeoff.end_s)
     draft.wait(t_s[0] - takeoff.end_s)
     for leg, length in enumerate(length_m):
@@ -134,20 +148,21 @@ def _vehicle_mission(
 class _Draft:
     """A mission being written, item by item."""
 
+    frame: Frame
     items: list[MissionItem]
     arrival_s: list[float | None]
 
     def fly_to(self, command: Command, place: Array, yaw_ned_rad: float, at_s: float, hold_s: float = 0.0) -> None:
-        """An item at (lat_deg, lon_deg, metres above home)."""
-        lat_deg, lon_deg, above_home_m = place.tolist()
+        """An item at (lat_deg, lon_deg, altitude in the mission's frame)."""
+        lat_deg, lon_deg, alt_m = place.tolist()
         self.items.append(
             MissionItem(
                 command,
-                Frame.GLOBAL_RELATIVE_ALT,
+                self.frame,
                 (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, _compass_deg(yaw_ned_rad)),
                 to_degE7(lat_deg),
                 to_degE7(lon_deg),
-                round(above_home_m, _ALTITUDE_DECIMALS),
+                round(alt_m, _ALTITUDE_DECIMALS),
             )
         )
         self.arrival_s.append(float(at_s))

@@ -1,37 +1,46 @@
-"""One folder with everything a plan turns into: missions for ground stations, setpoints, and an index.
+"""One folder with everything a plan turns into: missions for ground stations, setpoints, maps, and an index.
 
-Knows: which files there are, and how to replace a folder whole. Does not know: the formats' contents, planning.
+Knows: which files there are and what the index tells. Does not know: the formats' contents, planning, how a folder is
+replaced (`folder`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-import os
-import shutil
-import tempfile
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gcs.errors import FileFormatError, UsageError
+from gcs.frames import Origin
 from gcs.mission.build import build_missions, timed_legs
 from gcs.mission.firmware import Firmware
-from gcs.mission.model import Command, VehicleMission
+from gcs.mission.folder import Folder, replaced
+from gcs.mission.formats import DEFAULT, FLEET, MAPS, Format, vehicle_name
+from gcs.mission.history import build_histories, write_history
+from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.planfile import PlanFile, write_plan_file
-from gcs.mission.setpoints import build_stream, write_setpoints
+from gcs.mission.setpoint_table import StreamFile
+from gcs.mission.setpoints import build_stream, of_vehicle
 from gcs.mission.simplify import Deviation
 from gcs.mission.smooth import SmoothPath, smoothed
+from gcs.mission.tracks import build_map
 from gcs.mission.waypoints import WaypointFile, write_waypoints
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
-INDEX = "index.json"
-SETPOINTS = "setpoints.csv"
-_FORMAT = "skein-export"
-_VERSION = 1
+_VERSION = 2
+# Loaded when asked for: their libraries take a while.
+_WRITERS = {
+    Format.SETPOINTS: "gcs.mission.setpoints_csv:write_setpoints",
+    Format.PARQUET: "gcs.mission.setpoints_parquet:write_setpoints_parquet",
+    Format.KML: "gcs.mission.kml:write_kml",
+    Format.KMZ: "gcs.mission.kml:write_kmz",
+    Format.GEOJSON: "gcs.mission.geojson:write_geojson",
+}
+_TOGETHER = 20  # vehicles sampled at once: memory for a thousand at full rate would be gigabytes
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,7 @@ class ExportIndex:
     scenario: str
     plan_hash: str
     firmware: Firmware
+    altitude: Altitude
     setpoint_rate_hz: float
     waypoints: int  # positions with a planned time, per vehicle
     items: int  # mission items of the longest mission, home not counted
@@ -60,40 +70,49 @@ class ExportIndex:
 
 
 def export(
-    plan: Plan, folder: Path | str, *, setpoint_rate_hz: float | None = None, smooth_m: float | None = None
+    plan: Plan,
+    folder: Path | str,
+    *,
+    formats: Iterable[Format] = DEFAULT,
+    firmware: Firmware | None = None,
+    altitude: Altitude = Altitude.RELATIVE,
+    setpoint_rate_hz: float | None = None,
+    smooth_m: float | None = None,
 ) -> ExportIndex:
-    """Write `.waypoints` and `.plan` per vehicle, setpoints.csv and index.json into `folder`.
+    """Write the files of these formats and index.json into `folder`.
 
-    All is written beside and swapped in at the end: the folder holds the old export or the new one. The rate is the
-    scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Raises `UsageError`
-    when the folder holds anything that no export made, `VerificationError` when the smoothed path would break a limit,
-    and OSError as the file system does.
+    All is written beside and swapped in at the end: the folder holds the old export or the new one. Autopilot and rate
+    are the scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Raises
+    `UsageError` when the folder holds anything that no export made, `ScenarioError` for missions that the autopilot
+    cannot store, `VerificationError` when the smoothed path would break a limit, and OSError as the file system does.
     """
-    folder = Path(folder).resolve()
-    _refuse_foreign(folder)
+    formats = tuple(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    firmware = Firmware.named(plan.scenario.mission.autopilot)
-    legs = timed_legs(plan)
-    missions = build_missions(plan, legs)
-    path = None if smooth_m is None else smoothed(plan, smooth_m)
-    files = {SETPOINTS: write_setpoints(build_stream(plan, rate_hz, path))}
-    for mission in missions:
-        files |= _mission_files(mission, firmware)
-    index = ExportIndex(
-        plan.scenario.name,
-        plan.hash,
-        firmware,
-        rate_hz,
-        len(legs.t_s),
-        max(len(m.items) for m in missions),
-        legs.error,
-        {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
-        None if path is None else _smoothing(path),
-    )
-    document = {"format": _FORMAT, "version": _VERSION} | asdict(index) | {"firmware": firmware.name.lower()}
-    if index.smoothing is None:
-        del document["smoothing"]
-    _swap_in(folder, files | {INDEX: json.dumps(document, indent=2) + "\n"})
+    firmware = firmware or Firmware.named(plan.scenario.mission.autopilot)
+    with replaced(Path(folder)) as files:
+        legs = timed_legs(plan)
+        missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
+        path = None if smooth_m is None else smoothed(plan, smooth_m)
+        for mission in missions:
+            _write_mission(files, mission, firmware, formats)
+        _write_streams(files, plan, rate_hz, path, formats)
+        _write_maps(files, plan, formats)
+        index = ExportIndex(
+            plan.scenario.name,
+            plan.hash,
+            firmware,
+            altitude,
+            rate_hz,
+            len(legs.t_s),
+            max(len(m.items) for m in missions),
+            legs.error,
+            dict(sorted(files.sha256.items())),
+            None if path is None else _smoothing(path),
+        )
+        document = {"version": _VERSION} | asdict(index) | {"firmware": firmware.name.lower()}
+        if index.smoothing is None:
+            del document["smoothing"]
+        files.write_index(document)
     return index
 
 
@@ -102,69 +121,52 @@ def _smoothing(path: SmoothPath) -> Smoothing:
     return Smoothing(path.knots_every_s, path.deviation_m, yaw_deg, path.clearance_min_m)
 
 
-def mission_name(sysid: int) -> str:
-    """File name, without suffix, of one vehicle's mission."""
-    return f"uav{sysid}"
-
-
-def _mission_files(mission: VehicleMission, firmware: Firmware) -> dict[str, str]:
-    name = mission_name(mission.sysid)
-    speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
-    speed_mps = round(sum(speeds) / len(speeds), 1)
-    home = mission.home if firmware.home_is_item_0 else None
-    return {
-        f"{name}.waypoints": write_waypoints(WaypointFile(home, mission.items)),
-        f"{name}.plan": write_plan_file(PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps)),
-    }
-
-
-def _refuse_foreign(folder: Path) -> None:
-    """Only what an export made may be replaced."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise UsageError(f"{folder} is a file; an export needs a folder.")
-    names = {p.name for p in folder.iterdir()}
-    if not names:
-        return
-    known: set[str] = set()
-    if INDEX in names:
-        known = {INDEX, *_listed(folder / INDEX)}
-    if foreign := sorted(names - known):
-        raise UsageError(
-            f"{folder} holds files that no export made: {', '.join(foreign[:5])}.",
-            hint="choose another folder, or move them away",
+def _write_mission(files: Folder, mission: VehicleMission, firmware: Firmware, formats: tuple[Format, ...]) -> None:
+    name = vehicle_name(mission.sysid)
+    if Format.WAYPOINTS in formats:
+        home = mission.home if firmware.home_is_item_0 else None
+        files.write(f"{name}.waypoints", write_waypoints(WaypointFile(home, mission.items)))
+    if Format.PLAN in formats:
+        speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
+        speed_mps = round(sum(speeds) / len(speeds), 1)
+        files.write(
+            f"{name}.plan",
+            write_plan_file(PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps)),
         )
 
 
-def _listed(path: Path) -> list[str]:
-    try:
-        document = json.loads(path.read_bytes())
-        if document["format"] != _FORMAT:
-            raise ValueError(f"format is {document['format']!r}")
-        return list(document["sha256"])
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise FileFormatError(f"{path}: not the index of an export.", hint="choose another folder") from error
+def _write_streams(
+    files: Folder, plan: Plan, rate_hz: float, path: SmoothPath | None, formats: tuple[Format, ...]
+) -> None:
+    origin = Origin(**plan.scenario.origin.model_dump())
+    writers = {f: _writer(f) for f in (Format.SETPOINTS, Format.PARQUET) if f in formats}
+    for rows in _batches(len(plan.sysids)):
+        stream = build_stream(plan, rate_hz, path, rows) if writers else None
+        for row, sysid in enumerate(plan.sysids[rows]):
+            if stream is None:
+                break
+            file = StreamFile(of_vehicle(stream, row), plan.hash, origin)
+            for form, write in writers.items():
+                files.write(f"{vehicle_name(sysid)}.{form}", write(file))
+        if Format.HISTORY in formats:
+            for history in build_histories(plan, rate_hz, rows):
+                files.write(f"{vehicle_name(history.sysid)}.history.csv", write_history(history))
 
 
-def _swap_in(folder: Path, files: dict[str, str]) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".part", dir=folder.parent))
-    try:
-        new, old = beside / "new", beside / "old"
-        new.mkdir()
-        for name, text in files.items():
-            with (new / name).open("wb") as file:
-                file.write(text.encode())
-                file.flush()
-                os.fsync(file.fileno())
-        if folder.exists():
-            folder.rename(old)
-        try:
-            new.rename(folder)
-        except OSError:
-            if old.exists():
-                old.rename(folder)
-            raise
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+def _writer(form: Format) -> Callable[[Any], bytes | str]:
+    module, name = _WRITERS[form].split(":")
+    write: Callable[[Any], bytes | str] = getattr(import_module(module), name)
+    return write
+
+
+def _batches(vehicles: int) -> Iterator[slice]:
+    return (slice(first, first + _TOGETHER) for first in range(0, vehicles, _TOGETHER))
+
+
+def _write_maps(files: Folder, plan: Plan, formats: tuple[Format, ...]) -> None:
+    if not MAPS & set(formats):
+        return
+    drawn = build_map(plan)
+    for form in formats:
+        if form in MAPS:
+            files.write(f"{FLEET}.{form}", _writer(form)(drawn))

@@ -6,7 +6,7 @@ Knows: the numbers and their units. Does not know: files, frames on the wire, so
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 
@@ -20,6 +20,26 @@ class Frame(IntEnum):
     MISSION = 2  # no position
     GLOBAL_RELATIVE_ALT = 3  # altitude above home
     GLOBAL_TERRAIN_ALT = 10
+
+
+class Altitude(StrEnum):
+    """What altitudes of a mission are counted from."""
+
+    RELATIVE = "relative"  # the vehicle's own home
+    AMSL = "amsl"  # mean sea level
+    TERRAIN = "terrain"  # the ground under the vehicle, all along the way
+
+    @property
+    def frame(self) -> Frame:
+        """The frame of items with such altitudes."""
+        return _FRAMES[self]
+
+
+_FRAMES = {
+    Altitude.RELATIVE: Frame.GLOBAL_RELATIVE_ALT,
+    Altitude.AMSL: Frame.GLOBAL,
+    Altitude.TERRAIN: Frame.GLOBAL_TERRAIN_ALT,
+}
 
 
 class Command(IntEnum):

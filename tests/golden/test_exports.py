@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.mission.export import INDEX, SETPOINTS, export
+from gcs.mission.export import export
+from gcs.mission.folder import INDEX
 from gcs.mission.model import Frame, MissionItem
 from gcs.mission.planfile import read_plan_file
-from gcs.mission.setpoints import read_setpoints
+from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.waypoints import read_waypoints
 from gcs.plan.trajectory import Plan
 
@@ -79,8 +80,12 @@ def test_missions(fresh: Path, expected: Path, sysid: int) -> None:
     assert (plan.home, plan.items) == (golden.home, golden.items)
 
 
-def test_setpoints(fresh: Path, expected: Path) -> None:
-    ours, golden = (read_setpoints((folder / SETPOINTS).read_bytes(), str(folder)) for folder in (fresh, expected))
+@pytest.mark.parametrize("sysid", range(1, 7))
+def test_setpoints(fresh: Path, expected: Path, sysid: int) -> None:
+    name = f"uav{sysid}.setpoints"
+    files = [read_setpoints((folder / name).read_bytes(), str(folder)) for folder in (fresh, expected)]
+    ours, golden = (file.stream for file in files)
+    assert files[0].origin == files[1].origin
     assert ours.sysids == golden.sysids
     assert np.array_equal(ours.t_s, golden.t_s)
     assert np.allclose(ours.position_ned_m, golden.position_ned_m, rtol=0, atol=POSITION_M)

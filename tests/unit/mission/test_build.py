@@ -10,12 +10,14 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mission.build import ITEMS_MAX, ROUNDING_M, TIME_SHARE, build_missions, timed_legs
-from gcs.mission.model import Command, Frame, MissionItem, VehicleMission
+from gcs.mission.build import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
+from gcs.mission.firmware import Firmware
+from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
 from gcs.mission.simplify import Flown, deviation
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Phase, Plan, Trajectory
 from gcs.quadrotor import POSITION
+from gcs.scenario.terrain import ground_height_m
 
 
 def ned(item: MissionItem, mission: VehicleMission, plan: Plan) -> np.ndarray:
@@ -131,9 +133,34 @@ def with_tolerance(plan: Plan, tolerance_m: float) -> Plan:
 
 
 def test_more_items_than_the_autopilot_stores(simulation1_plan: Plan) -> None:
-    with pytest.raises(ScenarioError, match=f"the {ITEMS_MAX} that ArduCopter stores") as caught:
-        build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4))
-    assert "mission.tolerance_m" in caught.value.hint
+    for firmware, stores in ((Firmware.ARDUPILOT, "650 that ArduCopter stores"), (Firmware.PX4, "500 that PX4 stores")):
+        with pytest.raises(ScenarioError, match=stores) as caught:
+            build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4), firmware=firmware)
+        assert "mission.tolerance_m" in caught.value.hint
+
+
+def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan) -> None:
+    """One place, three ways to say how high: above home, above the sea, above the ground under it."""
+    plan = simulation1_plan
+    relative, amsl, terrain = (build_missions(plan, altitude=altitude) for altitude in Altitude)
+    origin = Origin(**plan.scenario.origin.model_dump())
+    for above_home, above_sea, above_ground in zip(relative, amsl, terrain, strict=True):
+        for a, b, c in zip(above_home.items, above_sea.items, above_ground.items, strict=True):
+            assert (a.command, a.params, a.lat_degE7, a.lon_degE7) == (b.command, b.params, b.lat_degE7, b.lon_degE7)
+            assert (a.command, a.params, a.lat_degE7, a.lon_degE7) == (c.command, c.params, c.lat_degE7, c.lon_degE7)
+            if a.frame == Frame.MISSION:
+                continue
+            assert (a.frame, b.frame, c.frame) == (3, 0, 10)
+            assert b.alt_m == pytest.approx(a.alt_m + above_home.home.alt_amsl_m, abs=2e-3)
+            place = geodetic_to_ned(from_degE7(a.lat_degE7), from_degE7(a.lon_degE7), b.alt_m, origin)
+            ground_m = float(ground_height_m(plan.scenario.terrain, place[:1], place[1:2])[0])
+            assert c.alt_m == pytest.approx(-place[2] - ground_m, abs=0.03)  # the ground slopes where degrees round
+        assert above_ground.items[-1].alt_m == 0.0
+
+
+def test_heights_above_ground_are_refused_where_the_autopilot_refuses_them(simulation1_plan: Plan) -> None:
+    with pytest.raises(ScenarioError, match="PX4 refuses altitudes above the ground"):
+        build_missions(simulation1_plan, firmware=Firmware.PX4, altitude=Altitude.TERRAIN)
 
 
 def test_a_tolerance_below_the_rounding_of_waypoints(simulation1_plan: Plan) -> None:

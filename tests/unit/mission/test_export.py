@@ -8,15 +8,26 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError, UsageError
+from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.build import build_missions
-from gcs.mission.export import INDEX, export
+from gcs.mission.export import export
+from gcs.mission.firmware import Firmware
+from gcs.mission.folder import INDEX
+from gcs.mission.formats import DEFAULT, Format, formats_named
+from gcs.mission.geojson import read_geojson
+from gcs.mission.history import read_history
+from gcs.mission.kml import read_kml, read_kmz
+from gcs.mission.model import Altitude
 from gcs.mission.planfile import read_plan_file
-from gcs.mission.setpoints import read_setpoints
+from gcs.mission.setpoints_csv import read_setpoints
+from gcs.mission.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.waypoints import read_waypoints
 from gcs.plan.trajectory import Plan
+from gcs.quadrotor import POSITION
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -36,7 +47,56 @@ def test_everything_is_there_and_says_the_same(simulation1_plan: Plan, tmp_path:
         assert waypoints.items == plan.items == mission.items
         assert waypoints.home == plan.home == mission.home
         assert index.items == len(mission.items)
-    assert read_setpoints(written["setpoints.csv"], "s").sysids == simulation1_plan.sysids
+        setpoints = read_setpoints(written[f"uav{mission.sysid}.setpoints"], "s")
+        assert (setpoints.stream.sysids, setpoints.plan_hash) == ((mission.sysid,), simulation1_plan.hash)
+    assert len(written) == 3 * 6
+
+
+def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
+    plan = simulation1_plan
+    export(plan, tmp_path, formats=Format, setpoint_rate_hz=2)
+    written = contents(tmp_path)
+    for sysid in plan.sysids:
+        csv = read_setpoints(written[f"uav{sysid}.setpoints"], "s")
+        parquet = read_setpoints_parquet(written[f"uav{sysid}.parquet"], "s")
+        assert (parquet.plan_hash, parquet.origin) == (csv.plan_hash, csv.origin)
+        assert np.array_equal(parquet.stream.position_ned_m, csv.stream.position_ned_m)
+        history = read_history(written[f"uav{sysid}.history.csv"], "h")
+        assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
+        assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
+        states, controls = plan.motion(history.t_s[1:-1])
+        assert np.array_equal(history.states[1:-1], states[plan.sysids.index(sysid)])
+        assert np.array_equal(history.controls[1:-1], controls[plan.sysids.index(sysid)])
+    maps = [read(written[f"formation.{suffix}"], "m") for suffix, read in MAPS]
+    for drawn in maps:
+        assert (drawn.title, drawn.plan_hash, drawn.geofence) == (maps[0].title, plan.hash, maps[0].geofence)
+        assert [track.sysid for track in drawn.tracks] == list(plan.sysids)
+        origin = Origin(**plan.scenario.origin.model_dump())
+        for row, track in enumerate(drawn.tracks):
+            flown = geodetic_to_ned(track.lat_deg, track.lon_deg, track.alt_amsl_m, origin)
+            wanted = plan.states(track.t_s[:-1])[row, :, POSITION]
+            assert np.allclose(flown[:-1], wanted, atol=2e-3)
+
+
+MAPS = (("kml", read_kml), ("kmz", read_kmz), ("geojson", read_geojson))
+
+
+def test_formats_by_name() -> None:
+    assert formats_named([]) == DEFAULT
+    assert formats_named(["kml", "plan", "kml"]) == (Format.PLAN, Format.KML)
+    assert formats_named(["all"]) == tuple(Format)
+    with pytest.raises(UsageError, match="no format 'skyc'"):
+        formats_named(["plan", "skyc"])
+
+
+def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Path) -> None:
+    export(simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Firmware.PX4, altitude=Altitude.AMSL)
+    plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
+    assert plan.firmware is Firmware.PX4
+    assert {i.frame for i in plan.items} == {0, 2}
+    index = json.loads((tmp_path / INDEX).read_text())
+    assert (index["firmware"], index["altitude"]) == ("px4", "amsl")
+    assert set(index["sha256"]) == {f"uav{sysid}.plan" for sysid in simulation1_plan.sysids}
 
 
 def test_px4_counts_no_home(simulation1_plan: Plan, tmp_path: Path) -> None:

@@ -1,13 +1,24 @@
-"""Setpoint streams: their ticks, their values, their end, and what the CSV reader refuses."""
+"""Setpoint streams: their ticks, their values, their end; the two files that hold them, and what readers refuse."""
 
 from __future__ import annotations
 
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from gcs.errors import FileFormatError
+from gcs.frames import Origin
 from gcs.mission.model import SetpointStream
-from gcs.mission.setpoints import COLUMNS, build_stream, read_setpoints, write_setpoints
+from gcs.mission.setpoint_table import COLUMNS, StreamFile
+from gcs.mission.setpoints import build_stream, of_vehicle
+from gcs.mission.setpoints_csv import read_setpoints, write_setpoints
+from gcs.mission.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY
 
@@ -49,12 +60,36 @@ def test_the_stream_ends_at_rest(simulation1_plan: Plan) -> None:
     assert not stream.acceleration_ned_mps2[:, -1].any()
 
 
-def test_the_whole_stream_survives_the_file(simulation1_plan: Plan) -> None:
+PARTS = ("t_s", "position_ned_m", "velocity_ned_mps", "acceleration_ned_mps2", "yaw_ned_rad")
+
+
+@pytest.mark.parametrize(
+    ("write", "read"),
+    [(write_setpoints, read_setpoints), (write_setpoints_parquet, read_setpoints_parquet)],
+    ids=["csv", "parquet"],
+)
+def test_the_whole_stream_survives_the_file(
+    simulation1_plan: Plan, write: Callable[[StreamFile], bytes], read: Callable[[bytes, str], StreamFile]
+) -> None:
     stream = build_stream(simulation1_plan, 5.0)
-    back = read_setpoints(write_setpoints(stream), "x")
-    assert back.sysids == stream.sysids
-    for name in ("t_s", "position_ned_m", "velocity_ned_mps", "acceleration_ned_mps2", "yaw_ned_rad"):
-        assert np.array_equal(getattr(back, name), getattr(stream, name))
+    origin = Origin(**simulation1_plan.scenario.origin.model_dump())
+    for part in (stream, of_vehicle(stream, 3)):
+        data = write(StreamFile(part, simulation1_plan.hash, origin))
+        assert write(StreamFile(part, simulation1_plan.hash, origin)) == data
+        back = read(data, "x")
+        assert (back.plan_hash, back.origin) == (simulation1_plan.hash, origin)
+        assert back.stream.sysids == part.sysids
+        for name in PARTS:
+            assert np.array_equal(getattr(back.stream, name), getattr(part, name))
+    bare = read(write(StreamFile(stream)), "x")
+    assert (bare.plan_hash, bare.origin) == ("", None)
+
+
+def test_a_few_vehicles_are_the_same_as_among_all(simulation1_plan: Plan) -> None:
+    whole, part = build_stream(simulation1_plan, 5.0), build_stream(simulation1_plan, 5.0, rows=slice(2, 4))
+    assert part.sysids == whole.sysids[2:4]
+    for name in PARTS[1:]:
+        assert np.array_equal(getattr(part, name), getattr(whole, name)[2:4])
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, 2000.0, np.nan])
@@ -64,32 +99,89 @@ def test_a_rate_without_ticks(simulation1_plan: Plan, rate_hz: float) -> None:
 
 
 STREAM = SetpointStream((3, 1), np.array([-0.04, 0.0]), *[np.ones((2, 2, 3))] * 3, np.zeros((2, 2)))
-LINES = write_setpoints(STREAM).splitlines()
+WHOLE = write_setpoints(StreamFile(STREAM, "abc", Origin(47.0, 8.5, 488.25))).decode().splitlines()
+COMMENTS = sum(line.startswith("#") for line in WHOLE)
+LINES = WHOLE[COMMENTS:]  # any program may lose the comments
 
 
 @pytest.mark.parametrize(
     ("lines", "reason"),
     [
-        ([], "header"),
-        (LINES[1:], "header"),
-        (LINES[:1], "no setpoints"),
+        ([], "line 1 is not the header"),
+        (LINES[1:], "line 1 is not the header"),
+        (LINES[:1], "no rows"),
         (LINES[:-1], "rows do not hold"),
         ([*LINES[:3], LINES[4], LINES[3]], "in this order"),
         ([LINES[0], *LINES[3:], *LINES[1:3]], "times must rise"),
         ([LINES[0], LINES[1], LINES[1]], "distinct system ids"),
         ([LINES[0], LINES[1].replace(",3,", ",10001,")], "distinct system ids"),
-        ([LINES[0], LINES[1].replace("-0.040", "-0.0401")], "whole milliseconds"),
-        ([LINES[0], LINES[1].replace("1.0", "nan", 1)], "finite"),
-        ([LINES[0], LINES[1].replace("1.0", "one", 1)], "one"),
-        ([LINES[0], LINES[1] + ",7"], "columns"),
+        ([LINES[0], LINES[1].replace(",3,", ",3.5,")], "distinct system ids"),
+        ([LINES[0], LINES[1].replace("-0.04", "-0.0401")], "whole milliseconds"),
+        ([LINES[0], LINES[1].replace(",1,", ",nan,", 1)], "finite"),
+        ([LINES[0], LINES[1].replace(",1,", ",1e999,", 1)], "finite"),
+        ([*LINES[:2], LINES[1].replace(",1,", ",one,", 1)], "line 3: .*one"),
+        ([LINES[0], LINES[1] + ",7"], "line 2: .*columns"),
+        ([*WHOLE[:-1], WHOLE[-1] + ",7"], f"line {len(WHOLE)}: .*columns"),
+        (WHOLE[:-2], "4 rows are announced, but there are 2"),
+        ([line.replace("m/s2", "ft/s2") for line in WHOLE], "units are"),
+        ([line.replace("47.0", "north") for line in WHOLE], "north"),
+        ([line.replace("47.0 ", "") for line in WHOLE], "three numbers"),
     ],
 )
 def test_a_mistake_is_named(lines: list[str], reason: str) -> None:
     with pytest.raises(FileFormatError, match=reason) as caught:
-        read_setpoints("\n".join(lines), "s.csv")
-    assert caught.value.message.startswith("s.csv: ")
+        read_setpoints("\n".join(lines), "s.setpoints")
+    assert caught.value.message.startswith("s.setpoints: ")
+
+
+def test_the_comments_say_what_the_table_is() -> None:
+    assert WHOLE[1:COMMENTS] == [
+        "# plan: abc",
+        "# origin (lat_deg lon_deg alt_amsl_m): 47.0 8.5 488.25",
+        "# rows: 4",
+        "# units: s,1,m,m,m,m/s,m/s,m/s,m/s2,m/s2,m/s2,rad",
+    ]
+    bare = read_setpoints("\r\n".join(LINES), "x")
+    assert (bare.plan_hash, bare.origin, bare.stream.sysids) == ("", None, STREAM.sysids)
 
 
 def test_every_column_says_its_unit() -> None:
     assert LINES[0].split(",") == list(COLUMNS)
     assert all(c == "sysid" or c.endswith(("_s", "_m", "_mps", "_mps2", "_rad")) for c in COLUMNS)
+
+
+def test_any_parquet_reader_finds_columns_and_units(tmp_path: Path) -> None:
+    path = tmp_path / "x.parquet"
+    path.write_bytes(write_setpoints_parquet(StreamFile(STREAM, "abc", Origin(47.0, 8.5, 488.25))))
+    table = pq.read_table(path)
+    assert {f.name: f.metadata[b"unit"].decode() for f in table.schema} == COLUMNS
+    assert json.loads(table.schema.metadata[b"skein.setpoints"]) == {
+        "plan": "abc",
+        "origin": {"lat_deg": 47.0, "lon_deg": 8.5, "alt_amsl_m": 488.25},
+    }
+    assert table.column("t_s").to_pylist() == [-0.04, -0.04, 0.0, 0.0]
+    assert table.column("sysid").to_pylist() == [3, 1, 3, 1]
+
+
+def test_parquet_of_others_and_parquet_that_was_damaged(tmp_path: Path) -> None:
+    def written(table: pa.Table) -> bytes:
+        buffer = io.BytesIO()
+        pq.write_table(table, buffer)
+        return buffer.getvalue()
+
+    ours = write_setpoints_parquet(StreamFile(STREAM))
+    table = pq.read_table(io.BytesIO(ours))
+    middle = ours.index(b"PAR1") + 40
+    for data, reason in (
+        (written(pa.table({"x": [1.0]})), "no setpoints of this program"),
+        (written(table.replace_schema_metadata(None)), "no setpoints of this program"),
+        (written(table.drop_columns(["yaw_ned_rad"])), "columns are"),
+        (written(table.slice(0, 3)), "rows do not hold"),
+        (written(table.slice(0, 0)), "no rows"),
+        (ours[:-1], "Parquet|magic"),
+        (ours[:middle] + bytes([ours[middle] ^ 1]) + ours[middle + 1 :], "x: "),
+        (b"", "x: "),
+    ):
+        with pytest.raises(FileFormatError, match=reason) as caught:
+            read_setpoints_parquet(data, "x")
+        assert caught.value.message.startswith("x: ")

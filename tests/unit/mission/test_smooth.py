@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from gcs.errors import UsageError, VerificationError
-from gcs.mission.export import INDEX, SETPOINTS, export
-from gcs.mission.setpoints import build_stream, read_setpoints
+from gcs.mission.export import export
+from gcs.mission.folder import INDEX
+from gcs.mission.setpoints import build_stream, of_vehicle
+from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.smooth import SHORTEST_KNOT_S, SmoothPath, smoothed
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY
@@ -101,10 +103,11 @@ def test_a_tolerance_must_be_positive(simulation1_plan: Plan) -> None:
 
 def test_an_export_carries_the_smoothed_setpoints(simulation1_plan: Plan, path: SmoothPath, tmp_path: Path) -> None:
     index = export(simulation1_plan, tmp_path, setpoint_rate_hz=2.0, smooth_m=TOLERANCE_M)
-    stream = read_setpoints((tmp_path / SETPOINTS).read_bytes(), SETPOINTS)
+    stream = read_setpoints((tmp_path / "uav2.setpoints").read_bytes(), "x").stream
     position, _, _, yaw = path.at(stream.t_s)
-    assert stream.position_ned_m == pytest.approx(position, abs=1e-6)
-    assert stream.yaw_ned_rad == pytest.approx(yaw, abs=1e-6)
+    row = simulation1_plan.sysids.index(2)
+    assert stream.position_ned_m[0] == pytest.approx(position[row], abs=1e-6)
+    assert stream.yaw_ned_rad[0] == pytest.approx(yaw[row], abs=1e-6)
     assert not np.any(stream.velocity_ned_mps[:, -1])
     document = json.loads((tmp_path / INDEX).read_text())
     assert index.smoothing is not None
@@ -113,6 +116,7 @@ def test_an_export_carries_the_smoothed_setpoints(simulation1_plan: Plan, path: 
 
 def test_without_the_option_the_plan_itself_is_written(simulation1_plan: Plan, tmp_path: Path) -> None:
     export(simulation1_plan, tmp_path, setpoint_rate_hz=2.0)
-    stream = read_setpoints((tmp_path / SETPOINTS).read_bytes(), SETPOINTS)
-    assert np.array_equal(stream.position_ned_m, build_stream(simulation1_plan, 2.0).position_ned_m)
+    stream = read_setpoints((tmp_path / "uav2.setpoints").read_bytes(), "x").stream
+    whole = build_stream(simulation1_plan, 2.0)
+    assert np.array_equal(stream.position_ned_m, of_vehicle(whole, whole.sysids.index(2)).position_ned_m)
     assert "smoothing" not in json.loads((tmp_path / INDEX).read_text())

@@ -1,0 +1,103 @@
+"""A folder that is replaced whole: filled beside the old one, swapped in when everything is there.
+
+Knows: files, hashes, the index that lists them. Does not know: what is in them. Folders with anything that no export
+made are refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gcs.errors import FileFormatError, UsageError
+
+INDEX = "index.json"
+FORMAT = "skein-export"
+
+
+class Folder:
+    """A folder being filled; `sha256` lists what was written, by name."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.sha256: dict[str, str] = {}
+
+    def write(self, name: str, data: str | bytes) -> None:
+        """Add a file (text as UTF-8) and list it."""
+        data = data.encode() if isinstance(data, str) else data
+        self.sha256[name] = hashlib.sha256(data).hexdigest()
+        self._write(name, data)
+
+    def write_index(self, document: dict[str, Any]) -> None:
+        """Add the index, which does not list itself."""
+        self._write(INDEX, (json.dumps({"format": FORMAT, **document}, indent=2) + "\n").encode())
+
+    def _write(self, name: str, data: bytes) -> None:
+        with (self.path / name).open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[Folder]:
+    """Fill a folder that takes the place of `folder` when the block ends well; else the old one stays.
+
+    Raises `UsageError` before anything is written when the folder holds what no export made, and OSError as the file
+    system does.
+    """
+    folder = folder.resolve()
+    _refuse_foreign(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".part", dir=folder.parent))
+    try:
+        new, old = beside / "new", beside / "old"
+        new.mkdir()
+        yield Folder(new)
+        if folder.exists():
+            folder.rename(old)
+        try:
+            new.rename(folder)
+        except OSError:
+            if old.exists():
+                old.rename(folder)
+            raise
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def listed(index: Path) -> dict[str, str]:
+    """Files and hashes in an index. Raises `FileFormatError` for anything else."""
+    try:
+        document = json.loads(index.read_bytes())
+        if document["format"] != FORMAT:
+            raise ValueError(f"format is {document['format']!r}")
+        return {str(name): str(digest) for name, digest in document["sha256"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise FileFormatError(f"{index}: not the index of an export.", hint="choose another folder") from error
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Only what an export made may be replaced."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is a file; an export needs a folder.")
+    names = {p.name for p in folder.iterdir()}
+    if not names:
+        return
+    known: set[str] = set()
+    if INDEX in names:
+        known = {INDEX, *listed(folder / INDEX)}
+    if foreign := sorted(names - known):
+        raise UsageError(
+            f"{folder} holds files that no export made: {', '.join(foreign[:5])}.",
+            hint="choose another folder, or move them away",
+        )

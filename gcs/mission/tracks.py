@@ -1,0 +1,76 @@
+"""What a map shows of a plan: every vehicle's track in time and space, and the fence around them.
+
+Knows: sampling a plan, rounding to what a map can show. Does not know: map formats.
+Altitudes are AMSL. Times are plan times; maps that need a date show T0 as `T0_SHOWN`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.mission.geofence import NO_FENCE, Geofence
+from gcs.quadrotor import POSITION, Array
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory import Plan
+
+T0_SHOWN = "2000-01-01T00:00:00Z"  # no plan has a date
+PERIOD_S = 1.0
+_DEGREE_DECIMALS, _METRE_DECIMALS = 8, 3
+_MS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Where one vehicle is when: times (N,) in whole milliseconds, positions (N,)."""
+
+    sysid: int
+    t_s: Array
+    lat_deg: Array
+    lon_deg: Array
+    alt_amsl_m: Array
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """Contents of one map."""
+
+    title: str
+    plan_hash: str
+    tracks: tuple[Track, ...]
+    geofence: Geofence = NO_FENCE
+
+
+def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIOD_S) -> MapFile:
+    """Tracks from the take-off to the landing, a point every `period_s` and one at both ends."""
+    steps = int(np.ceil((plan.t_end_s - plan.t_start_s) / period_s))
+    t_s = np.unique(np.rint(np.linspace(plan.t_start_s, plan.t_end_s, steps + 1) * _MS) / _MS)
+    inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    position = plan.leader_trajectory.state(inside)[:, POSITION] + plan.offsets(inside)
+    lat, lon, alt = ned_to_geodetic(position, Origin(**plan.scenario.origin.model_dump()))
+    rounded = np.round(lat, _DEGREE_DECIMALS), np.round(lon, _DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
+    tracks = tuple(Track(sysid, t_s, *(part[row] for part in rounded)) for row, sysid in enumerate(plan.sysids))
+    return MapFile(plan.scenario.title or plan.scenario.name, plan.hash, tracks, geofence)
+
+
+def checked(tracks: list[Track]) -> tuple[Track, ...]:
+    """Tracks that were read, if they are some. Raises ValueError."""
+    for track in tracks:
+        parts = (track.t_s, track.lat_deg, track.lon_deg, track.alt_amsl_m)
+        if len({len(part) for part in parts}) > 1:
+            raise ValueError(f"the track of vehicle {track.sysid} has {[len(p) for p in parts]} values of its parts")
+        if not len(track.t_s):
+            raise ValueError(f"the track of vehicle {track.sysid} is empty")
+        if not all(np.isfinite(part).all() for part in parts):
+            raise ValueError(f"the track of vehicle {track.sysid} has a value that is not a finite number")
+        if (np.abs(track.lat_deg) > 90).any() or (np.abs(track.lon_deg) > 180).any():
+            raise ValueError(f"the track of vehicle {track.sysid} leaves the Earth")
+        if (np.diff(track.t_s) <= 0).any():
+            raise ValueError(f"the times of vehicle {track.sysid} do not rise")
+    if len({track.sysid for track in tracks}) < len(tracks):
+        raise ValueError("a vehicle has two tracks")
+    return tuple(tracks)

@@ -1,0 +1,164 @@
+"""KML, KMZ and GeoJSON as their standards want them, and what their readers refuse."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+
+from gcs.errors import FileFormatError
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place
+from gcs.mission.geojson import read_geojson, write_geojson
+from gcs.mission.kml import read_kml, read_kmz, write_kml, write_kmz
+from gcs.mission.tracks import MapFile, Track, build_map
+from gcs.plan.trajectory import Plan
+
+CLOCKWISE = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))
+FENCE = Geofence(
+    (FencePolygon(CLOCKWISE, True), FencePolygon(CLOCKWISE[::-1], False)),
+    (FenceCircle(CLOCKWISE[0], 100.0, False),),
+)
+TIMES_S = np.array([-3.25, 0.0, 60.5])
+
+
+def track(lon_deg: list[float]) -> Track:
+    return Track(7, TIMES_S, np.array([47.1, 47.2, 47.3]), np.array(lon_deg), np.array([488.5, 490.0, 491.25]))
+
+
+MAP = MapFile("Six <quadrotors> & a hill", "abc", (track([8.1, 8.2, 8.3]),), FENCE)
+KML = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
+
+
+def test_kml_places_vehicles_in_time_above_the_sea() -> None:
+    document = ElementTree.fromstring(write_kml(MAP)).find("k:Document", KML)
+    assert document is not None
+    assert document.findtext("k:name", "", KML) == MAP.title
+    lines = document.findall("k:Placemark/gx:Track", KML)
+    assert [line.findtext("k:altitudeMode", "", KML) for line in lines] == ["absolute"]
+    assert [e.text for e in lines[0].findall("k:when", KML)] == [
+        "1999-12-31T23:59:56.750Z",
+        "2000-01-01T00:00:00.000Z",
+        "2000-01-01T00:01:00.500Z",
+    ]
+    assert [e.text for e in lines[0].findall("gx:coord", KML)] == [
+        "8.1 47.1 488.5",
+        "8.2 47.2 490.0",
+        "8.3 47.3 491.25",
+    ]
+    rings = document.findall("k:Placemark/k:Polygon/k:outerBoundaryIs/k:LinearRing/k:coordinates", KML)
+    assert len(rings) == 3
+    for ring in rings:
+        corners = (ring.text or "").split()
+        assert corners[0] == corners[-1]
+    drawn = np.array([[float(x) for x in corner.split(",")] for corner in (rings[2].text or "").split()])
+    metres = (drawn[:, :2] - [8.545, 47.397]) * 111_320 * [np.cos(np.radians(47.397)), 1]
+    assert np.hypot(*metres.T) == pytest.approx(np.full(len(drawn), 100.0), rel=1e-6)
+
+
+def test_kmz_is_kml_in_a_zip() -> None:
+    with zipfile.ZipFile(io.BytesIO(write_kmz(MAP))) as archive:
+        assert archive.namelist() == ["doc.kml"]
+        assert archive.read("doc.kml") == write_kml(MAP)
+    assert write_kmz(MAP) == write_kmz(MAP)
+
+
+def test_geojson_says_longitude_first_and_no_height_above_the_ellipsoid() -> None:
+    """RFC 7946, sections 3.1.1 and 4: a third coordinate would be the height above the ellipsoid."""
+    feature = json.loads(write_geojson(MAP))["features"][0]
+    assert feature["geometry"] == {"type": "LineString", "coordinates": [[8.1, 47.1], [8.2, 47.2], [8.3, 47.3]]}
+    assert feature["properties"]["altitude_amsl_m"] == [488.5, 490.0, 491.25]
+    assert feature["properties"]["t_s"] == TIMES_S.tolist()
+
+
+def test_geojson_rings_close_and_run_counterclockwise() -> None:
+    """RFC 7946, section 3.1.6."""
+    areas = [f["geometry"] for f in json.loads(write_geojson(MAP))["features"] if f["geometry"]["type"] == "Polygon"]
+    assert len(areas) == 2
+    for area in areas:
+        shape = shapely.geometry.shape(area)
+        assert shape.is_valid
+        assert shape.exterior.is_ccw
+
+
+def test_geojson_is_cut_at_the_antimeridian() -> None:
+    """RFC 7946, section 3.1.9: no line runs round the world, and every line has two positions."""
+    for lon_deg, pieces in (([179.9, 180.0, -179.9], 2), ([179.9, -179.9, 179.8], 3), ([-179.9, 179.9, 179.8], 2)):
+        drawn = MapFile("x", "", (track(lon_deg),))
+        geometry = json.loads(write_geojson(drawn))["features"][0]["geometry"]
+        assert geometry["type"] == "MultiLineString"
+        assert len(geometry["coordinates"]) == pieces
+        assert min(map(len, geometry["coordinates"])) >= 2
+        assert np.array_equal(read_geojson(write_geojson(drawn), "x").tracks[0].lon_deg, lon_deg)
+
+
+def test_tracks_begin_and_end_with_the_plan(simulation1_plan: Plan) -> None:
+    drawn = build_map(simulation1_plan, FENCE)
+    assert drawn.geofence is FENCE
+    assert drawn.title == simulation1_plan.scenario.title
+    for one in drawn.tracks:
+        assert (one.t_s[0], one.t_s[-1]) == (simulation1_plan.t_start_s, simulation1_plan.t_end_s)
+        assert np.diff(one.t_s).max() <= 1.0 + 1e-9
+
+
+def changed(**changes: object) -> str:
+    collection = json.loads(write_geojson(MAP))
+    collection["features"][0]["properties"] |= changes
+    return json.dumps(collection)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("{}", "Field required"),
+        (changed(t_s=[0, 1]), "the track of vehicle 7 has"),
+        (changed(t_s=[0, 1, 1]), "do not rise"),
+        (changed(points=[1, 2]), "longer"),
+        (write_geojson(MAP).replace('"inclusion":true', '"inclusion":1'), "inclusion"),
+        (write_geojson(MAP).replace('"radius_m":100.0', '"radius_m":0'), "radius_m"),
+    ],
+)
+def test_geojson_of_others_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(FileFormatError, match=reason):
+        read_geojson(text, "x")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("<gx:coord>8.1 47.1 488.5</gx:coord>", "", "values of its parts"),
+        ("8.1 47.1 488.5", "8.1 47.1", "longitude, latitude and altitude"),
+        ("8.1 47.1", "8.1 97.1", "leaves the Earth"),
+        ("8.1 47.1", "8.1 nan", "not a finite number"),
+        ("1999-12-31", "2001-12-31", "do not rise"),
+        ("1999-12-31T23:59:56.750Z", "yesterday", "yesterday"),
+        ('<Data name="vehicle">', '<Data name="boat">', "'vehicle' is missing"),
+        ("<value>100.0</value>", "<value>-1</value>", "radius -1"),
+        ("Document", "Folder", "no Document"),
+        ("</kml>", "", "no element"),
+    ],
+)
+def test_kml_of_others_is_refused(old: str, new: str, reason: str) -> None:
+    text = write_kml(MAP).decode()
+    assert old in text
+    with pytest.raises(FileFormatError, match=f"x: not a map of this program: .*{reason}"):
+        read_kml(text.replace(old, new), "x")
+
+
+def test_two_tracks_of_one_vehicle() -> None:
+    twice = MapFile("x", "", (track([8, 8, 8]), track([8, 8, 8])))
+    for write, read in ((write_kml, read_kml), (write_geojson, read_geojson)):
+        with pytest.raises(FileFormatError, match="two tracks"):
+            read(write(twice), "x")
+
+
+def test_zip_of_something_else() -> None:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("other.txt", "x")
+    with pytest.raises(FileFormatError, match=r"no.*KMZ"):
+        read_kmz(buffer.getvalue(), "x")
