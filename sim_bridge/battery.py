@@ -99,10 +99,9 @@ class Battery:
         """Voltage at rest (V,)."""
         return np.asarray(self.train.cells * np.interp(self.remaining, _CHARGE, _CELL_V))
 
-    def draw(self, rotors_radps: Array, step_s: float) -> None:
-        """Rotors (V, 4) turned for step_s."""
-        squared = rotors_radps * rotors_radps
-        self._cubes += step_s * np.add.reduce(squared * rotors_radps, axis=1)
+    def draw(self, rotors_radps: Array, squared: Array, step_s: float) -> None:
+        """Rotors turned for step_s, at speeds (4, V) whose squares are known."""
+        self._cubes += step_s * np.add.reduce(squared * rotors_radps)
         self._since_s += step_s
         if self._since_s >= SETTLE_PERIOD_S - 1e-9:
             self.power_W = self._per_cube * self._cubes / self._since_s

@@ -1,48 +1,52 @@
-"""What the vehicles believe: one filterpy ExtendedKalmanFilter each, fed with what a real one is fed with.
+"""What the vehicles believe: dead reckoning with an inertial unit, corrected by one filterpy EKF each.
 
-Knows: Eq. 1 as prediction with the commanded controls as known input, the sensors' error figures, and a contact
-switch on the landing gear. Does not know: true states, wind, references.
+Knows: samples, the sensors' error figures, and a contact switch on the landing gear. Does not know: true states,
+forces, wind, motors, references; what pushes a vehicle is what its accelerometer feels.
 
-State (15): the twelve of `gcs.quadrotor` and three gyro biases. At every control step the means of the whole
-fleet are propagated in one batch, at every inertial sample (50 Hz) the Jacobians; filterpy then predicts and
-updates each vehicle: GNSS (6) where there is a fix, then gyro, magnetometer and barometer as one vector (5).
+The means of the whole fleet are carried on in one batch at every inertial sample (50 Hz), as inertial units are
+mechanised. Every UPDATE_PERIOD_S filterpy predicts each vehicle's covariance and updates it, one sensor after the
+other: barometer (10 Hz), then GNSS or compass by turns (5 Hz each).
 
-Gate: a measurement group (`Ratios`) more than five standard deviations off is given no weight, until it has
-been refused for five seconds on end; then the filter is held to be in the wrong. The gyro is not gated.
+Gate: a group (`Ratios`) more than GATE_SIGMA standard deviations off is left out. Where GNSS has been left out for
+GATE_TIMEOUT_S on end, the filter is held to be in the wrong and takes its place from the next fix. Without fixes it
+coasts, and says how sure it is (`Accuracy`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from gcs.quadrotor import Array, Quadrotor
-from sim_bridge.gains import ControlLimits, turn_authority_radps2
-from sim_bridge.motion import derivative, jacobian
+from gcs.quadrotor import Array
+from sim_bridge.error_model import (
+    GNSS_ERROR,
+    H_BARO,
+    H_COMPASS,
+    H_GNSS,
+    POSITION,
+    STATES,
+    UPDATE_PERIOD_S,
+    VELOCITY,
+    YAW,
+    ErrorModel,
+)
+from sim_bridge.motion import Turn
 from sim_bridge.plant import Mask
 from sim_bridge.sensors import GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade
 
-STATES = 15
 ALIGN_S = 2.0
 GATE_SIGMA = 5.0
 GATE_TIMEOUT_S = 5.0
+COASTING_AFTER_S = 1.0
+LOST_SIGMA_M = 5.0  # a vehicle less sure of its place than this is not healthy
 
-# What Eq. 1 in still air leaves out, as white noise; the angular part is a share of what the vehicle can do.
-ACCELERATION_NOISE = 0.02  # m/s² per square root of a hertz
-TURN_NOISE_SHARE = 0.02
+Residual = Callable[[Array, Array], Array]
 
-_STANDS = np.array([1.0, 1.0, 1.0] + [0.0] * 5 + [1.0] + [0.0] * 3 + [1.0] * 3)  # states kept in ground contact
-_STANDS_SIGMA = 1e-4  # of the states that contact holds at zero
-_NO_WEIGHT = 1e8
-
-_H_GNSS = np.eye(6, STATES)
-_H_INERTIAL = np.zeros((5, STATES))
-_H_INERTIAL[(0, 1, 2), (9, 10, 11)] = 1.0
-_H_INERTIAL[(0, 1, 2), (12, 13, 14)] = 1.0
-_H_INERTIAL[3, 8] = 1.0
-_H_INERTIAL[4, 2] = -1.0
+_VELOCITY, _HORIZONTAL, _VERTICAL, _COMPASS, _BARO = range(5)  # columns of the ratios
+_GROUP_OF_FIX = np.array([_HORIZONTAL, _HORIZONTAL, _VERTICAL, _VELOCITY, _VELOCITY, _VELOCITY])
 
 
 def wrapped(angle_rad: Array) -> Array:
@@ -51,16 +55,16 @@ def wrapped(angle_rad: Array) -> Array:
 
 
 class VehicleFilter(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's EKF, whose mean is propagated outside, for all vehicles at once."""
+    """filterpy's EKF, whose mean is carried on outside, for all vehicles at once."""
 
     def predict_x(self, u: Array) -> None:
-        """Take u as the mean that Eq. 1 predicts (filterpy's hook for a nonlinear model)."""
+        """Take u as the predicted mean (filterpy's hook for a nonlinear model)."""
         self.x = u
 
 
 @dataclass(frozen=True, slots=True)
 class Ratios:
-    """Innovation over gate of the last sample, each (V,): above 1 it was refused. For EKF_STATUS_REPORT."""
+    """Innovation over gate of the last sample, each (V,): above 1 it was refused."""
 
     velocity: Array
     position_horizontal: Array
@@ -77,38 +81,45 @@ class Accuracy:
     position_vertical_m: Array
     velocity_horizontal_mps: Array
     velocity_vertical_mps: Array
+    yaw_rad: Array
 
 
 class Estimator:
-    """Filters of V vehicles, which begin level on the ground and average ALIGN_S of measurements there."""
+    """Filters of V vehicles, which begin level on the ground and average ALIGN_S of measurements there.
 
-    def __init__(self, q: Quadrotor, limits: ControlLimits, grade: SensorGrade, vehicles: int) -> None:
-        self._q = q
-        self._noise = _Noise.of(q, limits, grade)
-        self._control = np.zeros((4, vehicles))
-        self._mean = np.zeros((STATES, vehicles))
-        self._rates = np.zeros((12, vehicles))
-        self._filters = [VehicleFilter(STATES, 6) for _ in range(vehicles)]
+    `aligned` (V,): who has begun. `healthy` (V,): who has, agrees with its sensors and is sure enough of its place.
+    `filters`: filterpy's objects by row, for those who study them.
+    """
+
+    def __init__(self, grade: SensorGrade, vehicles: int, gravity_mps2: float) -> None:
+        self._model = ErrorModel.of(grade)
+        self._gravity_mps2 = gravity_mps2
+        self._state = np.zeros((12, vehicles))
+        self._slow = np.zeros((STATES - 9, vehicles))  # biases and slow errors
+        self._velocity_before = np.zeros((3, vehicles))  # after the last update
+        self.filters = [VehicleFilter(STATES, 6) for _ in range(vehicles)]
         self._ratio = np.zeros((vehicles, 5))
         self._refused_s = np.zeros((vehicles, 5))
-        self._pad_samples: tuple[list[Array], list[Array]] = ([], [])
-        self._baro_zero_m = np.zeros(vehicles)
-        self.aligned = False
+        self._unaided_s = np.zeros(vehicles)
+        self._variance = np.zeros((vehicles, STATES))
+        self._pad = _PadMeans(vehicles)
+        self.aligned: Mask = np.zeros(vehicles, dtype=bool)
+        self.healthy: Mask = self.aligned
 
     @property
     def state(self) -> Array:
-        """Estimated states (V, 12)."""
-        return self._mean[:12].T
+        """Estimated states (12, V) in the order of `gcs.quadrotor`; rates are the gyro's less its bias."""
+        return self._state
 
     @property
     def mean(self) -> Array:
-        """Filter means (V, 15): states and gyro biases."""
-        return self._mean.T
+        """Filter means (V, 19), in the order of `sim_bridge.error_model`."""
+        return np.concatenate((self._state[:9], self._slow)).T
 
     @property
     def covariance(self) -> Array:
-        """Covariances (V, 15, 15) after the last inertial sample."""
-        return np.array([ekf.P for ekf in self._filters])
+        """Covariances (V, 19, 19) after the last update."""
+        return np.array([ekf.P for ekf in self.filters])
 
     @property
     def ratios(self) -> Ratios:
@@ -117,160 +128,182 @@ class Estimator:
 
     @property
     def accuracy(self) -> Accuracy:
-        """What the filters think of their own position and velocity."""
-        sigma = np.sqrt(np.array([ekf.P.diagonal()[:6] for ekf in self._filters]))
-        return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, 3:5].max(axis=1), sigma[:, 5])
+        """How sure the filters are of place, velocity and heading."""
+        sigma = np.sqrt(self._variance)
+        return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, 3:5].max(axis=1), sigma[:, 5], sigma[:, YAW])
 
     @property
-    def healthy(self) -> Mask:
-        """Vehicles (V,) whose filter is aligned and whose measurements pass their gates."""
-        return np.asarray((self._ratio < 1.0).all(axis=1) & self.aligned)
+    def coasting(self) -> Mask:
+        """Vehicles (V,) that have gone without GNSS, missing or refused, for longer than COASTING_AFTER_S."""
+        return np.asarray(self.aligned & (self._unaided_s > COASTING_AFTER_S))
 
-    def propagate(self, control: Array, landed: Mask, step_s: float) -> None:
-        """Advance the means by step_s under the controls (V, 4) just commanded.
+    def propagate(self, inertial: Array, landed: Mask, *, any_landed: bool) -> None:
+        """Carry the means on by one inertial sample (6, V), as `Sensors` gives it."""
+        h, state = INERTIAL_PERIOD_S, self._state
+        felt = inertial - self._slow[:6]
+        rates = state[9:] + felt[:3]
+        acceleration = Turn.of(state[6:9] + (0.25 * h) * rates).to_ned(felt[3:])
+        acceleration[2] += self._gravity_mps2
+        gained = h * acceleration
+        velocity = state[3:6]
+        moved = np.empty(state.shape)
+        np.add(state[:3], h * (velocity + 0.5 * gained), out=moved[:3])
+        np.add(velocity, gained, out=moved[3:6])
+        np.add(state[6:9], (0.5 * h) * rates, out=moved[6:9])
+        moved[9:] = felt[:3]
+        if any_landed:
+            moved[:, landed] = state[:, landed]
+            moved[3:8, landed] = 0.0
+            moved[9:, landed] = 0.0
+            if not self.aligned.all():
+                self._pad.inertial(inertial)
+        self._state = moved
 
-        Midpoint rule; the midpoint is guessed with the rates of the step before, which saves every second
-        evaluation of Eq. 1 and keeps the order.
-        """
-        if not self.aligned:
-            return
-        self._control = control.T
-        x = self._mean[:12]
-        self._rates = derivative(x + 0.5 * step_s * self._rates, self._control, self._q)
-        if landed.any():
-            x *= np.where(landed, _STANDS[:12, None], 1.0)
-            self._rates[:, landed] = 0.0
-        x += step_s * self._rates
-
-    def measure(self, inertial: Array, gnss: Array | None, landed: Mask) -> None:
-        """Take an inertial sample (V, 5) and, if there is one, a GNSS fix (V, 6), as `Sensors` gives them."""
-        if not self.aligned:
-            self._average(inertial, gnss)
-            return
-        inertial = inertial.copy()
-        inertial[:, 4] -= self._baro_zero_m
+    def update(self, landed: Mask, baro: Array, *, compass: Array | None = None, gnss: Array | None = None) -> None:
+        """Correct the means by height (V,) and, where it is their turn, heading (V,) and GNSS fix (6, V)."""
+        if not self.aligned.all():
+            self._align(baro, compass, gnss)
+            if not self.aligned.any():
+                return
         self._predict(landed)
-        gnss_weight, inertial_weight = self._gate(inertial, gnss)
-        noise = self._noise
-        for i, ekf in enumerate(self._filters):
-            if gnss is not None:
-                r = noise.gnss if gnss_weight is None else noise.gnss + np.diag(gnss_weight[i])
-                ekf.update(gnss[i], _gnss_jacobian, _expected_gnss, r)
-            r = noise.inertial if inertial_weight is None else noise.inertial + np.diag(inertial_weight[i])
-            ekf.update(inertial[i], _inertial_jacobian, _expected_inertial, r, residual=_inertial_residual)
-            self._mean[:, i] = ekf.x
-
-    def _average(self, inertial: Array, gnss: Array | None) -> None:
-        inertials, fixes = self._pad_samples
-        inertials.append(inertial)
+        self._take_scalar(baro, _BARO, H_BARO, self._model.baro, np.subtract)
+        if compass is not None:
+            self._take_scalar(compass, _COMPASS, H_COMPASS, self._model.compass, _off_course)
         if gnss is not None:
-            fixes.append(gnss)
-        if len(inertials) * INERTIAL_PERIOD_S < ALIGN_S or not fixes:
-            return
-        yaw = np.array([sample[:, 3] for sample in inertials])
-        self._mean[:3] = np.mean(fixes, axis=0)[:, :3].T
-        self._mean[8] = yaw[0] + np.mean(wrapped(yaw - yaw[0]), axis=0)
-        self._mean[12:] = np.mean(inertials, axis=0)[:, :3].T
-        self._baro_zero_m = np.mean(inertials, axis=0)[:, 4] + self._mean[2]
-        for ekf, mean in zip(self._filters, self._mean.T, strict=True):
-            ekf.x, ekf.P = mean.copy(), self._noise.aligned(len(inertials), len(fixes))
-        self.aligned = True
+            self._take_fix(gnss)
+        means = np.array([ekf.x for ekf in self.filters]).T
+        self._state[:9], self._slow = means[:9], means[9:].copy()
+        if landed.any():
+            self._state[3:8, landed] = 0.0
+        self._velocity_before = means[3:6]
+        self._variance = np.array([ekf.P.diagonal() for ekf in self.filters])
+        sure = self._variance[:, :3].max(axis=1) < LOST_SIGMA_M**2
+        self.healthy = self.aligned & sure & (self._ratio < 1.0).all(axis=1)
 
     def _predict(self, landed: Mask) -> None:
-        dt = INERTIAL_PERIOD_S
-        transition = np.tile(np.eye(STATES), (len(self._filters), 1, 1))
-        transition[:, :12, :12] += dt * jacobian(self._mean[:12], self._control, self._q)
-        transition[landed] = np.diag(_STANDS)
-        for i, (ekf, mean) in enumerate(zip(self._filters, self._mean.T.copy(), strict=True)):
-            ekf.F = transition[i]
-            ekf.Q = self._noise.standing if landed[i] else self._noise.flying
-            ekf.predict(mean)
+        state = self._state
+        force = (state[3:6] - self._velocity_before) / UPDATE_PERIOD_S
+        force[2] -= self._gravity_mps2
+        transition = self._model.transition(Turn.of(state[6:9]), force, landed)
+        noise = (self._model.flying, self._model.standing)
+        for ekf, f, stands, mean in zip(self.filters, transition, landed.tolist(), self.mean, strict=True):
+            ekf.F, ekf.Q = f, noise[stands]
+            ekf.predict(mean.copy())
 
-    def _gate(self, inertial: Array, gnss: Array | None) -> tuple[Array | None, Array | None]:
-        """Judge the samples; return the variance to add to each component, or None where all are accepted."""
-        variance = np.array([ekf.P.diagonal() for ekf in self._filters])
-        mean, noise = self._mean.T, self._noise
+    def _take_fix(self, gnss: Array) -> None:
+        self._unaided_s += GNSS_PERIOD_S
+        there = self.aligned & ~np.isnan(gnss[0])
+        fix, noise = gnss.T.copy(), self._model.gnss
+        off = self._off(fix, H_GNSS, noise, np.subtract)
+        ratio = np.stack((off[:, 3:].max(axis=1), off[:, :2].max(axis=1), off[:, 2]), axis=1)
+        ratio[~there] = 0.0  # nothing is refused where there is nothing
+        self._ratio[:, :3] = ratio
+        refused = ratio > 1.0
+        self._refused_s[:, :3] = np.where(refused, self._refused_s[:, :3] + GNSS_PERIOD_S, 0.0)
+        accepted = ~refused[:, _GROUP_OF_FIX]
+        for i in np.flatnonzero(there).tolist():
+            ekf = self.filters[i]
+            if accepted[i].all():
+                ekf.update(fix[i], _jacobian, _expected, noise, (H_GNSS,), (H_GNSS,))
+                self._unaided_s[i] = 0.0
+            elif (self._refused_s[i, :3] >= GATE_TIMEOUT_S).any():
+                self._start_again(ekf, fix[i])
+                self._refused_s[i, :3] = self._unaided_s[i] = 0.0
+            elif accepted[i].any():
+                rows = np.flatnonzero(accepted[i])
+                h = H_GNSS[rows]
+                ekf.update(fix[i, rows], _jacobian, _expected, noise[np.ix_(rows, rows)], (h,), (h,))
+
+    def _start_again(self, ekf: VehicleFilter, fix: Array) -> None:
+        """Take place and velocity from a fix. They are then wrong as the fix is, in the opposite sense."""
+        ekf.x[POSITION], ekf.x[VELOCITY] = fix[:3] - ekf.x[GNSS_ERROR], fix[3:]
+        p = ekf.P.copy()
+        p[VELOCITY], p[:, VELOCITY] = 0.0, 0.0
+        p[POSITION] = -p[GNSS_ERROR]
+        p[:, POSITION] = -p[:, GNSS_ERROR]
+        p[:6, :6] += self._model.gnss
+        ekf.P = p
+
+    def _take_scalar(self, measured: Array, group: int, h: Array, noise: Array, residual: Residual) -> None:
+        z = measured[:, None].copy()
+        ratio = np.where(self.aligned, self._off(z, h, noise, residual)[:, 0], 0.0)
+        self._ratio[:, group] = ratio
+        for i in np.flatnonzero(self.aligned & (ratio <= 1.0)).tolist():
+            self.filters[i].update(z[i], _jacobian, _expected, noise, (h,), (h,), residual)
+
+    def _off(self, measured: Array, h: Array, noise: Array, residual: Residual) -> Array:
+        """Innovations over their gates (V, m) of measurements (V, m) of h (m, 19), as the filters stand now."""
+        expected = np.array([ekf.x for ekf in self.filters]) @ h.T
+        spread = (h @ self.covariance @ h.T).diagonal(axis1=1, axis2=2) + noise.diagonal()
+        return np.asarray(np.abs(residual(measured, expected)) / (GATE_SIGMA * np.sqrt(spread)))
+
+    def _align(self, baro: Array, compass: Array | None, gnss: Array | None) -> None:
+        """Let those begin who have stood still with a fix for ALIGN_S."""
+        pad = self._pad
+        pad.height(baro)
+        if compass is not None:
+            pad.heading(compass)
         if gnss is not None:
-            off = np.abs(gnss - mean[:, :6]) / (GATE_SIGMA * np.sqrt(variance[:, :6] + noise.gnss_gate))
-            self._ratio[:, 0] = off[:, 3:].max(axis=1)
-            self._ratio[:, 1] = off[:, :2].max(axis=1)
-            self._ratio[:, 2] = off[:, 2]
-        self._ratio[:, 3] = np.abs(wrapped(inertial[:, 3] - mean[:, 8]))
-        self._ratio[:, 4] = np.abs(inertial[:, 4] + mean[:, 2])
-        self._ratio[:, 3:] /= GATE_SIGMA * np.sqrt(variance[:, (8, 2)] + noise.inertial_gate)
-        refused = self._ratio > 1.0
-        self._refused_s = np.where(refused, self._refused_s + INERTIAL_PERIOD_S, 0.0)
-        if not refused.any():
-            return None, None
-        extra = np.where(refused & (self._refused_s < GATE_TIMEOUT_S), _NO_WEIGHT, 0.0)
-        return extra[:, (1, 1, 2, 0, 0, 0)], np.pad(extra[:, 3:], ((0, 0), (3, 0)))
+            pad.place(gnss)
+        begin = ~self.aligned & (pad.fixes * GNSS_PERIOD_S >= ALIGN_S - 1e-9)
+        if not begin.any():
+            return
+        place, heading, height, rates, force = pad.means()
+        self._state[:3, begin] = place[:, begin]
+        self._state[YAW, begin] = heading[begin]
+        self._slow[:3, begin] = rates[:, begin]
+        self._slow[3:6, begin] = force[:, begin] + np.array([[0.0], [0.0], [self._gravity_mps2]])
+        self._slow[6, begin] = height[begin] + place[2, begin]
+        for i in np.flatnonzero(begin).tolist():
+            self.filters[i].P = self._model.aligned(ALIGN_S)
+        self.aligned = self.aligned | begin
 
 
-@dataclass(frozen=True, slots=True)
-class _Noise:
-    """Every covariance the filters need, made once."""
+class _PadMeans:
+    """Running means of what V vehicles measure while they stand."""
 
-    gnss: Array  # (6, 6)
-    gnss_gate: Array  # (6,)
-    inertial: Array  # (5, 5)
-    inertial_gate: Array  # (2,) compass, baro
-    flying: Array  # (15, 15)
-    standing: Array  # (15, 15)
-    grade: SensorGrade
+    def __init__(self, vehicles: int) -> None:
+        self.fixes = np.zeros(vehicles)
+        self._inertial, self._place = np.zeros((6, vehicles)), np.zeros((3, vehicles))
+        self._height, self._turned = np.zeros(vehicles), np.zeros(vehicles)
+        self._first_yaw: Array | None = None
+        self._samples = self._heights = self._headings = 0
 
-    @classmethod
-    def of(cls, q: Quadrotor, limits: ControlLimits, grade: SensorGrade) -> _Noise:
-        g, dt = grade, INERTIAL_PERIOD_S
-        white = np.square(
-            [g.gnss_horizontal_m] * 2 + [g.gnss_vertical_m] + [g.gnss_horizontal_mps] * 2 + [g.gnss_vertical_mps]
-        )
-        drifts = (g.gnss_horizontal_drift_m, g.gnss_horizontal_drift_m, g.gnss_vertical_drift_m)
-        slow = np.array([d.equivalent_variance(GNSS_PERIOD_S) for d in drifts] + [0.0] * 3)
-        at_once = np.array([d.sigma**2 for d in drifts] + [0.0] * 3)
-        baro_slow = g.baro_drift_m.equivalent_variance(dt)
-        inertial = [g.gyro_radps**2] * 3 + [g.mag_rad**2, g.baro_m**2 + baro_slow]
-        turn = TURN_NOISE_SHARE * turn_authority_radps2(q, limits)
-        bias = [g.gyro_bias_walk_radps**2 * dt] * 3
-        flying = np.concatenate([[0.0] * 3, [ACCELERATION_NOISE**2 * dt] * 3, [0.0] * 3, turn**2 * dt, bias])
-        standing = np.concatenate([(1.0 - _STANDS[:12]) * _STANDS_SIGMA**2, bias])
-        return cls(
-            gnss=np.diag(white + slow),
-            gnss_gate=white + at_once,
-            inertial=np.diag(inertial),
-            inertial_gate=np.array([g.mag_rad**2, g.baro_m**2 + g.baro_drift_m.sigma**2]),
-            flying=np.diag(flying),
-            standing=np.diag(standing),
-            grade=g,
-        )
+    def inertial(self, sample: Array) -> None:
+        self._inertial += sample
+        self._samples += 1
 
-    def aligned(self, inertials: int, fixes: int) -> Array:
-        """Covariance (15, 15) of a mean over so many samples on the pad; slow errors do not average out."""
-        g = self.grade
-        position = [g.gnss_horizontal_m**2 / fixes + g.gnss_horizontal_drift_m.sigma**2] * 2
-        position.append(g.gnss_vertical_m**2 / fixes + g.gnss_vertical_drift_m.sigma**2)
-        still = (1.0 - _STANDS[:12]) * _STANDS_SIGMA**2
-        still[:3] = position
-        still[8] = g.mag_rad**2 / inertials
-        return np.diag(np.concatenate([still, [g.gyro_radps**2 / inertials] * 3]))
+    def height(self, sample: Array) -> None:
+        self._height += sample
+        self._heights += 1
+
+    def heading(self, sample: Array) -> None:
+        if self._first_yaw is None:
+            self._first_yaw = sample
+        self._turned += wrapped(sample - self._first_yaw)
+        self._headings += 1
+
+    def place(self, fix: Array) -> None:
+        there = ~np.isnan(fix[0])
+        self._place[:, there] += fix[:3, there]
+        self.fixes += there
+
+    def means(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Place (3, V), heading (V,), height (V,), rates (3, V), specific force (3, V)."""
+        assert self._first_yaw is not None
+        heading = self._first_yaw + self._turned / self._headings
+        inertial = self._inertial / self._samples
+        place = self._place / np.maximum(self.fixes, 1.0)
+        return place, heading, self._height / self._heights, inertial[:3], inertial[3:]
 
 
-def _gnss_jacobian(_: Array) -> Array:
-    return _H_GNSS
+def _jacobian(_: Array, h: Array) -> Array:
+    return h
 
 
-def _expected_gnss(x: Array) -> Array:
-    return x[:6]
+def _expected(x: Array, h: Array) -> Array:
+    return np.asarray(h.dot(x))
 
 
-def _inertial_jacobian(_: Array) -> Array:
-    return _H_INERTIAL
-
-
-def _expected_inertial(x: Array) -> Array:
-    return np.asarray(_H_INERTIAL @ x)
-
-
-def _inertial_residual(measured: Array, expected: Array) -> Array:
-    off = measured - expected
-    off[3] = (off[3] + np.pi) % (2.0 * np.pi) - np.pi
-    return off
+def _off_course(measured: Array, expected: Array) -> Array:
+    return wrapped(measured - expected)

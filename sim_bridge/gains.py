@@ -20,6 +20,9 @@ ANGLE_SCALE_RAD = 0.2
 POSITION_BANDWIDTH_MAX_RADPS = 2.0
 TILT_BANDWIDTH_MAX_RADPS = 10.0
 YAW_BANDWIDTH_MAX_RADPS = 3.0
+PUSH_BANDWIDTH_RADPS = 1.0  # a gust's; what is learnt faster is the estimate's noise
+TORQUE_BANDWIDTH_SHARE = 0.5  # of the tilt's
+PUSH_MAX_MPS2 = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +58,8 @@ class Gains:
     tilt: Array  # (4,) on distance, speed, angle, angular rate; roll and pitch alike
     height: Array  # (2,) on height, climb
     yaw: Array  # (2,) on angle, rate
+    push_radps: Array  # (6,) bandwidth of what is learnt about pushes along and turns about north, east, down
+    push_max: Array  # (6,) largest of them that are made good, m/s² and rad/s²
 
 
 def turn_authority_radps2(q: Quadrotor, limits: ControlLimits) -> Array:
@@ -78,4 +83,6 @@ def lqr_gains(q: Quadrotor, limits: ControlLimits) -> Gains:
         tilt=chain_gain((1.0, g, 1.0), (g * turn / (outer * inner) ** 2, np.inf, angle_scale, np.inf), turn),
         height=chain_gain((1.0,), (climb / height**2, climb / height), climb),
         yaw=chain_gain((1.0,), (spin / yaw**2, spin / yaw), spin),
+        push_radps=np.array([PUSH_BANDWIDTH_RADPS] * 3 + [inner * TORQUE_BANDWIDTH_SHARE] * 2 + [yaw]),
+        push_max=np.concatenate([[PUSH_MAX_MPS2] * 3, turn_authority_radps2(q, limits)]),
     )

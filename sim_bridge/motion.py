@@ -1,60 +1,147 @@
-"""Eq. 1 for a whole fleet at once: its rates, one integration step, its Jacobian.
+"""Eq. 1 for a whole fleet at once: one integration step made for it, and the rotation that its angles mean.
 
-Knows: `gcs.quadrotor` on arrays with components first, (12, V), so that each component is one contiguous row and a
-step of six vehicles costs hardly more than one of one. Does not know: ground, motors, estimates.
+Knows: arrays with components first, (12, V), so that each component is one contiguous row and a step of six
+vehicles costs hardly more than one of one. Does not know: ground, motors, estimates.
+
+With Euler rates for body rates, Eq. 1 falls into three parts that need no general integrator: rates, which hear of
+nothing else (Taylor); angles, which are integrals of the rates; and velocity, which is a first-order lag on a
+direction of thrust that the angles give (exponential decay and two-point Gauss quadrature, fourth order).
 """
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
-from gcs.quadrotor import Array, Quadrotor, equations_of_motion
+from gcs.quadrotor import Array, Quadrotor
 
-_STILL = np.zeros((3, 1))
-
-
-def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array = _STILL) -> Array:
-    """Eq. 1: state (12, V), control (4, V), wind (3, V or 1) -> (12, V)."""
-    return np.array(equations_of_motion(tuple(state), tuple(control), q, tuple(wind_ned_mps)))
+_NEXT, _AFTER = (1, 0, 0), (2, 2, 1)  # rows whose product couples into each rate
+_GAUSS = (0.5 - np.sqrt(1.0 / 12.0), 0.5 + np.sqrt(1.0 / 12.0))
 
 
-def rk4(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array, step_s: float) -> Array:
-    """One classical Runge-Kutta step of Eq. 1 with control and wind held; shapes as for `derivative`."""
-    k1 = derivative(state, control, q, wind_ned_mps)
-    k2 = derivative(state + 0.5 * step_s * k1, control, q, wind_ned_mps)
-    k3 = derivative(state + 0.5 * step_s * k2, control, q, wind_ned_mps)
-    k4 = derivative(state + step_s * k3, control, q, wind_ned_mps)
-    return np.asarray(state + step_s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4))
+class Turn(NamedTuple):
+    """Sines and cosines of roll, pitch and yaw, each (..., V)."""
+
+    sr: Array
+    sp: Array
+    sy: Array
+    cr: Array
+    cp: Array
+    cy: Array
+
+    @classmethod
+    def of(cls, attitude_rad: Array) -> Turn:
+        """From angles (3, V)."""
+        s, c = np.sin(attitude_rad), np.cos(attitude_rad)
+        return cls(s[0], s[1], s[2], c[0], c[1], c[2])
+
+    def thrust_axis(self) -> Array:
+        """Where the rotors blow to, down in body axes, as a unit vector (3, V) in NED."""
+        lean = self.sp * self.cr
+        out = np.empty((3, *lean.shape))
+        out[0] = self.cy * lean + self.sy * self.sr
+        out[1] = self.sy * lean - self.cy * self.sr
+        out[2] = self.cp * self.cr
+        return out
+
+    def to_ned(self, body: Array) -> Array:
+        """Turn vectors (3, V) from body axes (forward, right, down) to north, east, down."""
+        x, y, z = body
+        right, down = self.cr * y - self.sr * z, self.sr * y + self.cr * z
+        ahead = self.cp * x + self.sp * down
+        out = np.empty(body.shape)
+        out[0] = self.cy * ahead - self.sy * right
+        out[1] = self.sy * ahead + self.cy * right
+        out[2] = self.cp * down - self.sp * x
+        return out
+
+    def to_body(self, ned: Array) -> Array:
+        """The inverse of `to_ned`."""
+        n, e, d = ned
+        ahead, right = self.cy * n + self.sy * e, self.cy * e - self.sy * n
+        down = self.sp * ahead + self.cp * d
+        out = np.empty(ned.shape)
+        out[0] = self.cp * ahead - self.sp * d
+        out[1] = self.cr * right + self.sr * down
+        out[2] = self.cr * down - self.sr * right
+        return out
 
 
-def jacobian(state: Array, control: Array, q: Quadrotor) -> Array:
-    """∂(Eq. 1)/∂state for states (12, V) and controls (4, V) -> (V, 12, 12)."""
-    roll, pitch, yaw, p, qq, r = state[6:12]
-    sr, cr, sp, cp, sy, cy = (
-        np.sin(roll),
-        np.cos(roll),
-        np.sin(pitch),
-        np.cos(pitch),
-        np.sin(yaw),
-        np.cos(yaw),
-    )
-    thrust = control[0] / q.mass_kg
-    ix, iy, iz = q.inertia_kgm2
-    a = np.zeros((state.shape[1], 12, 12))
-    for i in range(3):
-        a[:, i, 3 + i] = 1.0
-        a[:, 6 + i, 9 + i] = 1.0
-        a[:, 3 + i, 3 + i] = -q.drag_Nspm[i] / q.mass_kg
-        a[:, 9 + i, 9 + i] = -q.drag_moment_Nms[i] / q.inertia_kgm2[i]
-    a[:, 3, 6] = (cy * sp * sr - sy * cr) * thrust
-    a[:, 3, 7] = -cy * cp * cr * thrust
-    a[:, 3, 8] = (sy * sp * cr - cy * sr) * thrust
-    a[:, 4, 6] = (sy * sp * sr + cy * cr) * thrust
-    a[:, 4, 7] = -sy * cp * cr * thrust
-    a[:, 4, 8] = -(cy * sp * cr + sy * sr) * thrust
-    a[:, 5, 6] = cp * sr * thrust
-    a[:, 5, 7] = sp * cr * thrust
-    a[:, 9, 10], a[:, 9, 11] = r * ((iy - iz) / ix), qq * ((iy - iz) / ix)
-    a[:, 10, 9], a[:, 10, 11] = r * ((iz - ix) / iy), p * ((iz - ix) / iy)
-    a[:, 11, 9], a[:, 11, 10] = qq * ((ix - iy) / iz), p * ((ix - iy) / iz)
-    return a
+class Stepper:
+    """Advances states by a fixed step under controls and wind that are held meanwhile."""
+
+    def __init__(self, q: Quadrotor, step_s: float) -> None:
+        h = step_s
+        ix, iy, iz = q.inertia_kgm2
+        inertia = np.array([ix, iy, iz])
+        self._mass_kg = q.mass_kg
+        self._lever = (np.array([q.arm_m, q.arm_m, 1.0]) / inertia)[:, None]
+        self._coupling = (np.array([iy - iz, iz - ix, ix - iy]) / inertia)[:, None]
+        self._damping = (np.array(q.drag_moment_Nms) / inertia)[:, None]
+        self._damping_out = -self._damping
+        self._gravity = np.array([[0.0], [0.0], [q.gravity_mps2]])
+        self._drag = (np.array(q.drag_Nspm) / q.mass_kg)[:, None]
+        # Rows: angles at the two Gauss points and at the end, rates at the end; columns: angles, rates and their
+        # first three derivatives at the start.
+        tau = np.array([_GAUSS[0] * h, _GAUSS[1] * h, h])
+        powers = [tau**k / math.factorial(k) for k in range(5)]
+        self._taylor = np.vstack([np.stack(powers, axis=1), [0.0, 1.0, h, h**2 / 2.0, h**3 / 6.0]])
+        left = h - tau[:2, None, None]  # (2, 1, 1) until the end of the step
+        self._decay, self._lag = _decay(self._drag, h), _lag(self._drag, h)
+        # Share of an acceleration at each Gauss point in the velocity and in the position at the end.
+        self._weights = 0.5 * h * np.stack([_decay(self._drag, left), _lag(self._drag, left)])  # (2, 2, 3, 1)
+
+    def __call__(self, state: Array, control: Array, wind_ned_mps: Array) -> tuple[Array, Turn]:
+        """State (12, V), control (4, V), wind (3, V) -> state at the end, and the turn just before it."""
+        vehicles = state.shape[1]
+        stack = np.empty((5, 3, vehicles))
+        stack[:2] = state[6:].reshape(2, 3, vehicles)
+        rates = stack[1]
+        near, far = rates.take(_NEXT, axis=0), rates.take(_AFTER, axis=0)
+        first, second = stack[2], stack[3]
+        first[:] = self._lever * control[1:] + self._coupling * (near * far) - self._damping * rates
+        near_1, far_1 = first.take(_NEXT, axis=0), first.take(_AFTER, axis=0)
+        second[:] = self._coupling * (near_1 * far + near * far_1) - self._damping * first
+        np.multiply(self._damping_out, second, out=stack[4])  # what the coupling adds here is far below anything else
+        turned = self._taylor.dot(stack.reshape(5, 3 * vehicles)).reshape(4, 3, vehicles)
+
+        s, c = np.sin(turned[:2]), np.cos(turned[:2])
+        sr, sp, sy, cr, cp, cy = s[:, 0], s[:, 1], s[:, 2], c[:, 0], c[:, 1], c[:, 2]
+        thrust = control[0] / -self._mass_kg
+        lean = sp * cr
+        pull = np.empty((2, 3, vehicles))
+        pull[:, 0] = cy * lean + sy * sr
+        pull[:, 1] = sy * lean - cy * sr
+        pull[:, 2] = cp * cr
+        pull *= thrust
+        pull += self._gravity + self._drag * wind_ned_mps
+        moved = np.add.reduce(self._weights * pull, axis=1)
+
+        velocity = state[3:6]
+        out = np.empty(state.shape)
+        np.add(state[:3] + self._lag * velocity, moved[1], out=out[:3])
+        np.add(self._decay * velocity, moved[0], out=out[3:6])
+        out[6:] = turned[2:].reshape(6, vehicles)
+        return out, Turn(sr[1], sp[1], sy[1], cr[1], cp[1], cy[1])
+
+    def specific_force(self, state: Array, control: Array, wind_ned_mps: Array, turn: Turn) -> Array:
+        """What an accelerometer feels, (3, V) in body axes: thrust and drag, not gravity."""
+        drag = self._drag * (wind_ned_mps - state[3:6])
+        force = turn.to_body(drag)
+        force[2] -= control[0] / self._mass_kg
+        return force
+
+
+def _decay(rate: Array, time_s: NDArray[np.float64] | float) -> Array:
+    """What is left of a velocity."""
+    return np.asarray(np.exp(-rate * time_s))
+
+
+def _lag(rate: Array, time_s: NDArray[np.float64] | float) -> Array:
+    """Way that a velocity still goes: (1 - exp(-rate time)) / rate."""
+    decay = rate * time_s
+    safe = np.where(decay > 0.0, decay, 1.0)
+    return np.asarray(time_s * np.where(decay > 0.0, -np.expm1(-safe) / safe, 1.0))

@@ -1,39 +1,64 @@
-"""What the vehicles can know of themselves: GNSS, barometer, gyro and magnetometer, with seeded errors.
+"""What the vehicles can know of themselves: inertial unit, compass, barometer, GNSS receiver, with seeded errors.
 
-Knows: the error model of every sensor, and a grade for each kind of receiver. Does not know: what an
-estimator makes of it. White noise is added to each sample; slow errors are first-order Gauss-Markov processes.
-The gyro measures Euler rates, because Eq. 1 takes Euler rates as body rates. One random stream per vehicle and
-sensor: a vehicle's errors depend on the seed and on its place in the fleet, never on how many others fly.
+Knows: the error model of every sensor, and a grade for each kind of receiver. Does not know: what an estimator makes
+of it. White noise is added to each sample; slow errors are Gauss-Markov processes or random walks. The gyro measures
+Euler rates, because Eq. 1 takes Euler rates as body rates. One random stream per vehicle and sensor: a vehicle's
+errors depend on the seed and on its place in the fleet, never on how many others fly. What is broken (`effects`)
+changes samples, not streams: after an outage the errors are those of a flight without one.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from gcs.quadrotor import Array
+from sim_bridge.breakdowns import Effects, Sensor
+from sim_bridge.plant import Mask
 
-INERTIAL_PERIOD_S = 0.02  # gyro, magnetometer and barometer are read together at 50 Hz
-GNSS_PERIOD_S = 0.1
+INERTIAL_PERIOD_S = 0.02
+BARO_PERIOD_S = 0.1
+COMPASS_PERIOD_S = GNSS_PERIOD_S = 0.2  # by turns
 
-_BLOCK = 256
+_BLOCK = 256  # samples drawn ahead
+
+
+class Steps(NamedTuple):
+    """A slow error as x_0 = start n, x_k = keep x_{k-1} + add n_k with standard normal n."""
+
+    start: float
+    keep: float
+    add: float
 
 
 @dataclass(frozen=True, slots=True)
 class GaussMarkov:
-    """A slowly varying error: stationary standard deviation and correlation time."""
+    """A slowly varying error that comes back: stationary standard deviation and correlation time."""
 
     sigma: float
     time_s: float
 
-    def equivalent_variance(self, period_s: float) -> float:
-        """Variance of white samples with the same power at low frequency: sigma² (1 + 2 time_s / period_s).
+    def steps(self, period_s: float) -> Steps:
+        """The process at samples `period_s` apart."""
+        keep = math.exp(-period_s / self.time_s)
+        return Steps(self.sigma, keep, self.sigma * math.sqrt(1.0 - keep * keep))
 
-        What a filter that takes the samples for independent must assume, not to trust their average too much.
-        """
-        return self.sigma**2 * (1.0 + 2.0 * self.time_s / period_s) if self.sigma > 0 else 0.0
+
+@dataclass(frozen=True, slots=True)
+class RandomWalk:
+    """A bias that wanders: standard deviation when switched on, and its growth per square root of a second."""
+
+    start: float
+    per_root_s: float
+
+    def steps(self, period_s: float) -> Steps:
+        """The process at samples `period_s` apart."""
+        return Steps(self.start, 1.0, self.per_root_s * math.sqrt(period_s))
 
 
 NO_DRIFT = GaussMarkov(0.0, 1.0)
@@ -41,7 +66,7 @@ NO_DRIFT = GaussMarkov(0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class SensorGrade:
-    """Standard deviations of one sensor fit, per sample where white."""
+    """One sensor fit; standard deviations are per sample where white."""
 
     name: str
     gnss_horizontal_m: float
@@ -53,9 +78,21 @@ class SensorGrade:
     baro_m: float = 0.1
     baro_drift_m: GaussMarkov = GaussMarkov(0.5, 300.0)
     gyro_radps: float = 0.002
-    gyro_bias_radps: float = 0.003  # when switched on
-    gyro_bias_walk_radps: float = 1e-5  # growth per square root of a second
-    mag_rad: float = 0.02
+    gyro_bias_radps: RandomWalk = RandomWalk(0.003, 1e-5)
+    accel_mps2: float = 0.05
+    accel_bias_mps2: RandomWalk = RandomWalk(0.05, 2e-4)
+    compass_rad: float = 0.02
+
+    @property
+    def gnss_white(self) -> Array:
+        """Of north, east, down (m) and their rates (m/s), (6,)."""
+        place = [self.gnss_horizontal_m] * 2 + [self.gnss_vertical_m]
+        return np.array(place + [self.gnss_horizontal_mps] * 2 + [self.gnss_vertical_mps])
+
+    @property
+    def gnss_drift(self) -> tuple[GaussMarkov, ...]:
+        """Of north, east, down."""
+        return (self.gnss_horizontal_drift_m, self.gnss_horizontal_drift_m, self.gnss_vertical_drift_m)
 
 
 RTK = SensorGrade("rtk", 0.01, 0.015, 0.02, 0.03)
@@ -63,70 +100,101 @@ GNSS = SensorGrade("gnss", 0.1, 0.2, 0.05, 0.08, GaussMarkov(1.0, 60.0), GaussMa
 GRADES = MappingProxyType({grade.name: grade for grade in (RTK, GNSS)})
 
 
-class _Normals:
-    """Standard normal numbers for V vehicles, one generator each, drawn ahead in blocks for speed."""
+class _Errors:
+    """Errors of C channels for V vehicles: white and slow ones, drawn and summed ahead in blocks for speed."""
 
-    def __init__(self, seeds: list[np.random.SeedSequence], channels: int) -> None:
+    def __init__(self, seeds: list[np.random.SeedSequence], white: Array, slow: list[Steps]) -> None:
         self._generators = [np.random.default_rng(seed) for seed in seeds]
-        self._block = np.empty((_BLOCK, len(seeds), channels))
+        self._white = white[:, None]
+        self._steps = slow
+        first = np.stack([g.standard_normal(len(slow)) for g in self._generators], axis=1)
+        self.slow = np.array([s.start for s in slow])[:, None] * first  # (C, V) of the last sample
         self._next = _BLOCK
+        self._all = self._slow = np.empty((0, *self.slow.shape))
 
     def draw(self) -> Array:
-        """Next sample (V, channels)."""
+        """Errors (C, V) of the next sample."""
         if self._next == _BLOCK:
-            for i, generator in enumerate(self._generators):
-                self._block[:, i] = generator.standard_normal((_BLOCK, self._block.shape[2]))
-            self._next = 0
+            self._draw_block()
+        now = self._next
         self._next += 1
-        return np.asarray(self._block[self._next - 1])
+        self.slow = self._slow[now]
+        return np.asarray(self._all[now])
 
-
-class _Drift:
-    """Gauss-Markov errors of V vehicles on several axes, advanced by numbers drawn elsewhere."""
-
-    def __init__(self, axes: tuple[GaussMarkov, ...], period_s: float, start: Array) -> None:
-        sigma = np.array([axis.sigma for axis in axes])
-        self._keep = np.exp(-period_s / np.array([axis.time_s for axis in axes]))
-        self._add = sigma * np.sqrt(1.0 - self._keep**2)
-        self.value = sigma * start  # (V, axes)
-
-    def advance(self, normals: Array) -> Array:
-        self.value = self._keep * self.value + self._add * normals
-        return self.value
+    def _draw_block(self) -> None:
+        channels, vehicles = self.slow.shape
+        normals = np.empty((_BLOCK, 2, channels, vehicles))
+        for i, generator in enumerate(self._generators):
+            normals[..., i] = generator.standard_normal((_BLOCK, 2, channels))
+        slow = np.zeros((_BLOCK, channels, vehicles))
+        for c, (start, keep, add) in enumerate(self._steps):
+            if start or add:
+                slow[:, c], _ = lfilter([add], [1.0, -keep], normals[:, 1, c], axis=0, zi=keep * self.slow[None, c])
+        self._slow, self._all = slow, slow + self._white * normals[:, 0]
+        self._next = 0
 
 
 class Sensors:
-    """The sensors of V vehicles; every call to a read_ method is one sample period."""
+    """The sensors of V vehicles; every call is one sample period. `effects` is what is broken just now."""
 
     def __init__(self, grade: SensorGrade, vehicles: int, seed: int) -> None:
-        children = [child.spawn(2) for child in np.random.SeedSequence(seed).spawn(vehicles)]
-        self._inertial = _Normals([pair[0] for pair in children], 9)
-        self._gnss = _Normals([pair[1] for pair in children], 9)
-        g = grade
-        self._inertial_sigma = np.array([g.gyro_radps] * 3 + [g.mag_rad, g.baro_m])
-        self._gnss_sigma = np.array(
-            [g.gnss_horizontal_m] * 2 + [g.gnss_vertical_m] + [g.gnss_horizontal_mps] * 2 + [g.gnss_vertical_mps]
-        )
-        first = self._inertial.draw()
-        self.gyro_bias_radps = g.gyro_bias_radps * first[:, 6:]  # (V, 3), truth for tests
-        self._bias_step = g.gyro_bias_walk_radps * np.sqrt(INERTIAL_PERIOD_S)
-        self._baro_drift = _Drift((g.baro_drift_m,), INERTIAL_PERIOD_S, first[:, 5:6])
-        position = (g.gnss_horizontal_drift_m, g.gnss_horizontal_drift_m, g.gnss_vertical_drift_m)
-        self._gnss_drift = _Drift(position, GNSS_PERIOD_S, self._gnss.draw()[:, 6:])
+        children = [child.spawn(4) for child in np.random.SeedSequence(seed).spawn(vehicles)]
+        inertial, baro, compass, gnss = ([child[k] for child in children] for k in range(4))
+        g, still = grade, Steps(0.0, 0.0, 0.0)
+        walks = [g.gyro_bias_radps.steps(INERTIAL_PERIOD_S)] * 3 + [g.accel_bias_mps2.steps(INERTIAL_PERIOD_S)] * 3
+        self._inertial = _Errors(inertial, np.repeat([g.gyro_radps, g.accel_mps2], 3), walks)
+        self._baro = _Errors(baro, np.array([g.baro_m]), [g.baro_drift_m.steps(BARO_PERIOD_S)])
+        self._compass = _Errors(compass, np.array([g.compass_rad]), [still])
+        drifts = [drift.steps(GNSS_PERIOD_S) for drift in g.gnss_drift]
+        self._gnss = _Errors(gnss, g.gnss_white, drifts + [still] * 3)
+        self._last_inertial, self._last_gnss = np.zeros((6, vehicles)), np.zeros((6, vehicles))
+        self._last_baro, self._last_compass = np.zeros(vehicles), np.zeros(vehicles)
+        self.effects = Effects.none(vehicles)
 
-    def read_inertial(self, truth: Array) -> Array:
-        """True states (V, 12) -> (V, 5): gyro (3, rad/s), magnetic yaw (rad), barometric height (m)."""
-        normals = self._inertial.draw()
-        self.gyro_bias_radps = self.gyro_bias_radps + self._bias_step * normals[:, 6:]
-        z = self._inertial_sigma * normals[:, :5]
-        z[:, :3] += truth[:, 9:12] + self.gyro_bias_radps
-        z[:, 3] += truth[:, 8]
-        z[:, 4] += self._baro_drift.advance(normals[:, 5:6])[:, 0] - truth[:, 2]
-        return np.asarray(z)
+    @property
+    def slow_errors(self) -> Array:
+        """What a filter tries to find out, (10, V): gyro (3), accelerometer (3), barometer (1), GNSS position (3)."""
+        return np.concatenate((self._inertial.slow, self._baro.slow, self._gnss.slow[:3]))
+
+    def read_inertial(self, truth: Array, specific_force_mps2: Array) -> Array:
+        """True states (12, V) and force (3, V) in body axes -> (6, V): gyro (rad/s), accelerometer (m/s²)."""
+        z = np.concatenate((truth[9:], specific_force_mps2))
+        z += self._inertial.draw()
+        if not self.effects.sound:
+            stuck = self.effects.stuck.T
+            self._hold(z[:3], self._last_inertial[:3], stuck[Sensor.GYRO])
+            self._hold(z[3:], self._last_inertial[3:], stuck[Sensor.ACCELEROMETER])
+        self._last_inertial = z
+        return z
+
+    def read_baro(self, truth: Array) -> Array:
+        """True states (12, V) -> barometric height (V,), m."""
+        z: Array = self._baro.draw()[0] - truth[2]
+        if not self.effects.sound:
+            self._hold(z, self._last_baro, self.effects.stuck[:, Sensor.BAROMETER])
+        self._last_baro = z
+        return z
+
+    def read_compass(self, truth: Array) -> Array:
+        """True states (12, V) -> magnetic yaw (V,), rad."""
+        z: Array = self._compass.draw()[0] + truth[8]
+        if not self.effects.sound:
+            self._hold(z, self._last_compass, self.effects.stuck[:, Sensor.COMPASS])
+        self._last_compass = z
+        return z
 
     def read_gnss(self, truth: Array) -> Array:
-        """True states (V, 12) -> (V, 6): position NED (m) and velocity NED (m/s)."""
-        normals = self._gnss.draw()
-        z = truth[:, :6] + self._gnss_sigma * normals[:, :6]
-        z[:, :3] += self._gnss_drift.advance(normals[:, 6:])
+        """True states (12, V) -> (6, V): position (m) and velocity (m/s), NED; NaN where there is no fix."""
+        z = truth[:6] + self._gnss.draw()
+        if not self.effects.sound:
+            z[:3] += self.effects.gnss_offset_ned_m.T
+            self._hold(z, self._last_gnss, self.effects.stuck[:, Sensor.GNSS])
+            self._last_gnss = z.copy()
+            z[:, self.effects.gnss_lost] = np.nan
+        else:
+            self._last_gnss = z
         return np.asarray(z)
+
+    @staticmethod
+    def _hold(z: Array, last: Array, stuck: Mask) -> None:
+        z[..., stuck] = last[..., stuck]

@@ -15,7 +15,7 @@ from gcs.errors import GcsError
 from gcs.quadrotor import Array
 from sim_bridge.airframes import Airframes
 
-PERIOD_STEPS = 2  # of 10 ms: 50 Hz
+PERIOD_STEPS = 1  # of 20 ms: 50 Hz
 
 
 class TruthRecord:

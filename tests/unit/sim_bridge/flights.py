@@ -8,16 +8,17 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.quadrotor import Array, Quadrotor
+from sim_bridge import presets
 from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.gains import ControlLimits
 from sim_bridge.reference import Reference, hold
 from sim_bridge.sensors import SensorGrade
+from sim_bridge.wind import CALM, Wind
 
-# Table 1 and Eq. 51: turns its roll rate by at most 0.17 rad/s², lifts 1.06 times its weight.
-F150 = Quadrotor(0.5, 0.075, (0.0219, 0.0219, 0.0366), 1.105e-5, 1.779e-7, (0.073,) * 3, (0.0055,) * 3, 400.0)
-F150_LIMITS = ControlLimits(5.2, (0.0501, 0.0501, 0.0209))
+# Turns its roll rate by at most 0.17 rad/s², lifts 1.06 times its weight.
+F150, F150_LIMITS = presets.F150.quadrotor, presets.F150.limits
 # Lifts twice its weight and turns as such vehicles do.
-FIELD = Quadrotor(2.0, 0.25, (0.03, 0.032, 0.05), 3e-5, 6e-7, (0.3,) * 3, (0.01,) * 3, 572.0)
+FIELD, FIELD_LIMITS = presets.FIELD.quadrotor, presets.FIELD.limits
 
 # Places of Simulation 1: the second and the fifth are 0.5 m apart.
 PADS_NED_M = np.array(
@@ -36,6 +37,11 @@ def _step_up(t_s: Array, start_s: float, duration_s: float) -> Array:
     return np.asarray(s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4))
 
 
+def steps(seconds: float) -> int:
+    """Control steps in so many seconds."""
+    return round(seconds / CONTROL_PERIOD_S)
+
+
 @dataclass(frozen=True)
 class Course:
     """Flat outputs of the first vehicle relative to its pad, one row per control step."""
@@ -45,9 +51,9 @@ class Course:
     yaw_rad: Array
     yaw_rate_radps: Array
 
-    def part(self, start: int, stop: int) -> Course:
-        """The same course from one control step to another."""
-        cut = slice(start, stop)
+    def part(self, start_s: float, stop_s: float) -> Course:
+        """The same course from one time to another."""
+        cut = slice(steps(start_s), steps(stop_s))
         derivatives = tuple(d[cut] for d in self.derivatives)
         return Course(self.t_s[cut], derivatives, self.yaw_rad[cut], self.yaw_rate_radps[cut])
 
@@ -86,10 +92,12 @@ class Flight:
     control: Array  # (N, V, 4)
 
 
-def stand(q: Quadrotor, limits: ControlLimits | None, grade: SensorGrade, pads: Array, seed: int) -> Airframes:
+def stand(
+    q: Quadrotor, limits: ControlLimits | None, grade: SensorGrade, pads: Array, seed: int, wind: Wind = CALM
+) -> Airframes:
     """Vehicles on their pads with aligned filters."""
     yaw = np.full(len(pads), YAW_RAD)
-    airframes = Airframes(q, flat_ground, pads, yaw, grade, seed=seed, limits=limits)
+    airframes = Airframes(q, flat_ground, pads, yaw, grade, seed=seed, limits=limits, wind=wind)
     while not airframes.healthy.all():
         airframes.step(hold(pads, yaw), np.zeros(len(pads), dtype=bool))
     return airframes

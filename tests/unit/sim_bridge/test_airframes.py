@@ -18,6 +18,7 @@ from tests.unit.sim_bridge.flights import (
     flat_ground,
     fly,
     stand,
+    steps,
 )
 
 
@@ -60,7 +61,7 @@ def test_the_estimate_is_better_than_a_fix(paper_flight):
 
 def test_a_vehicle_of_the_two_kilogram_class_flies_with_the_same_rules():
     pads = 3.0 * PADS_NED_M[:1]
-    flight = fly(stand(FIELD, None, RTK, pads, seed=3), course(yaw_swing_rad=0.4).part(0, 5000), pads)
+    flight = fly(stand(FIELD, None, RTK, pads, seed=3), course(yaw_swing_rad=0.4).part(0.0, 50.0), pads)
     error_m = np.linalg.norm(flight.truth[..., :3] - flight.wanted_ned_m, axis=-1)
     assert np.sqrt(np.mean(error_m**2)) < 0.02
     assert error_m.max() < 0.05
@@ -68,11 +69,13 @@ def test_a_vehicle_of_the_two_kilogram_class_flies_with_the_same_rules():
 
 def test_metre_level_receivers_keep_a_fleet_within_metres():
     pads = 20.0 * PADS_NED_M[:3]
-    flight = fly(stand(F150, F150_LIMITS, GNSS, pads, seed=5), course(yaw_swing_rad=0.0).part(0, 2400), pads)
+    airframes = stand(F150, F150_LIMITS, GNSS, pads, seed=5)
+    home = airframes.estimate[:, :3].copy()  # as an autopilot takes it when it arms
+    flight = fly(airframes, course(yaw_swing_rad=0.0).part(0.0, 24.0), home)
     error_m = np.linalg.norm(flight.truth[..., :3] - flight.wanted_ned_m, axis=-1)
-    assert 0.2 < np.sqrt(np.mean(error_m**2)) < 3.0
+    assert 0.2 < np.sqrt(np.mean(error_m**2)) < 5.0
     # It flies its estimate well; what is left is the receiver's.
-    believed_m = np.linalg.norm(flight.estimate[1200:, :, :3] - flight.wanted_ned_m[1200:], axis=-1)
+    believed_m = np.linalg.norm(flight.estimate[600:, :, :3] - flight.wanted_ned_m[600:], axis=-1)
     assert np.sqrt(np.mean(believed_m**2)) < 0.3
 
 
@@ -81,10 +84,10 @@ def test_a_step_of_the_reference_ends_where_it_should(away_m):
     """No plan asks for this; a person with a joystick may."""
     pads = np.zeros((1, 3))
     airframes = stand(FIELD, None, RTK, pads, seed=3)
-    fly(airframes, course(yaw_swing_rad=0.0).part(0, 1350), pads)
+    fly(airframes, course(yaw_swing_rad=0.0).part(0.0, 13.5), pads)
     goal = np.array([[away_m, 0.0, -3.0]])
     past = 0.0
-    for _ in range(1200):
+    for _ in range(steps(12.0)):
         airframes.step(hold(goal, np.array([YAW_RAD])), np.array([True]))
         past = max(past, airframes.truth[0, 0] - away_m)
     np.testing.assert_allclose(airframes.truth[0, :3], goal[0], atol=0.05)
@@ -93,7 +96,7 @@ def test_a_step_of_the_reference_ends_where_it_should(away_m):
 
 def hop(vehicles, seed):
     pads = PADS_NED_M[:vehicles]
-    flight = fly(stand(F150, F150_LIMITS, RTK, pads, seed=seed), course(yaw_swing_rad=0.1).part(0, 800), pads)
+    flight = fly(stand(F150, F150_LIMITS, RTK, pads, seed=seed), course(yaw_swing_rad=0.1).part(0.0, 8.0), pads)
     return flight.truth
 
 
@@ -110,13 +113,13 @@ def test_a_vehicle_flies_alike_in_any_fleet():
 
 def test_motors_do_not_turn_before_the_filters_are_aligned_nor_when_off():
     airframes = Airframes(F150, flat_ground, PADS_NED_M, np.zeros(6), RTK, seed=1)
-    climb = course(yaw_swing_rad=0.0).at(600, PADS_NED_M)
+    climb = course(yaw_swing_rad=0.0).at(steps(6.0), PADS_NED_M)
     motors = np.array([True] * 5 + [False])
     while not airframes.healthy.any():
         airframes.step(climb, motors)
         assert not airframes.rotors_radps.any() or airframes.healthy.all()
     assert 1.0 < airframes.t_s < 5.0
-    for _ in range(300):
+    for _ in range(steps(3.0)):
         airframes.step(climb, motors)
     assert airframes.landed.tolist() == [False] * 5 + [True]
     assert not airframes.rotors_radps[5].any()

@@ -1,4 +1,4 @@
-"""The controller: gains from physics, feed-forward from flatness, and what is given up first."""
+"""The controller: gains from physics, feed-forward from flatness, what pushes, and what is given up first."""
 
 from __future__ import annotations
 
@@ -6,10 +6,24 @@ import numpy as np
 import pytest
 
 from gcs.quadrotor import derivative, thrust_and_tilt
+from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.control import Controller, tilt_along
+from sim_bridge.disturbance import Disturbance
 from sim_bridge.gains import ControlLimits, chain_gain, lqr_gains, motor_limits
+from sim_bridge.motion import Stepper, Turn
 from sim_bridge.reference import Reference, hold
-from tests.unit.sim_bridge.flights import F150, F150_LIMITS, FIELD, course
+from sim_bridge.sensors import RTK
+from tests.unit.sim_bridge.flights import (
+    F150,
+    F150_LIMITS,
+    FIELD,
+    FIELD_LIMITS,
+    YAW_RAD,
+    course,
+    fly,
+    stand,
+    steps,
+)
 
 VEHICLES = [(F150, F150_LIMITS), (F150, motor_limits(F150)), (FIELD, motor_limits(FIELD))]
 
@@ -42,7 +56,16 @@ def test_the_weak_vehicle_uses_its_feedback_share_for_a_decimetre():
 
 def test_a_vehicle_that_cannot_lift_itself_is_refused():
     with pytest.raises(ValueError, match="does not lift"):
-        Controller(F150, ControlLimits(4.8, (0.05, 0.05, 0.02)))
+        Controller(F150, ControlLimits(4.8, (0.05, 0.05, 0.02)), 1, CONTROL_PERIOD_S)
+
+
+def wanted_force(r, q):
+    """What Eq. 1 leaves to the rotors on the reference itself, with two derivatives, (3, 3, V)."""
+    drag, gravity = np.array(q.drag_Nspm), np.array([0.0, 0.0, q.gravity_mps2])
+    force = q.mass_kg * (gravity - r.acceleration_ned_mps2) - drag * r.velocity_ned_mps
+    first = -q.mass_kg * r.jerk_ned_mps3 - drag * r.acceleration_ned_mps2
+    second = -q.mass_kg * r.snap_ned_mps4 - drag * r.jerk_ned_mps3
+    return np.stack([force.T, first.T, second.T])
 
 
 def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
@@ -52,37 +75,45 @@ def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
     def tilt(k):
         r = flight.at(k, pads)
         _, roll, pitch = thrust_and_tilt(r.acceleration_ned_mps2, r.velocity_ned_mps, r.yaw_ned_rad, F150)
-        return np.column_stack([roll, pitch])
+        return np.stack([roll, pitch])
 
-    for k in (5000, 6000, 8500):
+    for k in map(steps, (50.0, 60.0, 85.0)):
         r = flight.at(k, pads)
-        _, rate, turn = tilt_along(r, r.acceleration_ned_mps2, r.velocity_ned_mps, r.yaw_ned_rad, F150)
+        angles, rate, turn = tilt_along(wanted_force(r, F150), r.yaw_ned_rad, r.yaw_rate_radps)
         h = 0.2
-        before, now, after = tilt(k - 20), tilt(k), tilt(k + 20)
+        before, now, after = tilt(k - steps(h)), tilt(k), tilt(k + steps(h))
+        np.testing.assert_allclose(angles, now, atol=1e-12)
         np.testing.assert_allclose(rate, (after - before) / (2 * h), atol=2e-4)
         np.testing.assert_allclose(turn, (after - 2 * now + before) / h**2, atol=5e-4)
 
 
+def new_controller(q, limits):
+    return Controller(q, limits, 1, CONTROL_PERIOD_S)
+
+
+def first_command(controller, reference, state, *, landed=False):
+    """Controls (4,) for one vehicle's state (12,)."""
+    applied = np.zeros((4, 1))
+    return controller.command(reference, state[:, None], applied, np.array([landed]), any_landed=landed)[:, 0]
+
+
 @pytest.mark.parametrize(("q", "limits"), VEHICLES)
 def test_on_the_reference_the_control_makes_exactly_the_wanted_acceleration(q, limits):
-    flight = course(yaw_swing_rad=0.0)
-    r = flight.at(6000, np.zeros((1, 3)))
-    tilt, rate, turn = tilt_along(r, r.acceleration_ned_mps2, r.velocity_ned_mps, r.yaw_ned_rad, q)
-    state = np.zeros((1, 12))
-    state[:, :3], state[:, 3:6] = r.position_ned_m, r.velocity_ned_mps
-    state[:, 6:8], state[:, 8], state[:, 9:11] = tilt, r.yaw_ned_rad, rate
-    control = Controller(q, limits).command(r, state, np.array([False]))
-    moving = derivative(state, control, q)
-    np.testing.assert_allclose(moving[:, 3:6], r.acceleration_ned_mps2, atol=1e-9)
-    np.testing.assert_allclose(moving[:, 9:11], turn, atol=1e-9)
+    r = course(yaw_swing_rad=0.0).at(steps(60.0), np.zeros((1, 3)))
+    tilt, rate, turn = tilt_along(wanted_force(r, q), r.yaw_ned_rad, r.yaw_rate_radps)[..., 0]
+    state = np.zeros(12)
+    state[:3], state[3:6] = r.position_ned_m[0], r.velocity_ned_mps[0]
+    state[6:8], state[8], state[9:11] = tilt, r.yaw_ned_rad[0], rate
+    moving = derivative(state, first_command(new_controller(q, limits), r, state), q)
+    np.testing.assert_allclose(moving[3:6], r.acceleration_ned_mps2[0], atol=1e-9)
+    np.testing.assert_allclose(moving[9:11], turn, atol=1e-9)
 
 
 def test_far_away_it_asks_for_no_more_than_the_limits_and_keeps_the_height():
-    controller = Controller(F150, F150_LIMITS)
-    state = np.zeros((1, 12))
-    state[0, 6:8] = 0.1, -0.1
+    state = np.zeros(12)
+    state[6:8] = 0.1, -0.1
     far = hold(np.array([[1e3, -1e3, 0.0]]), np.array([3.0]))
-    control = controller.command(far, state, np.array([False]))[0]
+    control = first_command(new_controller(F150, F150_LIMITS), far, state)
     assert control[0] <= F150_LIMITS.thrust_N
     assert (np.abs(control[1:]) <= F150_LIMITS.torque).all()
     lift = control[0] * np.cos(0.1) ** 2
@@ -90,21 +121,65 @@ def test_far_away_it_asks_for_no_more_than_the_limits_and_keeps_the_height():
 
 
 def test_yaw_takes_the_short_way_round():
-    controller, state = Controller(F150, F150_LIMITS), np.zeros((1, 12))
-    state[0, 8] = np.radians(179.0)
+    state = np.zeros(12)
+    state[8] = np.radians(179.0)
     there = hold(np.zeros((1, 3)), np.array([np.radians(-179.0)]))
-    assert controller.command(there, state, np.array([False]))[0, 3] > 0.0
+    assert first_command(new_controller(F150, F150_LIMITS), there, state)[3] > 0.0
 
 
 def test_on_the_ground_it_idles_until_the_reference_rises():
-    controller, state, ground = Controller(F150, F150_LIMITS), np.zeros((1, 12)), np.array([True])
+    controller, state = new_controller(F150, F150_LIMITS), np.zeros(12)
     still = hold(np.array([[5.0, 0.0, -5.0]]), np.zeros(1))
-    idle = controller.command(still, state, ground)[0]
+    idle = first_command(controller, still, state, landed=True)
     assert 0.0 < idle[0] < 0.5 * F150.weight_N
     np.testing.assert_array_equal(idle[1:], 0.0)
     zero = np.zeros((1, 3))
     up = Reference(zero, zero, np.array([[0.0, 0.0, -0.1]]), zero, zero, np.zeros(1), np.zeros(1))
-    assert controller.command(up, state, ground)[0, 0] > F150.weight_N
+    assert first_command(controller, up, state, landed=True)[0] > F150.weight_N
+
+
+def test_a_slow_vehicle_is_asked_for_no_more_speed_than_it_has():
+    quick, slow = new_controller(FIELD, FIELD_LIMITS), new_controller(FIELD, FIELD_LIMITS)
+    slow.speed_max_mps = np.array([2.0])
+    zero = np.zeros((1, 3))
+    past = Reference(zero, np.array([[4.0, 0.0, 0.0]]), zero, zero, zero, np.zeros(1), np.zeros(1))
+    state = np.zeros(12)
+    state[3] = 3.0
+    assert first_command(quick, past, state)[2] < 0.0  # pitches forward to gain speed
+    assert first_command(slow, past, state)[2] > 0.0
+
+
+def observer(q, period_s=0.02):
+    gains = lqr_gains(q, motor_limits(q))
+    return Disturbance(q, gains.push_radps, gains.push_max, period_s, 1)
+
+
+@pytest.mark.parametrize("q", [F150, FIELD])
+def test_a_constant_push_is_observed_and_a_step_of_the_control_is_not(q):
+    """Wind of 1 m/s and a twist of 0.01 rad/s², on a level vehicle that tumbles for lack of control."""
+    watch, h = observer(q), 0.02
+    stepper = Stepper(q, h)
+    state, wind, none = np.zeros((12, 1)), np.array([[1.0], [0.0], [0.0]]), np.zeros((3, 1))
+    applied = np.array([[q.weight_N], [0.0], [0.0], [0.0]])
+    for k in range(500):
+        watch.observe(np.concatenate((state[3:6], state[9:])), Turn.of(state[6:9]).thrust_axis(), applied, none)
+        applied = np.array([[q.weight_N * (1.02 if k > 250 else 1.0)], [0.0], [0.0], [0.0]])
+        state, _ = stepper(state, applied, wind)
+    expected = [q.drag_Nspm[0] / q.mass_kg, 0.0, 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(watch.push[:, 0], expected, atol=2e-3)
+
+
+def test_what_a_limit_withholds_is_not_mistaken_for_a_push():
+    """Nothing winds up: the observer is told what the rotors gave, not what was wanted."""
+    pads = np.zeros((1, 3))
+    airframes = stand(F150, F150_LIMITS, RTK, pads, seed=2)
+    away = hold(np.array([[50.0, 0.0, -3.0]]), np.array([YAW_RAD]))
+    up = course(yaw_swing_rad=0.0)
+    fly(airframes, up.part(0.0, 12.0), pads)
+    for _ in range(steps(4.0)):
+        airframes.step(away, np.array([True]))
+    assert np.abs(airframes.control[0, 1:3]).max() > 0.0
+    assert np.abs(airframes.controller.push[:3]).max() < 0.03
 
 
 def test_a_reference_of_the_wrong_shape_is_refused():

@@ -1,0 +1,158 @@
+"""The air the vehicles fly in: a constant wind and Dryden gusts.
+
+Knows: the Dryden spectra at low altitude (MIL-F-8785C), how gusts at two places resemble each other, how wind is
+written. Does not know: what air does to a vehicle.
+
+One field for the whole fleet: gusts are tens of metres long, so vehicles of a formation are pushed together, which is
+what spares their separation. Every place gets the same spectrum; two places d apart get gusts correlated by
+exp(-d / L), with L the length of the gust. Places are those of the pads: a formation keeps its distances, near enough.
+The field drifts past at the mean wind, or at PASSING_MPS where that is more, because vehicles fly through it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import bilinear, lfilter
+from scipy.spatial.distance import cdist
+
+from gcs.errors import UsageError
+from gcs.quadrotor import Array
+
+GUST_PERIOD_S = 0.04
+PASSING_MPS = 3.0
+HEIGHT_M = 10.0  # for which the lengths and the ratio of the spectra are taken
+INTENSITIES_MPS = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 2.0}  # horizontal standard deviation
+STRONGEST_MPS = 30.0
+
+_FOOT_M = 0.3048
+_SHEAR = 0.177 + 0.000823 * HEIGHT_M / _FOOT_M
+LENGTHS_M = (HEIGHT_M / _SHEAR**1.2, HEIGHT_M / _SHEAR**1.2, HEIGHT_M)  # along the wind, across, vertical
+VERTICAL_SHARE = _SHEAR**0.4
+_BLOCK = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """Mean wind (where it blows to, common local NED) and the horizontal standard deviation of its gusts."""
+
+    mean_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_mps: float = 0.0
+
+
+CALM = Wind()
+
+
+def parse_wind(wind: str = "", gusts: str = "") -> Wind:
+    """From `3@270`, 3 m/s out of the west, and `light`, `moderate`, `severe` or m/s. Raises `UsageError`."""
+    speed_mps, from_deg = 0.0, 0.0
+    if wind:
+        speed, at, direction = wind.partition("@")
+        speed_mps, from_deg = _number(speed), _number(direction)
+        if not at or not 0.0 <= speed_mps <= STRONGEST_MPS or not -360.0 <= from_deg <= 360.0:
+            raise UsageError(
+                f"--wind {wind!r} is not SPEED@DIRECTION, in m/s and degrees the wind comes from.",
+                hint="write for example --wind 3@270 for 3 m/s out of the west",
+            )
+    gust_mps = INTENSITIES_MPS.get(gusts, math.nan) if gusts else 0.0
+    if math.isnan(gust_mps):
+        gust_mps = _number(gusts)
+    if not 0.0 <= gust_mps <= STRONGEST_MPS:
+        raise UsageError(
+            f"--gusts {gusts!r} is neither {', '.join(INTENSITIES_MPS)} nor a standard deviation in m/s.",
+            hint="write for example --gusts light, or --gusts 0.8",
+        )
+    to_rad = math.radians(from_deg) + math.pi
+    return Wind((speed_mps * math.cos(to_rad), speed_mps * math.sin(to_rad), 0.0), gust_mps)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+class WindField:
+    """The wind at V places, sample by sample. The same seed gives the same wind."""
+
+    def __init__(self, wind: Wind, places_ned_m: Array, seed: int) -> None:
+        """Places (V, 3) in common local NED."""
+        vehicles = len(places_ned_m)
+        self._generators = [np.random.default_rng(child) for child in np.random.SeedSequence([seed, 2]).spawn(vehicles)]
+        self._mean = np.array(wind.mean_ned_mps)[:, None] * np.ones(vehicles)
+        north, east, _ = wind.mean_ned_mps
+        speed = math.hypot(north, east)
+        along = np.array([north, east]) / speed if speed else np.array([1.0, 0.0])
+        self._to_ned = np.array([[along[0], -along[1], 0.0], [along[1], along[0], 0.0], [0.0, 0.0, 1.0]])
+        passing_mps = max(speed, PASSING_MPS)
+        distances = cdist(places_ned_m[:, :2], places_ned_m[:, :2])
+        self._axes: list[_Axis] = []
+        if wind.gust_mps > 0.0:
+            sigmas = (wind.gust_mps, wind.gust_mps, wind.gust_mps * VERTICAL_SHARE)
+            for k, (sigma, length) in enumerate(zip(sigmas, LENGTHS_M, strict=True)):
+                like = np.linalg.cholesky(np.exp(-distances / length) + 1e-9 * np.eye(vehicles))
+                self._axes.append(_Axis(*dryden(sigma, length / passing_mps, transverse=k > 0), like))
+            start = np.stack([g.standard_normal((3, 2)) for g in self._generators], axis=-1)
+            for axis, normals in zip(self._axes, start, strict=True):
+                axis.begin(normals)
+        self._block = np.empty((0, 3, vehicles))
+        self._next = 0
+
+    def draw(self) -> Array:
+        """Wind (3, V) for the next GUST_PERIOD_S, held."""
+        if not self._axes:
+            return self._mean
+        if self._next == len(self._block):
+            normals = np.stack([g.standard_normal((_BLOCK, 3)) for g in self._generators], axis=-1)
+            gusts = np.stack([axis.shape(normals[:, k]) for k, axis in enumerate(self._axes)], axis=1)
+            self._block = self._mean + np.einsum("ij,njv->niv", self._to_ned, gusts)
+            self._next = 0
+        self._next += 1
+        return np.asarray(self._block[self._next - 1])
+
+
+def dryden(sigma_mps: float, time_s: float, *, transverse: bool) -> tuple[Array, Array]:
+    """Digital filter (b, a) that makes gusts of this deviation from normal numbers GUST_PERIOD_S apart.
+
+    Along the wind σ √(2T) / (1 + T s), else σ √T (1 + √3 T s) / (1 + T s)², T = length over speed; scaled so that
+    what sampling does to the variance is made good.
+    """
+    if transverse:
+        b, a = bilinear([math.sqrt(3.0) * time_s, 1.0], [time_s**2, 2.0 * time_s, 1.0], 1.0 / GUST_PERIOD_S)
+    else:
+        b, a = bilinear([1.0], [time_s, 1.0], 1.0 / GUST_PERIOD_S)
+    step, drive = _companion(b, a)
+    variance = solve_discrete_lyapunov(step, np.outer(drive, drive))[0, 0] + b[0] ** 2
+    return np.asarray(b * (sigma_mps / math.sqrt(variance))), np.asarray(a)
+
+
+def _companion(b: Array, a: Array) -> tuple[Array, Array]:
+    """How lfilter's memory goes on: z' = step z + drive x, output z_0 + b_0 x."""
+    step = np.eye(len(a) - 1, k=1)
+    step[:, 0] -= a[1:]
+    return step, b[1:] - a[1:] * b[0]
+
+
+class _Axis:
+    """One component of the gusts at all places."""
+
+    def __init__(self, b: Array, a: Array, like: Array) -> None:
+        self._b, self._a, self._like = b, a, like
+        step, drive = _companion(b, a)
+        self._start = np.linalg.cholesky(
+            solve_discrete_lyapunov(step, np.outer(drive, drive)) + 1e-15 * np.eye(len(drive))
+        )
+        self._memory = np.zeros((len(drive), len(like)))
+
+    def begin(self, normals: Array) -> None:
+        """Start as if the wind had always blown; normals (2, V)."""
+        self._memory = self._start @ (normals[: len(self._start)] @ self._like.T)
+
+    def shape(self, normals: Array) -> Array:
+        """Normal numbers (N, V) into gusts (N, V)."""
+        gusts, self._memory = lfilter(self._b, self._a, normals @ self._like.T, axis=0, zi=self._memory)
+        return np.asarray(gusts)
