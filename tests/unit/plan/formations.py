@@ -70,13 +70,13 @@ def auto(change: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 def gap(scenario: Scenario, half_m: float, changes: tuple[dict[str, Any], ...], **tables: Any) -> Scenario:
     """A row of five, 12 m wide, on its way north through a gap between two disks that fill the box otherwise."""
-    disks = [{"north_m": 60.0, "east_m": east, "radius_m": 60.0 - half_m} for east in (-60.0, 60.0)]
+    disks = [{"north_m": 40.0, "east_m": east, "radius_m": 40.0 - half_m} for east in (-40.0, 40.0)]
     far: dict[str, Any] = {
-        "time": {"flight_s": 70.0},
+        "time": {"flight_s": 45.0},
         "start": {"position_m": [0.0, 0.0, 3.0]},
-        "end": {"position_m": [120.0, 0.0, 5.0]},
+        "end": {"position_m": [80.0, 0.0, 3.0]},
         "no_fly": disks,
-        "limits": {"east_m": [-45.0, 45.0], "north_m": [-30.0, 150.0]} | tables.pop("limits", {}),
+        "limits": {"east_m": [-30.0, 30.0], "north_m": [-30.0, 110.0]} | tables.pop("limits", {}),
     }
     return fleet(scenario, 5, "row", changes, **far | tables)
 
