@@ -50,8 +50,8 @@ class Scene:
 
 
 def personality_of(autopilot: str) -> Personality:
-    """The emulated autopilot that matches a recorded one."""
-    return PX4 if autopilot.startswith("px4") else ARDUPILOT
+    """The emulated autopilot that matches a recorded one, as long on the way to being ready."""
+    return (PX4 if autopilot.startswith("px4") else ARDUPILOT).booting_for_real()
 
 
 def replay(autopilot: str, scene: str, folder: Path = TRACES) -> Scene | None:

@@ -15,6 +15,7 @@ from gcs.frames import Origin, from_degE7
 from gcs.link.dialect import MavCommand
 from gcs.link.message import Message
 from gcs.scenario.model import Scenario
+from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from tools.replay.recording import Recording, Row, Step
 from tools.replay.saying import BY_THE_WAY, TALK, saying
@@ -89,7 +90,7 @@ def _wait(step: Step, stage: Stage, begin: int) -> float:
     limit_s = _PATIENCE_S + TIMERS_MAY_DIFFER * (step.end_s - step.t_s)
     start_s = stage.t_s
     while stage.t_s - start_s < limit_s and not wanted <= {_key(t.message.name, t.message) for t in stage.told[begin:]}:
-        stage.run_until(stage.t_s + 0.0101)
+        stage.run_until(stage.t_s + 1.01 * CONTROL_PERIOD_S)
     return stage.t_s - start_s
 
 
