@@ -38,6 +38,7 @@ from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 
 WAITING_RATE = 10.0
 STREAM_PATIENCE_S = 0.25
+OFF_S = 1.0  # that a restart takes
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
 
@@ -66,7 +67,7 @@ class Fleet:
         self.options = options = options or FleetOptions()
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
-        hangar = Hangar(scenario, personality, options.seed, epoch_s)
+        self._hangar = hangar = Hangar(scenario, personality, options.seed, epoch_s)
         self.sysids = hangar.sysids
         self.airframes = hangar.airframes
         self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
@@ -150,7 +151,13 @@ class Fleet:
             self.truth.save(path)
 
     def _reboot(self, row: int) -> None:
-        """Restart an autopilot."""
+        """Restart an autopilot, whose motors stop wherever it is."""
+        on_s = self.t_s + OFF_S
+        vehicle = self._hangar.vehicle(row, on_s)
+        vehicle.remember(self.vehicles[row])
+        vehicle.on_from_s = on_s
+        self.vehicles[row] = vehicle
+        self.traffic.restarted(row)
 
     def _rate(self) -> float:
         pilots = [vehicle.autopilot for vehicle in self.vehicles]

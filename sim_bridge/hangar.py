@@ -63,8 +63,8 @@ class Hangar:
         random = np.random.default_rng([seed, 1])
         self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
 
-    def vehicle(self, row: int) -> Vehicle:
-        """The vehicle of a row as it comes out of its box."""
+    def vehicle(self, row: int, boot_s: float | None = None) -> Vehicle:
+        """The vehicle of a row as it comes out of its box; its own clock began at simulated time `boot_s`."""
         pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
         # speeds come from the parameters
         guide = Guide(self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s)
@@ -74,7 +74,7 @@ class Hangar:
             row=row,
             pad_ned_m=pad_ned_m,
             origin=self._origin,
-            boot_offset_ms=self.boot_ms[row],
+            boot_offset_ms=self.boot_ms[row] if boot_s is None else -round(boot_s * 1000.0),
             epoch_unix_us=round(self._epoch_s * 1e6),
             uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
         )

@@ -42,6 +42,10 @@ class Params:
         self._values[self._habits.sysid] = float(sysid)
         self._news: list[str] = []
 
+    def remember(self, earlier: Params) -> None:
+        """Take over the values from before a restart."""
+        self._values |= earlier._values
+
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 

@@ -256,7 +256,7 @@ def _ekf_status(tm: Telemetry) -> Message:
 
 
 def _sys_status(tm: Telemetry) -> Message:
-    prearm = tm.autopilot.armed or (tm.instruments.t_s >= tm.personality.boot.at_s(Milestone.CHECKED))
+    prearm = tm.autopilot.armed or tm.autopilot.readiness.reached(Milestone.CHECKED)
     return Message(
         "SYS_STATUS",
         {
@@ -361,7 +361,7 @@ def _autopilot_version(tm: Telemetry) -> Message:
 
 def _located(tm: Telemetry) -> bool:
     """Whether there is a position to tell; before that ArduPilot sends none."""
-    return tm.instruments.t_s >= tm.personality.boot.at_s(Milestone.CHECKED)
+    return tm.autopilot.readiness.reached(Milestone.CHECKED)
 
 
 _BUILDERS: dict[int, Builder] = {

@@ -88,6 +88,10 @@ class Traffic:
             self._board.put(row, list(radio.down.take(t_s)))
         self._board.flush(now_s)
 
+    def restarted(self, row: int) -> None:
+        """The vehicle of this row numbers its frames from 0 again."""
+        self._encoders[row] = Codec(*self._vehicles[row].station)
+
     def stream_is_known(self, row: int, t_s: float) -> bool | None:
         """Whether the setpoints that leave by now have come in; None where there is no stamped stream or bad link."""
         stamp_s = self._stamp_s.get(row)

@@ -45,6 +45,10 @@ class Trust:
         self._habits = habits
         self._signing = Signing()
 
+    def remember(self, earlier: Trust) -> None:
+        """Take over the key from before a restart."""
+        self._signing = earlier._signing
+
     def believes(self, message: Message, now_s: float) -> bool:
         """Whether to listen to a message, judged by the frame it came in."""
         return self._signing.believes(message.raw, now_s)

@@ -55,6 +55,7 @@ class Vehicle:
         self._clock = TimeKeeper(personality.link, self.station)
         self._trust = Trust(personality.link)
         self._dead = False
+        self.on_from_s = -math.inf  # until then it is off: neither hears nor says anything
         self._apply_params()
 
     @property
@@ -76,6 +77,14 @@ class Vehicle:
         self._dead = True
         self.autopilot.fall()
 
+    def remember(self, earlier: Vehicle) -> None:
+        """Restart: take over what survives it. Modes, message rates and half an upload do not."""
+        self._params.remember(earlier._params)
+        self._shelf.remember(earlier._shelf)
+        self._trust.remember(earlier._trust)
+        self._dead = earlier._dead
+        self._apply_params()
+
     def simulated_s(self, boot_ms: int) -> float:
         """Simulated time of an instant of the vehicle's own clock."""
         return self._instruments.simulated_s(boot_ms)
@@ -87,6 +96,8 @@ class Vehicle:
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message; those for other vehicles, unknown ones and those it does not trust get none."""
         if self._dead or not message.is_for(Station(self.station.sysid, 0)):
+            return []
+        if self._instruments.t_s < self.on_from_s:
             return []
         if not self._trust.believes(message, now_s):
             return []
@@ -117,6 +128,8 @@ class Vehicle:
     def step(self, t_s: float, now_s: float, landed: bool) -> Sequence[Message]:
         """Let the autopilot decide for `t_s`; what is to be told and sent then."""
         self._instruments.t_s = t_s
+        if t_s < self.on_from_s:
+            return _SILENCE
         autopilot = self.autopilot
         autopilot.step(t_s, landed, self._instruments.healthy)
         if self._dead:

@@ -90,6 +90,11 @@ class MissionShelf:
         if items and self._habits.home_is_item_0:
             self._items[MissionType.MISSION] = (self._home_item(), *items[1:])
 
+    def remember(self, earlier: MissionShelf) -> None:
+        """Take over what was stored before a restart: of an upload that it broke, what had been stored by then."""
+        for kind, items in earlier._items.items():
+            self._store(kind, items)
+
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer any MISSION_ message of a transfer."""
         handler = self._handlers.get(message.name)
