@@ -33,7 +33,7 @@ class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
     `faults`: one schedule of breakdowns per vehicle (`sim_bridge.breakdowns`). `battery`: what every vehicle draws and
-    has left. `sensors`, `estimator`, `controller`: for those who study them.
+    has left. `sensors` of one `grade`, `estimator`, `controller`: for those who study them.
     """
 
     def __init__(
@@ -62,6 +62,8 @@ class Airframes:
         self._plant = Plant(quadrotor, ground_height_m, pads_ned_m, yaw_ned_rad, CONTROL_PERIOD_S)
         self._motors = Motors(quadrotor)
         self._wind_field = WindField(wind, pads_ned_m, seed)
+        self.grade = grade
+        self.rotor_max_radps = quadrotor.rotor_max_radps
         self.sensors = Sensors(grade, vehicles, seed)
         self.estimator = Estimator(grade, vehicles, quadrotor.gravity_mps2)
         self.controller = Controller(quadrotor, limits, vehicles, CONTROL_PERIOD_S)

@@ -156,6 +156,11 @@ class Sensors:
         """What a filter tries to find out, (10, V): gyro (3), accelerometer (3), barometer (1), GNSS position (3)."""
         return np.concatenate((self._inertial.slow, self._baro.slow, self._gnss.slow[:3]))
 
+    @property
+    def gnss(self) -> Array:
+        """What receivers measured last (V, 6): position (m) and velocity (m/s), NED."""
+        return np.asarray(self._last_gnss.T)
+
     def read_inertial(self, truth: Array, specific_force_mps2: Array) -> Array:
         """True states (12, V) and force (3, V) in body axes -> (6, V): gyro (rad/s), accelerometer (m/s²)."""
         z = np.concatenate((truth[9:], specific_force_mps2))
