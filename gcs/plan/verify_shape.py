@@ -73,7 +73,8 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
     for change, move in zip(changes, moves, strict=False):
         asked = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
-        found.append((np.inf, move.start_s) if asked is None else (abs(move.start_s - asked), asked))
+        begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
+        found.append((np.inf, move.start_s) if asked is None else (float(np.ptp([move.start_s, begun, asked])), asked))
     return found
 
 

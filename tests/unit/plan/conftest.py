@@ -1,4 +1,4 @@
-"""A small flight, planned and judged once: three vehicles over a meadow."""
+"""Small flights, planned and judged once: three vehicles over a meadow, and formations that change."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report, verify
 from gcs.scenario.model import Scenario
+from tests.unit.plan.formations import FLIGHTS, Planned
 from tests.unit.plan.problems import meadow
 
 
@@ -20,3 +21,17 @@ def meadow_plan(simulation1: Scenario) -> Plan:
 @pytest.fixture(scope="session")
 def meadow_report(meadow_plan: Plan) -> Report:
     return verify(meadow_plan)
+
+
+@pytest.fixture(scope="session")
+def planned(simulation1: Scenario) -> Planned:
+    """Plan and verdict of one of FLIGHTS, by its name; each is made once."""
+    made: dict[str, tuple[Plan, Report]] = {}
+
+    def plan_of(name: str) -> tuple[Plan, Report]:
+        if name not in made:
+            plan = make_plan(FLIGHTS[name](simulation1))
+            made[name] = plan, verify(plan)
+        return made[name]
+
+    return plan_of

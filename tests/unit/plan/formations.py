@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from gcs.plan.trajectory import Plan
+from gcs.plan.verify import Report
 from gcs.scenario.model import Scenario
 from tests.unit.plan.problems import meadow
 
@@ -85,3 +88,61 @@ TURN = {"kind": "rotate", "angle_deg": 90.0}
 SHRINK = {"kind": "shrink", "scale": 0.5}
 TO_ROW = {"kind": "reshape", "to": "row"}
 TO_FILE = {"kind": "reshape", "to": "file"}
+
+GATE = [[15.0, -20.0], [15.0, 40.0]]
+BEYOND = [[25.0, 60.0], [25.0, -20.0]]
+# A flight on which speed, acceleration and the shape's own limits all bind.
+TIGHT: dict[str, Any] = {
+    "limits": {"accel_max_mps2": 0.5, "speed_ned_mps": [2.2, 1.4, 1.5]},
+    "formation": {"change_speed_mps": 0.6, "change_accel_mps2": 0.25},
+}
+SWAPPED = (
+    {"name": "a", "offsets_m": [[0, 0, 0], [0, 4, 0], [0, -4, 0]]},
+    {"name": "b", "offsets_m": [[0, 0, 0], [0, -4, 0], [0, 4, 0]]},
+)
+COURSE: dict[str, Any] = {"frame": "course", "change_speed_mps": 2.0, "change_accel_mps2": 0.6}
+# Between two mountains under a low ceiling a row of five, 12 m wide, does not pass; nor round them, in this box.
+PASS: dict[str, Any] = {
+    "no_fly": [],
+    "terrain": {
+        "ripple": None,
+        "mountains": {
+            "north_m": [40.0, 40.0],
+            "east_m": [-26.0, 26.0],
+            "height_m": [60.0, 60.0],
+            "spread_north_m": [15.0, 15.0],
+            "spread_east_m": [14.0, 14.0],
+        },
+    },
+    "limits": {"height_m": [0.0, 7.0]},
+}
+
+FLIGHTS: dict[str, Callable[[Scenario], Scenario]] = {
+    "turn": lambda s: fleet(s, changes=(at(TURN, 2.0),)),
+    "shrink": lambda s: fleet(s, changes=(at(SHRINK, 0.0),), time={"flight_s": 25.0}),
+    "reshape": lambda s: fleet(s, 5, changes=(at(TO_ROW, 2.0),)),
+    "tight turn": lambda s: fleet(s, changes=(at(TURN, 2.0),), **TIGHT),
+    "tight shrink": lambda s: fleet(s, changes=(at({**SHRINK, "scale": 3.0}, 4.0),), **TIGHT),
+    "lanes": lambda s: fleet(
+        s, 3, "a", (at({"kind": "reshape", "to": "b", "assignment": "fixed"}, 2.0),), SWAPPED, time={"flight_s": 50.0}
+    ),
+    "gates": lambda s: fleet(
+        s, changes=({**TURN, "gate_m": GATE}, {**SHRINK, "gate_m": BEYOND}), time={"flight_s": 50.0}
+    ),
+    "course": lambda s: fleet(s, 5, formation=COURSE, time={"flight_s": 50.0}, end={"position_m": [50.0, 35.0, 5.0]}),
+    "course and schedule": lambda s: fleet(
+        s,
+        5,
+        changes=(at(TO_ROW, 10.0),),
+        formation=COURSE,
+        time={"flight_s": 40.0},
+        end={"position_m": [40.0, 30.0, 5.0]},
+    ),
+    "auto shrink": lambda s: gap(s, 5.0, (auto(SHRINK),)),
+    "auto turn": lambda s: gap(s, 5.0, (auto(TURN),)),
+    "auto reshape": lambda s: gap(s, 5.0, (auto(TO_FILE),)),
+    "auto shrink in a pass": lambda s: gap(s, 5.0, (auto(SHRINK),), **PASS),
+    "scheduled shrink before a gap": lambda s: gap(s, 5.0, (at(SHRINK, 2.0),)),
+}
+
+Planned = Callable[[str], tuple[Plan, Report]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,85 +19,13 @@ from gcs.plan.verify import Report, verify
 from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
-from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet, gap
+from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN, Planned, at, auto, fleet, gap
 from tests.unit.plan.problems import changed
 
-GATE_NORTH_M = 15.0
-GATE = [[GATE_NORTH_M, -20.0], [GATE_NORTH_M, 40.0]]
-BEYOND = [[25.0, 60.0], [25.0, -20.0]]
-# A flight on which speed, acceleration and the shape's own limits all bind.
-TIGHT: dict[str, Any] = {
-    "limits": {"accel_max_mps2": 0.5, "speed_ned_mps": [2.2, 1.4, 1.5]},
-    "formation": {"change_speed_mps": 0.6, "change_accel_mps2": 0.25},
-}
-SWAPPED = (
-    {"name": "a", "offsets_m": [[0, 0, 0], [0, 4, 0], [0, -4, 0]]},
-    {"name": "b", "offsets_m": [[0, 0, 0], [0, -4, 0], [0, 4, 0]]},
-)
-COURSE: dict[str, Any] = {"frame": "course", "change_speed_mps": 2.0, "change_accel_mps2": 0.6}
-# Between two mountains under a low ceiling a row of five, 12 m wide, does not pass; nor round them, in this box.
-PASS: dict[str, Any] = {
-    "no_fly": [],
-    "terrain": {
-        "ripple": None,
-        "mountains": {
-            "north_m": [40.0, 40.0],
-            "east_m": [-26.0, 26.0],
-            "height_m": [60.0, 60.0],
-            "spread_north_m": [15.0, 15.0],
-            "spread_east_m": [14.0, 14.0],
-        },
-    },
-    "limits": {"height_m": [0.0, 7.0]},
-}
-
-MAKE: dict[str, Callable[[Scenario], Scenario]] = {
-    "turn": lambda s: fleet(s, changes=(at(TURN, 2.0),)),
-    "shrink": lambda s: fleet(s, changes=(at(SHRINK, 0.0),), time={"flight_s": 25.0}),
-    "reshape": lambda s: fleet(s, 5, changes=(at(TO_ROW, 2.0),)),
-    "tight turn": lambda s: fleet(s, changes=(at(TURN, 2.0),), **TIGHT),
-    "tight shrink": lambda s: fleet(s, changes=(at({**SHRINK, "scale": 3.0}, 4.0),), **TIGHT),
-    "lanes": lambda s: fleet(
-        s, 3, "a", (at({"kind": "reshape", "to": "b", "assignment": "fixed"}, 2.0),), SWAPPED, time={"flight_s": 50.0}
-    ),
-    "gates": lambda s: fleet(
-        s, changes=({**TURN, "gate_m": GATE}, {**SHRINK, "gate_m": BEYOND}), time={"flight_s": 50.0}
-    ),
-    "course": lambda s: fleet(s, 5, formation=COURSE, time={"flight_s": 50.0}, end={"position_m": [50.0, 35.0, 5.0]}),
-    "course and schedule": lambda s: fleet(
-        s,
-        5,
-        changes=(at(TO_ROW, 10.0),),
-        formation=COURSE,
-        time={"flight_s": 40.0},
-        end={"position_m": [40.0, 30.0, 5.0]},
-    ),
-    "auto shrink": lambda s: gap(s, 5.0, (auto(SHRINK),)),
-    "auto turn": lambda s: gap(s, 5.0, (auto(TURN),)),
-    "auto reshape": lambda s: gap(s, 5.0, (auto(TO_FILE),)),
-    "auto shrink in a pass": lambda s: gap(s, 5.0, (auto(SHRINK),), **PASS),
-    "scheduled shrink before a gap": lambda s: gap(s, 5.0, (at(SHRINK, 2.0),)),
-}
 AUTOMATIC = ["auto shrink", "auto turn", "auto reshape", "auto shrink in a pass"]
 
-Planned = Callable[[str], tuple[Plan, Report]]
 
-
-@pytest.fixture(scope="module")
-def planned(simulation1: Scenario) -> Planned:
-    """Plan and verdict of a case; each is made once."""
-    made: dict[str, tuple[Plan, Report]] = {}
-
-    def plan_of(name: str) -> tuple[Plan, Report]:
-        if name not in made:
-            plan = make_plan(MAKE[name](simulation1))
-            made[name] = plan, verify(plan)
-        return made[name]
-
-    return plan_of
-
-
-@pytest.fixture(params=list(MAKE))
+@pytest.fixture(params=list(FLIGHTS))
 def case(request: pytest.FixtureRequest, planned: Planned) -> tuple[Plan, Report]:
     return planned(request.param)
 
@@ -189,7 +116,7 @@ def expected_end(name: str, plan: Plan) -> Array:
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in MAKE if n in AUTOMATIC or n not in ("reshape", "course", "course and schedule")]
+    "name", [n for n in FLIGHTS if n in AUTOMATIC or n not in ("reshape", "course", "course and schedule")]
 )
 def test_it_begins_in_its_first_shape_and_lands_under_its_last(planned: Planned, name: str) -> None:
     plan, _ = planned(name)
@@ -240,7 +167,7 @@ def test_a_change_at_a_gate_begins_when_the_leader_crosses_it(planned: Planned) 
     first, second = plan.moves
     t = in_flight(plan, 1e-3)
     north = plan.leader_trajectory.state(t)[:, 0]
-    for move, gate_m in ((first, GATE_NORTH_M), (second, BEYOND[0][0])):
+    for move, gate_m in ((first, GATE[0][0]), (second, BEYOND[0][0])):
         crossed_s = t[np.flatnonzero(north >= gate_m)[0]]
         assert abs(move.start_s - crossed_s) <= 0.05
         assert (move.start_s, move.end_s) in plan.shape.moving_s
