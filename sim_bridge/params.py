@@ -49,9 +49,6 @@ class Params:
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
-    def __setitem__(self, name: str, value: float) -> None:
-        self.change(name, value)
-
     def __contains__(self, name: str) -> bool:
         return name in self._values
 
@@ -79,6 +76,8 @@ class Params:
 
     def news(self) -> list[Message]:
         """Values that the vehicle changed since it was last asked."""
+        if not self._news:
+            return []
         names, self._news = self._news, []
         return [self._told(name, name) for name in names]
 

@@ -19,7 +19,7 @@ class TimeKeeper:
     def __init__(self, habits: LinkHabits, me: Station) -> None:
         self._habits = habits
         self._me = me
-        self._asked_ns: int | None = None
+        self._next_ns: float | None = None
 
     def receive(self, message: Message, t_ns: int) -> list[Message]:
         """Answer a question; answers to own questions are of no use to a vehicle."""
@@ -30,11 +30,11 @@ class TimeKeeper:
 
     def due(self, t_ns: int) -> list[Message]:
         """Its own question, when its time has come; marked with its id, so that it knows the answer from others'."""
-        if self._asked_ns is None:
-            self._asked_ns = t_ns
-        if (t_ns - self._asked_ns) / _NS_PER_S < self._habits.asks_time_every_s:
+        if self._next_ns is not None and t_ns < self._next_ns:
             return []
-        self._asked_ns = t_ns
+        first, self._next_ns = self._next_ns is None, t_ns + self._habits.asks_time_every_s * _NS_PER_S
+        if first:
+            return []
         return [Message("TIMESYNC", {"tc1": 0, "ts1": t_ns // 1000 * 1000 + self._me.sysid})]
 
 

@@ -112,7 +112,7 @@ class Stage:
         if self._boots and t_s < self._start_s:
             return
         for message in self._codec.decode(frame):
-            self._tell(t_s, self.vehicle.receive(message, t_s))
+            self._tell(t_s, self.vehicle.receive(message, self._now_s(t_s)))
 
     def run_until(self, t_s: float) -> None:
         """Let time pass."""
@@ -122,7 +122,7 @@ class Stage:
     def _step(self, now_s: float) -> None:
         vehicle, airframes = self.vehicle, self._airframes
         t_s = self._steps * CONTROL_PERIOD_S
-        self._tell(now_s, list(vehicle.step(t_s, now_s, bool(airframes.landed[0]))))
+        self._tell(now_s, list(vehicle.step(t_s, self._now_s(now_s), bool(airframes.landed[0]))))
         pilot = vehicle.autopilot
         if pilot.armed or not pilot.ready or not airframes.landed[0]:  # a body at rest stays where it is
             self._batch.put(0, pilot.piece)
@@ -131,9 +131,13 @@ class Stage:
 
     def _tell(self, t_s: float, messages: list[Message]) -> None:
         for message in messages:
-            frame = self._codec.encode(message)
+            frame = self._codec.encode(message, self.vehicle.signature(self._now_s(t_s)))
             signed = bool(frame[2] & _SIGNED)
             self.told += [Told(t_s, heard, signed) for heard in self._ground.decode(frame)]
+
+    def _now_s(self, t_s: float) -> float:
+        """The wall's clock: that of the scene, and of a time before it while the vehicle is made ready."""
+        return max(t_s, -_LONGEST_BOOT_S)
 
     def _wait_until_ready(self) -> None:
         while not self.vehicle.autopilot.ready:
