@@ -183,7 +183,7 @@ class Airframes:
         for row, remaining in effects.drained.items():
             self.battery.drain(row, remaining)
         self.sensors.effects = effects
-        self.controller.speed_max_mps = effects.speed_max_mps
+        self.controller.slow_down(effects.speed_max_mps)
         self._weaken()
 
     def _weaken(self) -> None:

@@ -20,7 +20,7 @@ from sim_bridge.breakdowns import ROTORS
 from sim_bridge.plant import Mask
 
 AIR_DENSITY_KGPM3 = 1.225
-SETTLE_PERIOD_S = 0.1  # between two looks at voltage and current
+SETTLE_PERIOD_S = 0.2  # between two looks at voltage and current
 _TYPICAL_HOVER_H = 0.25
 
 # Open-circuit voltage of one lithium-polymer cell over the share of its charge that is left.

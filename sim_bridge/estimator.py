@@ -14,6 +14,7 @@ coasts, and says how sure it is (`Accuracy`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -93,6 +94,8 @@ class Estimator:
 
     def __init__(self, grade: SensorGrade, vehicles: int, gravity_mps2: float) -> None:
         self._model = ErrorModel.of(grade)
+        self._baro = _Scalar(H_BARO, self._model.baro, np.subtract)
+        self._compass = _Scalar(H_COMPASS, self._model.compass, _off_course)
         self._gravity_mps2 = gravity_mps2
         self._state = np.zeros((12, vehicles))
         self._slow = np.zeros((STATES - 9, vehicles))  # biases and slow errors
@@ -166,9 +169,9 @@ class Estimator:
             if not self.aligned.any():
                 return
         self._predict(landed)
-        self._take_scalar(baro, _BARO, H_BARO, self._model.baro, np.subtract)
+        self._take_scalar(_BARO, baro, self._baro)
         if compass is not None:
-            self._take_scalar(compass, _COMPASS, H_COMPASS, self._model.compass, _off_course)
+            self._take_scalar(_COMPASS, compass, self._compass)
         if gnss is not None:
             self._take_fix(gnss)
         means = np.array([ekf.x for ekf in self.filters]).T
@@ -194,7 +197,9 @@ class Estimator:
         self._unaided_s += GNSS_PERIOD_S
         there = self.aligned & ~np.isnan(gnss[0])
         fix, noise = gnss.T.copy(), self._model.gnss
-        off = self._off(fix, H_GNSS, noise, np.subtract)
+        means, covariances = np.array([ekf.x for ekf in self.filters]), self.covariance
+        spread = (H_GNSS @ covariances @ H_GNSS.T).diagonal(axis1=1, axis2=2) + noise.diagonal()
+        off = np.abs(fix - means @ H_GNSS.T) / (GATE_SIGMA * np.sqrt(spread))
         ratio = np.stack((off[:, 3:].max(axis=1), off[:, :2].max(axis=1), off[:, 2]), axis=1)
         ratio[~there] = 0.0  # nothing is refused where there is nothing
         self._ratio[:, :3] = ratio
@@ -224,18 +229,19 @@ class Estimator:
         p[:6, :6] += self._model.gnss
         ekf.P = p
 
-    def _take_scalar(self, measured: Array, group: int, h: Array, noise: Array, residual: Residual) -> None:
-        z = measured[:, None].copy()
-        ratio = np.where(self.aligned, self._off(z, h, noise, residual)[:, 0], 0.0)
-        self._ratio[:, group] = ratio
-        for i in np.flatnonzero(self.aligned & (ratio <= 1.0)).tolist():
-            self.filters[i].update(z[i], _jacobian, _expected, noise, (h,), (h,), residual)
-
-    def _off(self, measured: Array, h: Array, noise: Array, residual: Residual) -> Array:
-        """Innovations over their gates (V, m) of measurements (V, m) of h (m, 19), as the filters stand now."""
-        expected = np.array([ekf.x for ekf in self.filters]) @ h.T
-        spread = (h @ self.covariance @ h.T).diagonal(axis1=1, axis2=2) + noise.diagonal()
-        return np.asarray(np.abs(residual(measured, expected)) / (GATE_SIGMA * np.sqrt(spread)))
+    def _take_scalar(self, group: int, measured: Array, sensor: _Scalar) -> None:
+        """Let each filter have its measurement (V,), if that passes the gate."""
+        values, ratio, passed = measured[:, None], self._ratio, self.aligned.tolist()
+        for i, ekf in enumerate(self.filters):
+            if passed[i]:
+                x, p, spread = ekf.x, ekf.P, sensor.variance
+                for row, column, weight in sensor.pairs:
+                    spread += weight * p[row, column]
+                off = sensor.residual(values[i], sensor.h.dot(x))
+                ratio[i, group] = off_gates = abs(off[0]) / (GATE_SIGMA * math.sqrt(spread))
+                if off_gates <= 1.0:
+                    h = (sensor.h,)
+                    ekf.update(values[i], _jacobian, _expected, sensor.noise, h, h, sensor.residual)
 
     def _align(self, baro: Array, compass: Array | None, gnss: Array | None) -> None:
         """Let those begin who have stood still with a fix for ALIGN_S."""
@@ -257,6 +263,16 @@ class Estimator:
         for i in np.flatnonzero(begin).tolist():
             self.filters[i].P = self._model.aligned(ALIGN_S)
         self.aligned = self.aligned | begin
+
+
+class _Scalar:
+    """A sensor with one number: its row of the Jacobian, its noise, and how to subtract."""
+
+    def __init__(self, h: Array, noise: Array, residual: Residual) -> None:
+        self.h, self.noise, self.residual = h, noise, residual
+        self.variance = float(noise[0, 0])
+        used = np.flatnonzero(h[0]).tolist()
+        self.pairs = [(a, b, float(h[0, a] * h[0, b])) for a in used for b in used]  # of h P h'
 
 
 class _PadMeans:
@@ -306,4 +322,4 @@ def _expected(x: Array, h: Array) -> Array:
 
 
 def _off_course(measured: Array, expected: Array) -> Array:
-    return wrapped(measured - expected)
+    return np.array([math.remainder(measured[0] - expected[0], math.tau)])

@@ -71,7 +71,10 @@ class Turn(NamedTuple):
 
 
 class Stepper:
-    """Advances states by a fixed step under controls and wind that are held meanwhile."""
+    """Advances states by a fixed step under controls and wind that are held meanwhile.
+
+    A wind array is not changed after it was given: the next wind is another array.
+    """
 
     def __init__(self, q: Quadrotor, step_s: float) -> None:
         h = step_s
@@ -84,6 +87,7 @@ class Stepper:
         self._damping_out = -self._damping
         self._gravity = np.array([[0.0], [0.0], [q.gravity_mps2]])
         self._drag = (np.array(q.drag_Nspm) / q.mass_kg)[:, None]
+        self._wind_ned_mps = self._steady = self._gravity  # of the last step; nobody's wind
         # Rows: angles at the two Gauss points and at the end, rates at the end; columns: angles, rates and their
         # first three derivatives at the start.
         tau = np.array([_GAUSS[0] * h, _GAUSS[1] * h, h])
@@ -117,7 +121,9 @@ class Stepper:
         pull[:, 1] = sy * lean - cy * sr
         pull[:, 2] = cp * cr
         pull *= thrust
-        pull += self._gravity + self._drag * wind_ned_mps
+        if wind_ned_mps is not self._wind_ned_mps:
+            self._wind_ned_mps, self._steady = wind_ned_mps, self._gravity + self._drag * wind_ned_mps
+        pull += self._steady
         moved = np.add.reduce(self._weights * pull, axis=1)
 
         velocity = state[3:6]

@@ -11,6 +11,7 @@ from sim_bridge.control import Controller, tilt_along
 from sim_bridge.disturbance import Disturbance
 from sim_bridge.gains import ControlLimits, chain_gain, lqr_gains, motor_limits
 from sim_bridge.motion import Stepper, Turn
+from sim_bridge.position_law import AROUND, PositionLaw
 from sim_bridge.reference import Reference, hold
 from sim_bridge.sensors import RTK
 from tests.unit.sim_bridge.flights import (
@@ -60,12 +61,12 @@ def test_a_vehicle_that_cannot_lift_itself_is_refused():
 
 
 def wanted_force(r, q):
-    """What Eq. 1 leaves to the rotors on the reference itself, with two derivatives, (3, 3, V)."""
+    """What Eq. 1 leaves to the rotors on the reference itself, around now, (3, 3, V)."""
     drag, gravity = np.array(q.drag_Nspm), np.array([0.0, 0.0, q.gravity_mps2])
     force = q.mass_kg * (gravity - r.acceleration_ned_mps2) - drag * r.velocity_ned_mps
     first = -q.mass_kg * r.jerk_ned_mps3 - drag * r.acceleration_ned_mps2
     second = -q.mass_kg * r.snap_ned_mps4 - drag * r.jerk_ned_mps3
-    return np.stack([force.T, first.T, second.T])
+    return np.array([(force + t * first + 0.5 * t * t * second).T for t in AROUND])
 
 
 def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
@@ -85,6 +86,28 @@ def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
         np.testing.assert_allclose(angles, now, atol=1e-12)
         np.testing.assert_allclose(rate, (after - before) / (2 * h), atol=2e-4)
         np.testing.assert_allclose(turn, (after - 2 * now + before) / h**2, atol=5e-4)
+
+
+@pytest.mark.parametrize(("q", "limits"), VEHICLES)
+def test_the_law_without_limits_is_the_law_within_its_limits(q, limits):
+    """One matrix where nothing is limited; a slow vehicle, slow at 1 km/s, goes the long way to the same force."""
+    law, slow = PositionLaw(q, limits), PositionLaw(q, limits)
+    slow.speed_max_mps = np.full(50, 1e3)
+    rng = np.random.default_rng(7)
+
+    def near(size):
+        return size * rng.normal(size=(50, 3))
+
+    r = Reference(near(0.1), near(3.0), near(0.1), near(0.1), near(0.1), np.zeros(50), np.zeros(50))
+    state = np.concatenate((r.position_ned_m.T, r.velocity_ned_mps.T, np.zeros((6, 50)))) + 0.005 * rng.normal(
+        size=(12, 50)
+    )
+    push = 0.02 * rng.normal(size=(3, 50))
+    np.testing.assert_allclose(law(r, state, push), slow(r, state, push), rtol=1e-9, atol=1e-9)
+    state[:3] += 2e3 * rng.normal(size=(3, 50))
+    far = law(r, state, push)[1]
+    np.testing.assert_allclose(far, slow(r, state, push)[1], rtol=1e-9, atol=1e-9)
+    assert (np.linalg.norm(far, axis=0) <= limits.thrust_N * (1 + 1e-12)).all()
 
 
 def new_controller(q, limits):
@@ -140,7 +163,7 @@ def test_on_the_ground_it_idles_until_the_reference_rises():
 
 def test_a_slow_vehicle_is_asked_for_no_more_speed_than_it_has():
     quick, slow = new_controller(FIELD, FIELD_LIMITS), new_controller(FIELD, FIELD_LIMITS)
-    slow.speed_max_mps = np.array([2.0])
+    slow.slow_down(np.array([2.0]))
     zero = np.zeros((1, 3))
     past = Reference(zero, np.array([[4.0, 0.0, 0.0]]), zero, zero, zero, np.zeros(1), np.zeros(1))
     state = np.zeros(12)
@@ -162,7 +185,8 @@ def test_a_constant_push_is_observed_and_a_step_of_the_control_is_not(q):
     state, wind, none = np.zeros((12, 1)), np.array([[1.0], [0.0], [0.0]]), np.zeros((3, 1))
     applied = np.array([[q.weight_N], [0.0], [0.0], [0.0]])
     for k in range(500):
-        watch.observe(np.concatenate((state[3:6], state[9:])), Turn.of(state[6:9]).thrust_axis(), applied, none)
+        thrust = Turn.of(state[6:9]).thrust_axis() * applied[0]
+        watch.observe(np.concatenate((state[3:6], state[9:])), thrust, applied[1:], none)
         applied = np.array([[q.weight_N * (1.02 if k > 250 else 1.0)], [0.0], [0.0], [0.0]])
         state, _ = stepper(state, applied, wind)
     expected = [q.drag_Nspm[0] / q.mass_kg, 0.0, 0.0, 0.0, 0.0, 0.0]
