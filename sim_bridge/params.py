@@ -40,7 +40,7 @@ class Params:
         self._values = {param.name: stored(param.value, param.kind) for param in personality.params}
         self._setters = {param.sets: param for param in personality.params if param.sets is not None}
         self._values[self._habits.sysid] = float(sysid)
-        self._news: list[str] = []
+        self._news: list[Message] = []
 
     def remember(self, earlier: Params) -> None:
         """Take over the values from before a restart."""
@@ -57,7 +57,7 @@ class Params:
         value = stored(value, self._table[name].kind)
         if value != self._values[name]:
             self._values[name] = value
-            self._news.append(name)
+            self._news.append(self._told(name, name))
 
     def setting(self, setting: Setting) -> float:
         """What the vehicle goes by: the value of the parameter that decides, within its bounds, in SI units.
@@ -78,8 +78,8 @@ class Params:
         """Values that the vehicle changed since it was last asked."""
         if not self._news:
             return []
-        names, self._news = self._news, []
-        return [self._told(name, name) for name in names]
+        news, self._news = self._news, []
+        return news
 
     def receive(self, message: Message) -> list[Message]:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; silence is an answer to what is unknown."""

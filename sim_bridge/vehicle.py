@@ -136,7 +136,7 @@ class Vehicle:
             autopilot.events.clear()
             return _SILENCE
         messages: list[Message] = self._telemetry.due(t_s)
-        if self._shelf.busy:
+        if self._shelf.waits:
             messages += self._shelf.tick(now_s)
         if autopilot.events:
             messages += self._tell()

@@ -97,6 +97,11 @@ def what_is_wrong(items: Sequence[MissionItem]) -> tuple[Severity, str] | None:
     return (Severity.INFO, "Incorrect item count") if missing else None
 
 
+def encloses(items: Sequence[MissionItem], place: Origin) -> bool:
+    """Whether a fence makes sense and leaves `place` on the right side of everything; an empty one does."""
+    return not _unfinished(items) and not any(shape.violated(0.0, 0.0) for shape in shapes(items, place))
+
+
 def count_shapes(items: Sequence[MissionItem]) -> int:
     """How many polygons and circles the items of a fence begin."""
     number, missing = 0, 0
@@ -107,6 +112,12 @@ def count_shapes(items: Sequence[MissionItem]) -> int:
             number += 1
             missing = max(_whole(item.params[0]) - 1, 0) if item.command in POLYGONS else 0
     return number
+
+
+def _unfinished(items: Sequence[MissionItem]) -> bool:
+    """Whether some vertex belongs to no whole polygon."""
+    whole = sum(len(shape.corners_ned_m) for shape in shapes(items, Origin(0.0, 0.0, 0.0)) if not shape.radius_m)
+    return whole != sum(item.command in POLYGONS for item in items)
 
 
 def _places(items: Sequence[MissionItem], origin: Origin) -> Array:

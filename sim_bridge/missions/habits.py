@@ -66,6 +66,7 @@ class MissionHabits:
     one_at_a_time: bool  # one transfer in all, downloads included; else one upload for each mission type
     restarts: bool  # a second MISSION_COUNT begins anew; else only the first request is repeated
     any_item_is_life: bool  # an item out of sequence counts as a sign that the station is there
+    single_precision: bool  # the degrees of a MISSION_ITEM become integers in single precision
     follows_float: bool  # a MISSION_ITEM is followed by requests for MISSION_ITEM; else by a reproach
     stateless_reads: bool  # items are read without a MISSION_REQUEST_LIST before
     cancellable: bool  # a MISSION_ACK of the station may end the transfer
@@ -83,6 +84,8 @@ class MissionHabits:
     unknown_type: Answer  # in a MISSION_COUNT
     unknown_type_read: Answer | None  # None is MISSION_COUNT 0
     bad_shape: Answer
+    home_outside: Answer  # said some time after a fence was stored that home is not inside of, or that is none
+    home_outside_after_s: float
 
 
 @dataclass

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.link.dialect import MissionResult, MissionType
+from gcs.link.message import Message
 from gcs.link.mission_compare import has_position
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.missions.fence import POLYGONS
@@ -64,6 +65,16 @@ def flyable(items: Sequence[MissionItem]) -> bool:
         _numbers(item) == MissionResult.ACCEPTED and all(map(math.isfinite, (*item.params[:3], item.alt_m)))
         for item in items
     )
+
+
+def in_single_precision(message: Message) -> Message:
+    """A MISSION_ITEM with the degrees that single precision makes of it; anything else as it is."""
+    f = message.fields
+    if message.name != "MISSION_ITEM" or not (math.isfinite(f["x"]) and math.isfinite(f["y"])):
+        return message
+    with np.errstate(over="ignore"):
+        scaled = {key: float(np.float32(f[key]) * np.float32(1e7)) / 1e7 for key in ("x", "y")}
+    return Message(message.name, {**f, **scaled}, *message.source)
 
 
 def in_wire_order(items: Sequence[MissionItem], seq: int, item: MissionItem) -> tuple[MissionItem, ...]:

@@ -26,9 +26,17 @@ from gcs.link.items import home_item, item_from_message, item_to_message
 from gcs.link.message import Message, Station
 from gcs.link.mission import mission_ack, mission_type_of
 from gcs.mission.model import Home, MissionItem
-from sim_bridge.missions.fence import count_shapes, what_is_wrong
+from sim_bridge.missions.fence import count_shapes, encloses, what_is_wrong
 from sim_bridge.missions.habits import Answer, Download, Keeping, MissionHabits, Upload
-from sim_bridge.missions.keep import capacity, in_wire_order, kept, too_few_vertices, types_meant, verdict
+from sim_bridge.missions.keep import (
+    capacity,
+    in_single_precision,
+    in_wire_order,
+    kept,
+    too_few_vertices,
+    types_meant,
+    verdict,
+)
 
 Say = Callable[[Severity, str], None]
 Items = tuple[MissionItem, ...]
@@ -58,6 +66,7 @@ class MissionShelf:
         self._items: dict[int, Items] = dict.fromkeys(habits.keeping, ())
         self._uploads: dict[int, Upload] = {}
         self._download: Download | None = None
+        self._look_at_fence_s: float | None = None
         self._handlers: dict[str, Callable[[Message, int, float], list[Message]]] = {
             "MISSION_COUNT": self._offered,
             "MISSION_ITEM": self._taken,
@@ -71,8 +80,13 @@ class MissionShelf:
 
     @property
     def busy(self) -> bool:
-        """Whether a transfer is under way, so that `tick` has something to watch."""
+        """Whether a transfer is under way."""
         return bool(self._uploads) or self._download is not None
+
+    @property
+    def waits(self) -> bool:
+        """Whether `tick` has something to watch."""
+        return self.busy or self._look_at_fence_s is not None
 
     def items(self, mission_type: int = MissionType.MISSION) -> Items:
         """What is held; where home is item 0 of a flight mission, it is home as it is now."""
@@ -113,6 +127,10 @@ class MissionShelf:
         if download is not None and now_s - download.heard_s > habits.give_up_s:
             self._download = None
             messages += self._answer(habits.gave_up, _peer(download), download.kind)
+        if self._look_at_fence_s is not None and now_s >= self._look_at_fence_s:
+            self._look_at_fence_s = None
+            if not encloses(self._items[MissionType.FENCE], self.home):
+                self._answer(habits.home_outside, self._me, MissionType.FENCE)
         return messages
 
     # Uploads
@@ -137,7 +155,7 @@ class MissionShelf:
             self._store(kind, self._items[kind][:count])
         upload = Upload(*peer, kind, count, habits.int_requests, now_s, now_s)
         if not count:
-            return self._complete(upload)
+            return self._complete(upload, now_s)
         self._uploads[kind] = upload
         return self._ask(upload, now_s)
 
@@ -155,7 +173,7 @@ class MissionShelf:
         upload.heard_s = now_s
         keeping = habits.keeping[kind]
         try:
-            item = item_from_message(message)
+            item = item_from_message(in_single_precision(message) if habits.single_precision else message)
             result = MissionResult.INVALID if self.rejects else verdict(item, keeping)
         except PeerError:
             item, result = None, MissionResult.INVALID_PARAM5_X
@@ -174,9 +192,9 @@ class MissionShelf:
         if upload.seq < upload.count:
             return self._ask(upload, now_s)
         del self._uploads[kind]
-        return self._complete(upload)
+        return self._complete(upload, now_s)
 
-    def _complete(self, upload: Upload) -> list[Message]:
+    def _complete(self, upload: Upload, now_s: float) -> list[Message]:
         kind, keeping = upload.kind, self._habits.keeping[upload.kind]
         wrong = what_is_wrong(upload.items) if keeping.checks_shapes else None
         if wrong is not None:
@@ -184,6 +202,8 @@ class MissionShelf:
             return self._answer(self._habits.bad_shape, _peer(upload), kind)
         if not keeping.item_by_item:
             self._store(kind, tuple(upload.items))
+        if kind == MissionType.FENCE and self._habits.home_outside.text:
+            self._look_at_fence_s = now_s + self._habits.home_outside_after_s
         if keeping.received:
             self._say(keeping.received_severity, keeping.received)
         return [mission_ack(_peer(upload), MissionResult.ACCEPTED, kind)]

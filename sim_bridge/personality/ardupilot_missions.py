@@ -65,6 +65,7 @@ MISSIONS = MissionHabits(
     one_at_a_time=False,
     restarts=True,
     any_item_is_life=False,
+    single_precision=True,
     follows_float=False,
     stateless_reads=True,
     cancellable=False,
@@ -82,4 +83,6 @@ MISSIONS = MissionHabits(
     unknown_type=Answer(MissionResult.UNSUPPORTED),
     unknown_type_read=Answer(MissionResult.UNSUPPORTED),
     bad_shape=Answer(MissionResult.ERROR, "Fence validation failed", Severity.WARNING),
+    home_outside=SILENCE,
+    home_outside_after_s=0.0,
 )

@@ -57,6 +57,7 @@ MISSIONS = MissionHabits(
     one_at_a_time=True,
     restarts=False,
     any_item_is_life=True,
+    single_precision=False,
     follows_float=True,
     stateless_reads=False,
     cancellable=True,
@@ -74,4 +75,6 @@ MISSIONS = MissionHabits(
     unknown_type=Answer(MissionResult.NO_SPACE),
     unknown_type_read=None,
     bad_shape=Answer(MissionResult.ERROR),
+    home_outside=Answer(None, "Geofence invalid, doesn't contain Home position\t"),
+    home_outside_after_s=0.5,
 )

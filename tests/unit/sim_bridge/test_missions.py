@@ -334,6 +334,18 @@ def test_float_items_are_reproached_once_by_ardupilot_and_followed_by_px4():
         assert desk.held()[1].lat_degE7 == LAT
 
 
+def test_ardupilot_reckons_with_degrees_in_single_precision():
+    places = {}
+    for habits in (ARDUPILOT, PX4):
+        desk = Desk(habits)
+        desk.hear("MISSION_COUNT", count=2)
+        for seq in range(2):
+            fields = item_to_message(SHORT[seq], seq, ME).fields | {"x": -35.36326217651367, "y": 149.16523742675781}
+            desk.shelf.receive(Message("MISSION_ITEM", fields, *GROUND), 0.0)
+        places[habits is PX4] = desk.held()[1].lat_degE7, desk.held()[1].lon_degE7
+    assert places == {False: (-353632608, 1491652352), True: (-353632622, 1491652374)}
+
+
 @BOTH
 def test_a_float_position_that_is_no_number_is_refused(habits):
     desk = Desk(habits)
@@ -540,6 +552,21 @@ def test_px4_refuses_too_few_vertices_at_once():
     desk = Desk(PX4)
     desk.hear("MISSION_COUNT", count=2, mission_type=1)
     assert result(desk.item(0, vertex(0, 0, 2.0), 1)) == R.ERROR
+
+
+def test_px4_says_some_time_later_that_a_fence_leaves_home_out():
+    broken, elsewhere = SQUARE[:3], tuple(replace(v, lat_degE7=v.lat_degE7 + 10_000) for v in SQUARE)
+    for fence, says in ((SQUARE, False), ((*SQUARE, item()), False), (broken, True), (elsewhere, True), ((), False)):
+        desk = Desk(PX4)
+        desk.put(fence, 1) if fence else desk.hear("MISSION_COUNT", count=0, mission_type=1)
+        assert desk.shelf.waits
+        assert not desk.shelf.busy
+        desk.tick(0.4)
+        assert desk.texts == []
+        desk.tick(0.6)
+        wanted = [(2, "Geofence invalid, doesn't contain Home position\t")] if says else []
+        assert desk.texts == wanted
+        assert not desk.shelf.waits
 
 
 def test_px4_forgets_what_a_fence_has_no_use_for():

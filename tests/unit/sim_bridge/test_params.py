@@ -156,7 +156,7 @@ def test_what_the_vehicle_changes_itself_is_news_once():
     params.change("MIS_TOTAL", 4)
     params.change("MIS_TOTAL", 5)
     params.change("RALLY_TOTAL", 0)  # as it was
-    assert [told([m])[:2] for m in params.news()] == [("MIS_TOTAL", 5.0)] * 2
+    assert [told([m])[:2] for m in params.news()] == [("MIS_TOTAL", 4.0), ("MIS_TOTAL", 5.0)]
     assert params.news() == []
 
 
