@@ -64,11 +64,22 @@ def _looks(
         for part, rows in ((times[~moving], leader), (times[moving], _liveliest(problem, shape, times[moving]))):
             if len(part):
                 yield part, _motions(problem, trajectory, shape, part, rows)
+        yield times, _bends(problem, trajectory, times)
         if problem.follows_course:
             faced = margins.course(
                 problem.scenario, trajectory.state(times)[:, VELOCITY], _heading(problem, trajectory, times)
             )
             yield times, [(faced, COURSE_TOLERANCE * faced.scale)]
+
+
+def _bends(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
+    """How far scale, heading and blend are inside their ranges."""
+    found = []
+    for coordinate, value in zip(problem.coordinates, trajectory.coordinates(times).T, strict=True):
+        inside = np.minimum(value - coordinate.low, coordinate.high - value)
+        size = coordinate.high
+        found.append((Margin(coordinate.name, "of its range", inside[None], size), LIMIT_TOLERANCE * size))
+    return found
 
 
 def _heading(problem: Problem, trajectory: Trajectory, times: Array) -> Array:

@@ -187,7 +187,7 @@ def _shortest(
     """Cells (P, 2) of the cheapest way; climbing counts like flying the same height sideways ten times over."""
     shape = free.shape
     index = np.arange(free.size).reshape(shape)
-    height = np.where(free, np.maximum(area.floor_m, 0.0), 0.0)
+    height = np.where(np.isfinite(area.floor_m), np.maximum(area.floor_m, 0.0), 0.0)  # an end may lie in a disk
     sources, targets, costs = [], [], []
     steps = np.array([area.north_m[1] - area.north_m[0], area.east_m[1] - area.east_m[0]])
     for a, b in _STEPS:

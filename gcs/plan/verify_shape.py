@@ -26,6 +26,7 @@ from gcs.scenario.physical import NED_FROM_UP, landing_points_ned_m, offsets_ned
 
 _GATE_S = 0.01  # the leader's track is looked at so often
 _BEYOND = 0.05  # of its range: an automatic change rests a little inside it
+_SLACK = 1e-3  # of its size, as of every limit
 _TRIED, _ZOOMS = 21, 6
 _FEW = 40  # vehicles for which all distances are faster than a tree of neighbours
 
@@ -127,9 +128,9 @@ class _Bends:
         least = getattr(autos.get("shrink"), "scale", 1.0)
         turn_rad = np.radians(abs(getattr(autos.get("rotate"), "angle_deg", 0.0)))
         return cls(
-            scale=(least, 1.0 + _BEYOND * (1.0 - least)),
-            turn_rad=np.pi if scenario.formation.frame == "course" else turn_rad,
-            blend=(-_BEYOND, 1.0) if "reshape" in autos else (0.0, 0.0),
+            scale=(least - _SLACK, 1.0 + _BEYOND * (1.0 - least) + _SLACK) if "shrink" in autos else (1.0, 1.0),
+            turn_rad=np.pi if scenario.formation.frame == "course" else turn_rad * (1.0 + _SLACK),
+            blend=(-_BEYOND - _SLACK, 1.0 + _SLACK) if "reshape" in autos else (0.0, 0.0),
             target_ned_m=target_ned_m(scenario),
         )
 
