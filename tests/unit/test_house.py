@@ -13,7 +13,7 @@ LEAVES = {"gcs.errors", "gcs.files", "gcs.frames", "gcs.quadrotor"}
 LAYERS = ("scenario", "plan", "mission", "link", "flight", "cli")
 # `plan` and `link` never meet, save in `flight`.
 FORBIDDEN = {("link", "plan"), ("link", "scenario")}
-BRIDGE_MAY = {"gcs.errors", "gcs.files", "gcs.quadrotor", "gcs.frames", "gcs.scenario", "gcs.link", "gcs.mission.model"}
+BRIDGE_MAY = LEAVES | {"gcs.scenario", "gcs.link", "gcs.mission.model", "gcs.mission.navigator"}
 LONGEST = 400
 
 Import = tuple[str, bool]
