@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -96,23 +96,36 @@ class Flightpath:
         """Go on to `t_s`."""
         if t_s < self._wake_s:
             return NOTHING_PASSED
+        ended = False
+        streams = self._stream is not None and (self.streaming or self._stream.next_s <= t_s)
+        if self.piece.end_s <= t_s and not streams:
+            while self.piece.end_s <= t_s and (self._pieces or self._go_on()):
+                self.piece = self._pieces.pop()
+            if self.piece.end_s <= t_s:
+                self.piece = hold(self.piece.end_s, self.piece.at(self.piece.end_s))
+                ended = True
         marks = []
         while self._marks and self._marks[-1].t_s <= t_s:
             marks.append(self._marks.pop())
         landing = self._landing_s <= t_s
         if landing:
             self._landing_s = math.inf
-        ended = False
-        if self._stream is not None and (self.streaming or self._stream.next_s <= t_s):
+        if streams:
             self._fly_stream(t_s)
-        elif self.piece.end_s <= t_s:
-            while self._pieces and self.piece.end_s <= t_s:
-                self.piece = self._pieces.pop()
-            if self.piece.end_s <= t_s:
-                self.piece = hold(self.piece.end_s, self.piece.at(self.piece.end_s))
-                ended = True
         self._sleep()
         return Passed(tuple(marks), landing, ended)
+
+    def _go_on(self) -> bool:
+        """Have the next part of the course worked out; whether there are pieces in it."""
+        known = self.course
+        more = next(known.rest, None) if known.rest is not None else None
+        if more is None:
+            return False
+        self.course = replace(more, rest=known.rest)
+        self._pieces, self._marks = list(reversed(more.pieces)), [*reversed(more.marks), *self._marks]
+        if more.landing_from_s != known.landing_from_s:
+            self._landing_s = more.landing_from_s
+        return bool(self._pieces)
 
     def _fly_stream(self, t_s: float) -> None:
         stream = self._stream

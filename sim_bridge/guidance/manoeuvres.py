@@ -73,6 +73,13 @@ def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -
     return Piece(start_s, start_s + duration, _polynomial(_SEPTIC, flat[:4], end, duration))
 
 
+def bridge(start_s: float, start: Array, end_s: float, end: Array) -> Piece:
+    """From one motion to another, both (3 or more, 4): the quintic through position, velocity and acceleration."""
+    c = np.zeros((TERMS, 4))
+    c[:6] = _polynomial(_QUINTIC, start[:3], end[:3], end_s - start_s)
+    return Piece(start_s, end_s, c)
+
+
 def brake(start_s: float, flat: Array, limits: MotionLimits) -> Piece:
     """From any motion to rest, wherever that is reached; yaw comes to rest too."""
     if not np.any(flat[1:3]):
