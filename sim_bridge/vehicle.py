@@ -112,7 +112,7 @@ class Vehicle:
             return [m for m in [self._telemetry.build(MessageId.MISSION_CURRENT)] if m is not None]
         if name.startswith("MISSION_"):
             self._shelf.current_seq = self.autopilot.current_seq
-            return self._shelf.receive(message, now_s)
+            return self._shelf.receive(message, now_s) + self._params.news()
         if name.startswith("PARAM_"):
             return self._talk_of_params(message)
         if name == "TIMESYNC":

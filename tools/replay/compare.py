@@ -19,7 +19,7 @@ from gcs.link.dialect import MavCommand
 from gcs.link.message import Message
 from tools.replay.player import TIMERS_MAY_DIFFER, Played
 from tools.replay.recording import Recording, Step
-from tools.replay.saying import BY_THE_WAY, TALK, Saying, differences, saying
+from tools.replay.saying import BY_THE_WAY, TALK, Saying, differences, equal, saying
 from tools.replay.stage import Told
 
 _LATENCY_S = 0.25
@@ -128,12 +128,7 @@ def _number(one: _Uttered) -> int:
 def _match(recorded: list[_Talk], here: list[_Talk], steps: Sequence[Step], verdicts: list[Verdict]) -> None:
     reached = -1  # the last of ours that was matched, in its order
     for wanted in recorded:
-        found = next((n for n, one in enumerate(here) if _answers(one, wanted, steps)), None)
-        found = (
-            found
-            if found is not None
-            else next((n for n, one in enumerate(here) if _replaces(one, wanted, steps)), None)
-        )
+        found = _find(wanted, here, steps)
         report = verdicts[wanted.said.step].differences
         if found is None:
             report.append(f"missing {wanted.said}")
@@ -142,30 +137,37 @@ def _match(recorded: list[_Talk], here: list[_Talk], steps: Sequence[Step], verd
         one.matched = True
         report += [f"{wanted.said} {line}" for line in differences(wanted.said, one.said)]
         if one.said.which != wanted.said.which:
-            report.append(f"{wanted.said.name} {wanted.said.which} -> {one.said.which}")
+            report.append(f"{wanted.said} -> {one.said}")
         if abs(one.times - wanted.times) > max(1, TIMERS_MAY_DIFFER * wanted.times):
             report.append(f"{wanted.said} said {wanted.times} -> {one.times} times")
+        if wanted.first_beat:
+            continue
         if found < reached and not _by_the_way(wanted, here[reached]):
             report.append(f"order: {wanted.said} after {here[reached].said}")
         reached = max(reached, found)
+    end_s = steps[-1].end_s
     for one in here:
-        if not one.matched:
+        cut_off = end_s - one.said.t_s < _LATENCY_S  # the recorded vehicle had no time left to say it
+        thinned = one.said.name not in TALK and one.said.name != "HEARTBEAT"
+        if not (one.matched or cut_off or thinned):
             verdicts[one.said.step].differences.append(f"extra {one.said}")
 
 
-def _answers(one: _Talk, wanted: _Talk, steps: Sequence[Step]) -> bool:
+def _find(wanted: _Talk, here: list[_Talk], steps: Sequence[Step]) -> int | None:
+    """Which of ours answers to it; failing that, which was said in its place."""
+    near = [n for n, one in enumerate(here) if not one.matched and _could_be(one, wanted, steps)]
+    same = [n for n in near if here[n].said.which == wanted.said.which]
+    exact = [n for n in same if equal(wanted.said, here[n].said)]
+    by_then = [n for n in same if here[n].said.step <= wanted.said.step]
+    in_its_place = [n for n in near if here[n].said.step == wanted.said.step and wanted.said.name != "PARAM_VALUE"]
+    return next(iter(exact or by_then or in_its_place), None)
+
+
+def _could_be(one: _Talk, wanted: _Talk, steps: Sequence[Step]) -> bool:
+    if one.said.name != wanted.said.name:
+        return False
     if one.first_beat or wanted.first_beat:
         return one.first_beat and wanted.first_beat  # heartbeats have a clock of their own
-    same = one.said.name == wanted.said.name and one.said.which == wanted.said.which
-    return same and not one.matched and _in_time(one, wanted, steps)
-
-
-def _replaces(one: _Talk, wanted: _Talk, steps: Sequence[Step]) -> bool:
-    same_step = one.said.name == wanted.said.name and one.said.step == wanted.said.step
-    return same_step and not one.matched and wanted.said.name != "PARAM_VALUE" and _in_time(one, wanted, steps)
-
-
-def _in_time(one: _Talk, wanted: _Talk, steps: Sequence[Step]) -> bool:
     since_s = max(wanted.said.t_s - steps[min(one.said.step, wanted.said.step)].t_s, 0.0)
     return abs(one.said.t_s - wanted.said.t_s) <= _LATENCY_S + TIMERS_MAY_DIFFER * since_s
 
