@@ -33,12 +33,99 @@ class Meant:
         return here and re.fullmatch(self.line, line) is not None
 
 
+_NO_SUCH_PARTS = (
+    "ANGLE|BARO|CAL|EK3|EKF2|FILT|INS|MOT|PILOT|SENS|SERIAL|SUPER|GCS_PID|VT|WV|ATC|STAT|LAND_SPEED_HIGH|SIM|COMPASS"
+)
 MEANT: Sequence[Meant] = (
+    # Parameters
     Meant(
         "*",
         "*",
-        r"PARAM_VALUE \S+ param_count: \d+ -> \d+",
-        "the emulated vehicles have the parameters that do something",
+        r"PARAM_VALUE \S+ param_(count|index): \d+ -> \d+",
+        "the emulated vehicles have the parameters that do something, not all 900 or 1390",
+    ),
+    Meant(
+        "*",
+        "params",
+        rf"missing PARAM_VALUE ({_NO_SUCH_PARTS})\S*",
+        "parameters of parts that the emulated vehicles do not have",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "params",
+        r"(missing )?PARAM_VALUE (FRAME_TYPE param_value: 0 -> 1|\S+)",
+        "names, and their order, are those of 4.5.6",
+    ),
+    Meant("*", "params", r"extra PARAM_VALUE \S+", "the file keeps the first 50 and the last 5 of a list"),
+    Meant(
+        "arducopter-*",
+        "*",
+        r"missing PARAM_VALUE (STAT_RUNTIME|STAT_FLTTIME|MOT_THST_HOVER)",
+        "the emulated vehicles keep no statistics of their life, and learn nothing from flight to flight",
+    ),
+    Meant(
+        "arducopter-*",
+        "*",
+        r"missing PARAM_VALUE (BARO|INS|EK3)\S+",
+        "their sensors come calibrated: nothing is found out and stored at boot",
+    ),
+    Meant(
+        "arducopter-*",
+        "params",
+        r"PARAM_VALUE WP_YAW_BEHAVIOR param_value: 2 -> 0",
+        "their yaw does not turn towards the next waypoint, and the parameter says so",
+    ),
+    Meant(
+        "px4-*",
+        "params",
+        r"PARAM_VALUE _HASH_CHECK param_value: .*",
+        "it is reckoned over other parameters",
+    ),
+    Meant(
+        "px4-*",
+        "params",
+        r"missing PARAM_VALUE COM_OF_LOSS_T",
+        "a value that was set is told once; the original tells some of them again when it comes to store them",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "*",
+        r"extra PARAM_VALUE MIS_TOTAL",
+        "4.5.6 tells every step of the count, as here; this version leaves out those that came too quickly",
+    ),
+    # Words
+    Meant(
+        "arducopter-*",
+        "params",
+        r"(missing )?STATUSTEXT (ArduCopter V|[0-9a-f]{32}|Frame: QUAD).*",
+        "a version, a build and a frame of their own",
+    ),
+    Meant("arducopter-*", "*", r"missing STATUSTEXT RC7: SaveWaypoint LOW", "there is no remote control"),
+    Meant("arducopter-*", "*", r"missing BAD_DATA", "nobody writes console text into the link"),
+    # Telemetry
+    Meant(
+        "px4-*",
+        "*",
+        r"no (UNKNOWN_(8|380|410|411)|CURRENT_MODE)",
+        "messages that the project's MAVLink dialect does not have",
+    ),
+    Meant(
+        "px4-*",
+        "*",
+        r"no (DISTANCE_SENSOR|OPEN_DRONE_ID_\w+|SCALED_PRESSURE|VIBRATION|PING|HIGHRES_IMU|LINK_NODE_STATUS)",
+        "told of parts that the emulated vehicles do not have",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "*",
+        r"no (AVAILABLE_MODES_MONITOR|CURRENT_MODE)",
+        "messages that the project's MAVLink dialect does not have",
+    ),
+    Meant(
+        "arducopter-*",
+        "mission_upload_bad",
+        r"rate of GLOBAL_POSITION_INT: 1\.4\d -> 2\.\d+ Hz",
+        "telemetry is not held back while items are transferred",
     ),
 )
 

@@ -36,15 +36,17 @@ class Played:
 
 def play(recording: Recording, personality: Personality, scenario: Scenario) -> Played:
     """Play all steps; what the vehicle says is dated in the recording's time."""
+    boots_s = _boot_s(recording)
     stage = Stage(
-        personality,
+        personality if boots_s is None else personality.booting_for_real(),
         scenario,
         recording.vehicle,
         _home(recording, scenario),
-        boots_s=_boot_s(recording),
+        boots_s=boots_s,
         epoch_unix_s=_epoch_unix_s(recording),
     )
-    if recording.scene not in _FROM_POWER_ON:
+    if boots_s is None:
+        stage.set_mode_before(_mode(recording))
         stage.ask_before(_left_over(recording))
     played = Played()
     late_s = 0.0
@@ -60,6 +62,12 @@ def play(recording: Recording, personality: Personality, scenario: Scenario) -> 
         played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
         late_s += waited_s
     return played
+
+
+def _mode(recording: Recording) -> int:
+    """The mode in which the recorded vehicle was when the scene began."""
+    beats = (row.message for _, row in recording.heard() if row.name == "HEARTBEAT" and row.message)
+    return int(next(beats).fields["custom_mode"])
 
 
 def _left_over(recording: Recording) -> dict[int, float]:

@@ -97,6 +97,11 @@ class Stage:
         """Time of the scene."""
         return self._start_s + (self._steps - self._start_steps) * CONTROL_PERIOD_S
 
+    def set_mode_before(self, custom_mode: int) -> None:
+        """Let the vehicle have been put into this mode before the scene."""
+        fields = {"target_system": self.vehicle.station.sysid, "base_mode": 1, "custom_mode": custom_mode}
+        self.vehicle.receive(Message("SET_MODE", fields, 255, 190), -math.inf)
+
     def ask_before(self, intervals_s: Mapping[int, float]) -> None:
         """Let a ground station have asked, before the scene, for these messages in these intervals, and no others."""
         for number in (*MessageId, *intervals_s):
