@@ -8,6 +8,7 @@ console text into the link, and a frame broken on the way must not take the good
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Hashable
 from typing import Any
@@ -30,6 +31,7 @@ _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
     for name, cls in _CLASSES.items()
 }
 _V1, _V2 = 0xFE, 0xFD
+_MARKER = re.compile(b"[\xfd\xfe]")
 _ENDS = (b"", b"\xfe", b"\xfd")  # what may follow a frame that no checksum vouches for
 _SIGNED = 0x01
 _HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
@@ -104,8 +106,9 @@ class Codec:
                 messages.append(message)
                 cut = -1
             elif not (length and _is_unknown(frame) and data[at + length : at + length + 1] in _ENDS):
-                length = 1
-                self.skipped_bytes += 1
+                marker = _MARKER.search(data, at + 1)
+                length = (marker.start() if marker is not None else size) - at
+                self.skipped_bytes += length
             at += length
         if cut >= 0 and len(self._tails) < _MAX_SOURCES:
             self._tails[source] = data[cut:]
