@@ -84,6 +84,28 @@ def gap(scenario: Scenario, half_m: float, changes: tuple[dict[str, Any], ...], 
     return fleet(scenario, 5, "row", changes, **far | tables)
 
 
+def block(scenario: Scenario, changes: tuple[dict[str, Any], ...] = (), **tables: Any) -> Scenario:
+    """Sixty vehicles, 28 m wide, over four hills and past a disk."""
+    hills = {
+        "north_m": [45.0, 70.0, 60.0, 35.0],
+        "east_m": [-12.0, 10.0, 30.0, 14.0],
+        "height_m": [9.0, 11.0, 14.0, 6.0],
+        "spread_north_m": [9.0, 8.0, 12.0, 6.0],
+        "spread_east_m": [8.0, 9.0, 12.0, 6.0],
+    }
+    there: dict[str, Any] = {
+        "terrain": {"ripple": None, "mountains": hills},
+        "time": {"flight_s": 60.0},
+        "start": {"position_m": [0.0, 0.0, 6.0]},
+        "end": {"position_m": [110.0, 0.0, 6.0]},
+        "limits": {"height_m": [0.0, 14.0]} | tables.pop("limits", {}),
+        "no_fly": [{"north_m": 50.0, "east_m": -27.0, "radius_m": 14.0}],
+        "ground_phases": {"takeoff_s": 12.0, "landing_s": 12.0, "hover_s": 2.0},
+    }
+    shapes = ({"name": "block", "generator": "grid", "spacing_m": 4.0},)
+    return fleet(scenario, 60, "block", changes, shapes, **there | tables)
+
+
 TURN = {"kind": "rotate", "angle_deg": 90.0}
 SHRINK = {"kind": "shrink", "scale": 0.5}
 TO_ROW = {"kind": "reshape", "to": "row"}
