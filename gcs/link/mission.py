@@ -23,7 +23,8 @@ Rules
     that means the first one was lost.
 8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is
     a reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one
-    had arrived and the transfer goes on (PX4: "busy"). Any other result ends it: `MissionRefused`.
+    had arrived and the transfer goes on (PX4: "busy"). ERROR after a repeated last item says that the transfer was
+    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`.
 9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
 10. Arrival of the last item without a MISSION_ACK is no proof of anything: `MissionSender.all_sent` tells the
     caller that it pays to read the mission back.

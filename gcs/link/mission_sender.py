@@ -12,6 +12,7 @@ Knows and does not know: see `gcs.link.mission`, whose rules the numbers below r
     ALL_SENT   MISSION_REQUEST(_INT) seq                   ALL_SENT   item seq                        (3)
     ALL_SENT   reply_s passed                              ALL_SENT   the last item                   (5)
     ALL_SENT   MISSION_ACK ACCEPTED                        DONE                                       (8)
+    ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 10)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
     any        give_up_s without progress                  FAILED                                     (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
@@ -70,6 +71,7 @@ class MissionSender:
         self._last_seq: int | None = None  # the request answered last
         self._repeats = 0
         self._counts_repeated = 0
+        self._last_repeated = False
         self._resend_s = 0.0
         self._give_up_s = 0.0
         self._end_s = 0.0
@@ -134,6 +136,7 @@ class MissionSender:
         if self.state is SenderState.OFFERED or not self.items:
             self._counts_repeated += 1
             return [self._count()]
+        self._last_repeated = True
         return [self._item(len(self.items) - 1)]
 
     def cancel(self) -> list[Message]:
@@ -171,6 +174,8 @@ class MissionSender:
             pass
         elif result == MissionResult.ERROR and self._counts_repeated:
             self._counts_repeated -= 1
+        elif result == MissionResult.ERROR and self._last_repeated:
+            self._fail(PeerTimeout(f"{self.peer} had ended the transfer, and {self._awaited()} did not come."))
         else:
             self._fail(MissionRefused(self.peer, result, self._last_seq))
 

@@ -122,6 +122,21 @@ def test_busy_after_a_repeated_count_is_forgiven_once_per_repetition():
     assert isinstance(sender.error, MissionRefused)
 
 
+def test_error_after_a_repeated_last_item_says_that_the_acknowledgement_was_lost():
+    sender = started_sender()
+    for seq in range(len(ITEMS)):
+        ask(sender, seq)
+    assert names(sender.tick(sender.deadline_s)) == ["MISSION_ITEM_INT"]
+    ack(sender, MissionResult.ERROR)
+    assert isinstance(sender.error, PeerTimeout)
+    assert sender.all_sent  # so that the caller reads back
+    sender = started_sender()
+    for seq in range(len(ITEMS)):
+        ask(sender, seq)
+    ack(sender, MissionResult.ERROR)
+    assert isinstance(sender.error, MissionRefused)
+
+
 def test_count_is_repeated_until_the_vehicle_counts_as_silent():
     sender = MissionSender(ITEMS, VEHICLE, timers=Timers(reply_s=1.0, retries=2, give_up_s=4.0))
     sender.start(0.0)
