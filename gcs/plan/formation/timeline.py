@@ -122,7 +122,9 @@ def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: 
             parts.append(rigid(made.before_ned_m, now_s, begin_s))
         now_s = begin_s
         for leg, seconds in made.legs:
-            parts.append(stretched(leg, now_s, now_s + seconds))
+            finish_s = now_s + seconds
+            # The flight's end to the last bit: the next phase begins there.
+            parts.append(stretched(leg, now_s, end_s if abs(finish_s - end_s) <= _SLACK_S else finish_s))
             now_s = parts[-1].end_s
         offsets = made.after_ned_m
         moves.append(
