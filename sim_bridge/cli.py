@@ -21,7 +21,7 @@ from gcs.errors import GcsError, UsageError
 from sim_bridge.endpoints.spec import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
 
 if TYPE_CHECKING:
-    from sim_bridge.fleet import Fleet
+    from sim_bridge.world import World
 
 STOPPED = 130
 BUG = 70
@@ -71,12 +71,12 @@ def fly(
     from gcs.scenario.physical import sysids  # noqa: PLC0415
     from sim_bridge.fault_file import read_fault_file  # noqa: PLC0415
     from sim_bridge.faults import parse_faults  # noqa: PLC0415
-    from sim_bridge.fleet import Fleet, FleetOptions  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
+    from sim_bridge.world import World, WorldOptions  # noqa: PLC0415
 
     scenario = load_scenario(mission)
     texts = (read_fault_file(faults) if faults is not None else []) + (fault or [])
-    options = FleetOptions(
+    options = WorldOptions(
         links=links,
         speedup=rate,
         seed=seed,
@@ -84,7 +84,7 @@ def fly(
         record_truth=truth is not None,
         personality=by_name(autopilot or scenario.mission.autopilot),
     )
-    with Fleet(scenario, options) as fleet:
+    with World(scenario, options) as fleet:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: fleet.stop())
         if until_eof:
@@ -113,7 +113,7 @@ def _warn(links: Sequence[LinkSpec]) -> None:
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def _ready(fleet: Fleet, links: Sequence[LinkSpec], seed: int) -> dict[str, Any]:
+def _ready(fleet: World, links: Sequence[LinkSpec], seed: int) -> dict[str, Any]:
     """`ports` are those of the first link that has any, `places` all."""
     called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is Kind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}

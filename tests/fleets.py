@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from gcs.scenario.model import Scenario
-from sim_bridge.fleet import Fleet, FleetOptions
+from sim_bridge.world import World, WorldOptions
 
 EPOCH_UNIX_S = 1_700_000_000.0
 
@@ -22,12 +22,12 @@ def free_port() -> int:
 
 
 @contextmanager
-def running_fleet(scenario: Scenario, options: FleetOptions, *, paused: bool = False) -> Iterator[Fleet]:
+def running_fleet(scenario: Scenario, options: WorldOptions, *, paused: bool = False) -> Iterator[World]:
     """A fleet that flies in a thread of its own until the block ends; its failure is the test's.
 
     Paused, it has taken its first 5 s (it is ready then) and waits to be `run` by the test.
     """
-    with Fleet(scenario, replace(options, epoch_unix_s=EPOCH_UNIX_S)) as fleet:
+    with World(scenario, replace(options, epoch_unix_s=EPOCH_UNIX_S)) as fleet:
         if paused:
             while fleet.t_s < 5.0:
                 fleet.step()

@@ -13,7 +13,7 @@ from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.faults import parse_faults
-from sim_bridge.fleet import FleetOptions
+from sim_bridge.world import WorldOptions
 from tests.bridge.test_links import udp_station
 from tests.fleets import running_fleet
 
@@ -40,7 +40,7 @@ def wanted(t_s: np.ndarray) -> np.ndarray:
 
 def flown(scenario: Scenario, speedup: float, *texts: str, beats: int = 1) -> np.ndarray:
     """True states of vehicle 1 along a stamped stream; a ground station that talks more says `beats` > 1."""
-    options = FleetOptions(
+    options = WorldOptions(
         links=[LinkSpec(Kind.UDP_IN, shared=True)],
         speedup=speedup,
         seed=7,

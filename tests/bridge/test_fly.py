@@ -21,7 +21,7 @@ from gcs.flight.truth import load_truth
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
-from sim_bridge.fleet import Fleet, FleetOptions
+from sim_bridge.world import World, WorldOptions
 from tests.fleets import free_port, running_fleet, wait_until
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
@@ -200,15 +200,15 @@ def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, 
 
 
 @pytest.fixture
-def vehicles_out_there(short_mission: Path) -> Iterator[tuple[Fleet, str]]:
+def vehicles_out_there(short_mission: Path) -> Iterator[tuple[World, str]]:
     """Vehicles that `gcs fly` did not start, and the link they can be flown by."""
     port = free_port()
-    with running_fleet(load_scenario(short_mission), FleetOptions(links=(call(port),), speedup=10.0)) as fleet:
+    with running_fleet(load_scenario(short_mission), WorldOptions(links=(call(port),), speedup=10.0)) as fleet:
         yield fleet, f"udpin:127.0.0.1:{port}"
 
 
 def test_a_link_is_flown_like_the_simulation(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[Fleet, str]
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
     done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
@@ -220,7 +220,7 @@ def test_a_link_is_flown_like_the_simulation(
 
 
 def test_ctrl_c_lands_vehicles_that_are_not_ours(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[Fleet, str]
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
     process = subprocess.Popen(

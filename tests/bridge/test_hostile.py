@@ -19,9 +19,9 @@ from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.endpoints.switchboard import Arrival
-from sim_bridge.fleet import Fleet, FleetOptions
 from sim_bridge.personality import by_name
 from sim_bridge.traffic import Traffic
+from sim_bridge.world import World, WorldOptions
 from tests.bridge.hostile import Hostility, checksums
 from tests.bridge.test_links import udp_station
 from tests.fleets import EPOCH_UNIX_S, running_fleet
@@ -68,7 +68,7 @@ def mission(scenario: Scenario) -> tuple[MissionItem, ...]:
     )
 
 
-def upload(wire: Wire, fleet: Fleet, sysid: int, items: Sequence[MissionItem]) -> None:
+def upload(wire: Wire, fleet: World, sysid: int, items: Sequence[MissionItem]) -> None:
     """In one go: a vehicle asks for what it has not been sent, and is sent it."""
     codec = Codec(*GROUND)
     to = {"target_system": sysid, "target_component": 1, "mission_type": 0}
@@ -88,7 +88,7 @@ def upload(wire: Wire, fleet: Fleet, sysid: int, items: Sequence[MissionItem]) -
     fleet.step()
 
 
-def held(fleet: Fleet) -> list[tuple[tuple[MissionItem, ...], ...]]:
+def held(fleet: World) -> list[tuple[tuple[MissionItem, ...], ...]]:
     """Everything that vehicles hold, home apart, which moves with them."""
     shelves = [vehicle._shelf for vehicle in fleet.vehicles]
     return [tuple(shelf.items(kind)[kind == MissionType.MISSION :] for kind in HELD) for shelf in shelves]
@@ -101,12 +101,12 @@ def field(repo_root) -> Scenario:
 
 @pytest.mark.parametrize("autopilot", SEEDS)
 def test_hostile_frames_change_nothing(field: Scenario, autopilot: str, capsys) -> None:
-    options = FleetOptions(
+    options = WorldOptions(
         links=[LinkSpec(Kind.UDP_IN, shared=True)], seed=1, personality=by_name(autopilot), epoch_unix_s=EPOCH_UNIX_S
     )
     home = Home(field.origin.lat_deg, field.origin.lon_deg, field.origin.alt_amsl_m)
     items = mission(field)
-    with Fleet(field, options) as fleet:
+    with World(field, options) as fleet:
         wire = Wire(len(fleet.sysids))
         fleet._board.close()
         fleet._board = wire
@@ -163,7 +163,7 @@ def test_right_frames_are_right(simulation1: Scenario) -> None:
 
 
 def test_a_flood_on_one_port_does_not_drown_the_others(simulation1: Scenario) -> None:
-    options = FleetOptions(links=[LinkSpec(Kind.UDP_IN)], speedup=math.inf)
+    options = WorldOptions(links=[LinkSpec(Kind.UDP_IN)], speedup=math.inf)
     noise = np.random.default_rng(5).bytes(1200)
     with (
         running_fleet(simulation1, options) as fleet,

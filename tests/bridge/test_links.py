@@ -23,7 +23,7 @@ from sim_bridge.cli import parse_links
 from sim_bridge.endpoints.spec import CALL_GROUND, Kind, LinkSpec
 from sim_bridge.fault_commands import INJECT_FAILURE, USER_1
 from sim_bridge.faults import parse_faults
-from sim_bridge.fleet import Fleet, FleetOptions
+from sim_bridge.world import World, WorldOptions
 from tests.fleets import running_fleet
 
 PATIENCE_S = 20.0
@@ -86,7 +86,7 @@ def serial_station(path: str) -> Iterator[Station]:
         os.close(file)
 
 
-def station_at(fleet: Fleet, sysid: int) -> contextlib.AbstractContextManager[Station]:
+def station_at(fleet: World, sysid: int) -> contextlib.AbstractContextManager[Station]:
     place = fleet.places[sysid][0]
     if place.kind == Kind.PTY:
         return serial_station(place.address)
@@ -96,7 +96,7 @@ def station_at(fleet: Fleet, sysid: int) -> contextlib.AbstractContextManager[St
 @pytest.mark.parametrize("shared", [False, True], ids=["one each", "one for all"])
 @pytest.mark.parametrize("kind", [Kind.UDP_IN, Kind.TCP_IN, Kind.PTY])
 def test_vehicles_answer_on_every_kind_of_link(simulation1: Scenario, kind: Kind, shared: bool) -> None:
-    with running_fleet(simulation1, FleetOptions(links=[LinkSpec(kind, shared=shared)], speedup=5.0)) as fleet:
+    with running_fleet(simulation1, WorldOptions(links=[LinkSpec(kind, shared=shared)], speedup=5.0)) as fleet:
         addresses = {places[0].address for places in fleet.places.values()}
         assert len(addresses) == (1 if shared else 6)
         for sysid in (6, 2):
@@ -110,7 +110,7 @@ def test_vehicles_answer_on_every_kind_of_link(simulation1: Scenario, kind: Kind
 
 def test_a_vehicle_may_have_several_links_and_is_heard_on_all(simulation1: Scenario) -> None:
     links = [LinkSpec(Kind.TCP_IN), LinkSpec(Kind.UDP_IN, shared=True)]
-    with running_fleet(simulation1, FleetOptions(links=links, speedup=5.0)) as fleet:
+    with running_fleet(simulation1, WorldOptions(links=links, speedup=5.0)) as fleet:
         tcp, udp = fleet.places[4]
         with tcp_station(tcp.port) as one, udp_station(udp.port) as other:
             assert one.command(4, MavCommand.REQUEST_MESSAGE, 148) == MavResult.ACCEPTED
@@ -149,15 +149,15 @@ def test_more_vehicles_than_system_ids_are_refused_in_words(simulation1: Scenari
     grid = {"name": "grid", "generator": "grid", "spacing_m": 2.0}
     data["formation"] = {"leader": 1, "count": 255, "start_shape": "grid", "shape": [grid]}
     with pytest.raises(UsageError, match="255 vehicles do not fit on one MAVLink network"):
-        Fleet(Scenario.model_validate(data), FleetOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)]))
+        World(Scenario.model_validate(data), WorldOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)]))
 
 
 # Bad links
 
 
-def faulty(scenario: Scenario, *texts: str, speedup: float = 5.0) -> FleetOptions:
+def faulty(scenario: Scenario, *texts: str, speedup: float = 5.0) -> WorldOptions:
     faults = parse_faults(texts, range(1, 7))
-    return FleetOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)], speedup=speedup, faults=faults)
+    return WorldOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)], speedup=speedup, faults=faults)
 
 
 def test_a_dead_link_is_mended_from_outside(simulation1: Scenario) -> None:

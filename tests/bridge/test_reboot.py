@@ -16,8 +16,8 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults
-from sim_bridge.fleet import OFF_S, FleetOptions
 from sim_bridge.personality import by_name
+from sim_bridge.world import OFF_S, WorldOptions
 from tests.fleets import free_port, running_fleet
 
 SYSID, LOST = 2, 3
@@ -41,7 +41,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
     port = free_port()
     old, new = ITEMS, tuple(replace(item, alt_m=9.0) for item in ITEMS[:5])
     faults = parse_faults([f"{SYSID}:reboot@upload:{LOST}"], [SYSID])
-    options = FleetOptions(links=(call(port),), speedup=5.0, personality=by_name(autopilot))
+    options = WorldOptions(links=(call(port),), speedup=5.0, personality=by_name(autopilot))
 
     async def talk() -> None:
         async with Ground.open(f"udpin:127.0.0.1:{port}", timers=TIMERS) as ground:
@@ -75,7 +75,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
 
 def test_a_restart_in_flight_stops_the_motors_and_the_clock_begins_anew(simulation1: Scenario) -> None:
     faults = parse_faults([f"{SYSID}:reboot@6"], [SYSID])
-    options = FleetOptions(links=(call(free_port()),), faults=faults, record_truth=True)
+    options = WorldOptions(links=(call(free_port()),), faults=faults, record_truth=True)
     with running_fleet(simulation1, options, paused=True) as fleet:
         pilot = fleet.vehicles[1].autopilot
         pilot.set_mode(fleet.t_s, CopterMode.GUIDED)

@@ -22,7 +22,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults
-from sim_bridge.fleet import FleetOptions
+from sim_bridge.world import WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 
 os.environ["MAVLINK20"] = "1"
@@ -79,8 +79,8 @@ def station():
         each.link.close()
 
 
-def options(port: int, **kwargs) -> FleetOptions:
-    return FleetOptions(links=(call(port),), **kwargs)
+def options(port: int, **kwargs) -> WorldOptions:
+    return WorldOptions(links=(call(port),), **kwargs)
 
 
 def test_six_vehicles_on_one_port_with_clocks_of_their_own(simulation1, station):

@@ -15,8 +15,8 @@ import pytest
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
-from sim_bridge.fleet import FleetOptions
 from sim_bridge.personality import by_name
+from sim_bridge.world import WorldOptions
 from tests.fleets import free_port, running_fleet
 
 PATIENCE_S = 40.0
@@ -117,7 +117,7 @@ def test_mavproxy_loads_lists_and_flies_a_mission(
 ) -> None:
     port, home_first = free_port(), autopilot == "ardupilot"
     sent = rows(field, home_first)
-    options = FleetOptions(links=(call(port),), speedup=8.0, personality=by_name(autopilot))
+    options = WorldOptions(links=(call(port),), speedup=8.0, personality=by_name(autopilot))
     with running_fleet(field, options) as fleet, station(mavproxy, port, tmp_path) as screen:
         screen.wait("Detected vehicle 6:1", "Received ", " parameters")
         screen.type(f"wp load {written(tmp_path / 'sent.txt', sent)}")

@@ -19,7 +19,7 @@ from gcs.link.mission_compare import compare_missions
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
 from sim_bridge.endpoints.spec import call
-from sim_bridge.fleet import FleetOptions
+from sim_bridge.world import WorldOptions
 from tests.fleets import free_port, running_fleet
 
 
@@ -80,7 +80,7 @@ async def upload_all(port: int, wanted: dict[int, VehicleMission]) -> None:
 
 def test_mavsdk_finds_six_vehicles_and_reads_the_missions_they_were_sent(simulation1):
     port, wanted = free_port(), missions(simulation1)
-    with running_fleet(simulation1, FleetOptions(links=(call(port),), speedup=5.0)):
+    with running_fleet(simulation1, WorldOptions(links=(call(port),), speedup=5.0)):
         asyncio.run(upload_all(port, wanted))
         with client(port) as systems:
             assert set(systems) == set(wanted)
@@ -94,7 +94,7 @@ def test_mavsdk_finds_six_vehicles_and_reads_the_missions_they_were_sent(simulat
 def test_mavsdk_uploads_what_it_reads_back(simulation1, sysid):
     port, wanted = free_port(), missions(simulation1)[sysid]
     with (
-        running_fleet(simulation1, FleetOptions(links=(call(port),), speedup=5.0)) as fleet,
+        running_fleet(simulation1, WorldOptions(links=(call(port),), speedup=5.0)) as fleet,
         client(port) as systems,
     ):
         plugin = MissionRaw(systems[sysid])

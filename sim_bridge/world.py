@@ -43,7 +43,7 @@ _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
 
 @dataclass(frozen=True)
-class FleetOptions:
+class WorldOptions:
     """How to run a fleet. `epoch_unix_s` is the GNSS time at simulated time 0."""
 
     links: Sequence[LinkSpec] = (CALL_GROUND,)
@@ -55,16 +55,16 @@ class FleetOptions:
     personality: Personality | None = None  # default: that of the scenario
 
 
-class Fleet:
-    """The emulated vehicles of a scenario, and where they can be reached.
+class World:
+    """Everything emulated: the vehicles of a scenario, their time, and where they can be reached.
 
     `places` by system id; `t_s` simulated time; `airframes` with the true states; `step` to go on by hand, `run`
     to go on until `stop` is called (from a signal handler or another thread).
     """
 
-    def __init__(self, scenario: Scenario, options: FleetOptions | None = None) -> None:
+    def __init__(self, scenario: Scenario, options: WorldOptions | None = None) -> None:
         """Put the vehicles on their pads and open their endpoints. Raises `LinkError` or `UsageError`."""
-        self.options = options = options or FleetOptions()
+        self.options = options = options or WorldOptions()
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
         self._hangar = hangar = Hangar(scenario, personality, options.seed, epoch_s)
