@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 STOPPED = 130
 BUG = 70
 AUTOPILOTS = ("ardupilot", "px4")
+NAVIGATORS = ("own", "ideal")
 
 app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
 
@@ -46,6 +47,10 @@ def fly(
     autopilot: Annotated[
         str | None, typer.Option(help="Whose manners: ardupilot or px4.", show_default="the scenario's")
     ] = None,
+    nav: Annotated[
+        str,
+        typer.Option(help="Who flies missions' waypoints: the autopilot's own navigator, or an ideal one, on time."),
+    ] = "own",
     seed: Annotated[int, typer.Option(min=0, help="Of sensor noise, boot clocks and bad links.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     fault: Annotated[
@@ -65,6 +70,8 @@ def fly(
     rate = parse_speedup(speedup)
     if autopilot not in (None, *AUTOPILOTS):
         raise UsageError(f"--autopilot {autopilot!r} is neither {' nor '.join(AUTOPILOTS)}.")
+    if nav not in NAVIGATORS:
+        raise UsageError(f"--nav {nav!r} is neither {' nor '.join(NAVIGATORS)}.")
     if truth is not None and not truth.parent.is_dir():
         raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
@@ -83,6 +90,7 @@ def fly(
         faults=parse_faults(texts, sysids(scenario)),
         record_truth=truth is not None,
         personality=by_name(autopilot or scenario.mission.autopilot),
+        ideal=nav == "ideal",
     )
     with World(scenario, options) as fleet:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -13,6 +13,7 @@ import numpy as np
 
 from gcs.errors import UsageError
 from gcs.frames import Origin
+from gcs.mission.navigator.fitted import by_name as navigator_named
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
@@ -33,8 +34,13 @@ _BOOT_SPREAD_MS = (5_000, 60_000)
 class Hangar:
     """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
 
-    def __init__(self, scenario: Scenario, personality: Personality, seed: int, epoch_unix_s: float) -> None:
-        """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice."""
+    def __init__(
+        self, scenario: Scenario, personality: Personality, seed: int, epoch_unix_s: float, *, ideal: bool = False
+    ) -> None:
+        """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice.
+
+        `ideal` vehicles fly the waypoints of missions on time; others as their original does.
+        """
         self.sysids = physical.sysids(scenario)
         if max(self.sysids) > LARGEST_SYSID:
             raise UsageError(
@@ -58,6 +64,7 @@ class Hangar:
             limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
+        self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)
         self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
         self._whereabouts = Whereabouts(self.airframes, self._origin)
         random = np.random.default_rng([seed, 1])
@@ -67,7 +74,9 @@ class Hangar:
         """The vehicle of a row as it comes out of its box; its own clock began at simulated time `boot_s`."""
         pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
         # speeds come from the parameters
-        guide = Guide(self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s)
+        guide = Guide(
+            self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s, navigator=self._navigator
+        )
         instruments = Instruments(
             airframes=self.airframes,
             whereabouts=self._whereabouts,

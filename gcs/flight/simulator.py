@@ -32,6 +32,7 @@ class SimulatorOptions:
     log: Path = Path(os.devnull)  # what it says on stderr
     truth: Path | None = None
     faults: tuple[str, ...] = ()
+    navigator: str = "ideal"  # missions ask for their times as if they were kept; autopilots' own do not keep them
 
 
 @asynccontextmanager
@@ -57,7 +58,7 @@ async def simulator(options: SimulatorOptions) -> AsyncIterator[asyncio.subproce
 
 def _command_line(options: SimulatorOptions) -> list[str]:
     line = [sys.executable, "-m", "sim_bridge", os.fspath(options.scenario), "--udp", f"127.0.0.1:{options.port}"]
-    line += ["--speedup", options.speedup, "--seed", str(options.seed), "--until-eof"]
+    line += ["--speedup", options.speedup, "--seed", str(options.seed), "--nav", options.navigator, "--until-eof"]
     if options.truth is not None:
         line += ["--truth", os.fspath(options.truth)]
     for fault in options.faults:

@@ -17,6 +17,7 @@ from gcs.mission.navigator.orders import Vector
 
 _STRAIGHT_RAD = math.pi - 1.2e-7
 _SAME_M = 1e-3
+_LEVEL_M = 0.1  # level waypoints some kilometres away differ by as much in NED, because the Earth is round
 _SMALL_MPS = 0.5  # of a speed and its limit: then only that part is cut
 _TURNING_ABOVE_MPS = 0.2
 _TURNING_BELOW = 0.98  # cosine between velocity and the way to the goal
@@ -50,7 +51,7 @@ class Approach:
         """Vertical speed allowed at `position`; its turn is one of height over distance from the origin."""
         acceleration, top = (self.down_mps2, self.sink_mps) if down else (self.up_mps2, self.climb_mps)
         at_goal = 0.0
-        if abs(goal[2] - following[2]) > _SAME_M:
+        if abs(goal[2] - following[2]) > _LEVEL_M:
             here, there, beyond = ((math.hypot(p[0], p[1]), p[2]) for p in (position, goal, following))
             angle = _angle((there[0] - here[0], there[1] - here[1]), (there[0] - beyond[0], there[1] - beyond[1]))
             at_goal = min(_turn_speed(angle, acceleration, self.height_radius_m), top)
