@@ -53,6 +53,7 @@ class WorldOptions:
     epoch_unix_s: float | None = None  # default: now
     record_truth: bool = False
     personality: Personality | None = None  # default: that of the scenario
+    ideal: bool = False  # missions are flown on time, as no original does
 
 
 class World:
@@ -67,7 +68,7 @@ class World:
         self.options = options = options or WorldOptions()
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
-        self._hangar = hangar = Hangar(scenario, personality, options.seed, epoch_s)
+        self._hangar = hangar = Hangar(scenario, personality, options.seed, epoch_s, ideal=options.ideal)
         self.sysids = hangar.sysids
         self.airframes = hangar.airframes
         self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
