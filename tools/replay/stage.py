@@ -11,23 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.frames import Origin
+from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.codec import Codec
 from gcs.link.dialect import MavCommand, MessageId
 from gcs.link.message import Message, Station
-from gcs.quadrotor import Array
 from gcs.scenario import physical
-from gcs.scenario.model import Scenario
-from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.autopilot import Autopilot
-from sim_bridge.course import Guide
-from sim_bridge.gains import ControlLimits
-from sim_bridge.guidance.limits import MotionLimits
+from gcs.scenario.model import Scenario, Terrain
+from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.guidance.piece import PieceBatch
+from sim_bridge.hangar import Hangar
 from sim_bridge.personality import Personality
-from sim_bridge.sensors import GRADES
-from sim_bridge.telemetry import Instruments, Whereabouts
-from sim_bridge.vehicle import Vehicle
 
 _LONGEST_BOOT_S = 60.0
 _SIGNED = 0x01
@@ -60,30 +53,10 @@ class Stage:
     ) -> None:
         self.told: list[Told] = []
         self._boots = boots_s is not None
-        self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is `_ready_s`
-        quadrotor = physical.quadrotor(scenario)
-        pad_ned_m = np.zeros(3)
-        self._airframes = Airframes(
-            quadrotor,
-            _flat,
-            pad_ned_m[None, :],
-            np.zeros(1),
-            GRADES[scenario.sensors.grade],
-            seed=1,
-            limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
-        )
-        guide = Guide(MotionLimits.of(quadrotor, scenario.limits), home, pad_ned_m, 1.0, 1.0, 1.0, 1.0, epoch_unix_s)
-        instruments = Instruments(
-            airframes=self._airframes,
-            whereabouts=Whereabouts(self._airframes, home),
-            row=0,
-            pad_ned_m=pad_ned_m,
-            origin=home,
-            boot_offset_ms=0,
-            epoch_unix_us=round(epoch_unix_s * 1e6),
-            uid=b"replay",
-        )
-        self.vehicle = Vehicle(vehicle.sysid, Autopilot(personality, guide, 0.0), instruments, personality)
+        self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is 0
+        hangar = Hangar(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
+        self._airframes = hangar.airframes
+        self.vehicle = hangar.vehicle(0, 0.0)
         self._codec = Codec(*self.vehicle.station)
         self._ground = Codec(255, 190)
         self._batch = PieceBatch([self.vehicle.autopilot.piece])
@@ -155,5 +128,12 @@ class Stage:
         self.told.clear()
 
 
-def _flat(north_m: Array, _: Array) -> Array:
-    return np.zeros_like(north_m)
+def _alone(scenario: Scenario, vehicle: Station, home: Origin) -> Scenario:
+    """The scenario with its first vehicle alone, on level ground that is `home` under it."""
+    first = scenario.formation.vehicle[0].model_copy(update={"sysid": vehicle.sysid})
+    formation = scenario.formation.model_copy(update={"vehicle": (first,), "leader": vehicle.sysid})
+    alone = scenario.model_copy(update={"formation": formation, "terrain": Terrain()})
+    pad_ned_m = physical.pads_ned_m(alone)[0]
+    lat, lon, alt = ned_to_geodetic(-pad_ned_m, home)
+    place = {"lat_deg": float(lat), "lon_deg": float(lon), "alt_amsl_m": float(alt)}
+    return alone.model_copy(update={"origin": scenario.origin.model_copy(update=place)})
