@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 from gcs.errors import UsageError
+
+if TYPE_CHECKING:
+    from gcs.mission.export_index import ExportIndex
+    from gcs.plan.trajectory import Plan
 
 AUTOPILOTS = ("ardupilot", "px4")
 ALTITUDES = ("relative", "amsl", "terrain")
@@ -88,6 +92,8 @@ def export(
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
+    _say_verified(screen, index, plan)
+    _say_returns(screen, index, plan)
     screen.say(f"time: {watch}")
     screen.result(
         {
@@ -97,10 +103,50 @@ def export(
             "firmware": index.firmware.name.lower(),
             "altitude": index.altitude,
             "waypoints": index.waypoints,
+            "findings": [] if index.report is None else [f.data() for f in index.report.findings],
+            "returns": asdict(index.safety.returns),
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
     return 0
+
+
+def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
+    """What the missions hold as they were written."""
+    report = index.report
+    if report is None:
+        return
+    told = f"missions read back and flown at their planned speeds: at least {report.clearance_min_m:.2f} m above ground"
+    if report.closest is not None:
+        first, second = (plan.sysids[row] for row in report.closest.pair)
+        told += f", vehicles {first} and {second} at least {report.closest.distance_m:.2f} m apart"
+    screen.say(told)
+
+
+def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
+    """How everyone returns at once, and what stands in the way."""
+    returns, limits = index.safety.returns, plan.scenario.limits
+    low, high = min(returns.altitudes_m), max(returns.altitudes_m)
+    screen.say(f"returning: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
+    worst = returns.worst
+    if worst is not None:
+        first, second = worst.sysids
+        where = "home" if worst.ends == "home" else "to the nearer of home and rally point"
+        screen.say(
+            f"  from any instant at least {worst.distance_m:.2f} m apart; nearest are vehicles {first} and {second}, "
+            f"from {worst.t_s:.1f} s, {where}"
+        )
+        if worst.distance_m < plan.scenario.judge.separation_min_m:
+            asked = f"{plan.scenario.judge.separation_min_m:g} m are asked"
+            screen.say(f"  WARNING: that is too near ({asked}); do not let all return at once")
+    if returns.top_m > limits.height_m[1]:
+        screen.say(f"  WARNING: up to {returns.top_m:.1f} m, above the plan's ceiling of {limits.height_m[1]:g} m")
+    for crossing in returns.crossings:
+        where = "home" if crossing.ends == "home" else "to the nearer of home and rally point"
+        screen.say(
+            f"  WARNING: straight {where} leads through no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
+            f"{crossing.to_s:.1f} s"
+        )
 
 
 def _check(autopilot: str | None, altitude: str) -> None:

@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.cli.check import check
 from gcs.cli.console import Screen
 from gcs.cli.export import export
 from gcs.cli.fly import fly
@@ -39,7 +40,7 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (fly, plan, verify, export, schema):
+for _command in (fly, plan, verify, export, check, schema):
     app.command()(_command)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from gcs.mission.export import export
 from gcs.mission.folder import INDEX
@@ -23,6 +24,7 @@ from gcs.mission.waypoints import read_waypoints
 from gcs.plan.trajectory import Plan
 
 POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05
+FENCE_M, RETURN_M = 0.5, 0.2
 DEGE7 = round(POSITION_M / 0.0075)  # a unit of longitude is 7.5 mm at this latitude
 
 
@@ -61,10 +63,53 @@ def test_nobody_edited_the_golden_files_by_hand(expected: Path) -> None:
 
 def test_the_index(fresh: Path, expected: Path) -> None:
     ours, golden = (json.loads((folder / INDEX).read_text()) for folder in (fresh, expected))
-    bound_to_one_solution = {"plan_hash", "sha256", "deviation"}
+    bound_to_one_solution = {"plan_hash", "sha256", "deviation", "verified", "returns", "parameters"}
     assert ours.keys() == golden.keys()
     for key in ours.keys() - bound_to_one_solution:
         assert ours[key] == golden[key], key
+
+
+def test_what_the_missions_hold(fresh: Path, expected: Path) -> None:
+    ours, golden = (json.loads((folder / INDEX).read_text())["verified"] for folder in (fresh, expected))
+    assert ours["findings"] == golden["findings"] == []
+    for key in ("clearance_min_m", "separation_min_m"):
+        assert ours[key] == pytest.approx(golden[key], abs=POSITION_M)
+
+
+def test_returns(fresh: Path, expected: Path) -> None:
+    """Who returns at which height is searched; orders that are as good as another may change places."""
+    ours, golden = (json.loads((folder / INDEX).read_text()) for folder in (fresh, expected))
+    for key in ("step_m", "speeds", "through_zones"):
+        assert ours["returns"][key] == golden["returns"][key]
+    for key in ("ground_max_m", "top_m"):
+        assert ours["returns"][key] == pytest.approx(golden["returns"][key], abs=RETURN_M)
+    assert ours["returns"]["worst"]["distance_m"] == pytest.approx(
+        golden["returns"]["worst"]["distance_m"], abs=RETURN_M
+    )
+    heights = [sorted(v["RTL_ALT"] for v in index["parameters"].values()) for index in (ours, golden)]
+    assert heights[0] == pytest.approx(heights[1], abs=100 * RETURN_M)
+    for vehicle, parameters in ours["parameters"].items():
+        same = set(parameters) - {"RTL_ALT"}
+        assert {key: parameters[key] for key in same} == {key: golden["parameters"][vehicle][key] for key in same}
+
+
+@pytest.mark.parametrize("sysid", range(1, 7))
+def test_fence_and_rally_points(fresh: Path, expected: Path, sysid: int) -> None:
+    ours, golden = (read_plan_file((d / f"uav{sysid}.plan").read_bytes(), str(d)) for d in (fresh, expected))
+    assert [p.inclusion for p in ours.geofence.polygons] == [p.inclusion for p in golden.geofence.polygons] == [True]
+    assert ours.geofence.circles == golden.geofence.circles == ()
+    shapes = [
+        shapely.Polygon([(p.lon_degE7, p.lat_degE7) for p in file.geofence.polygons[0].points])
+        for file in (ours, golden)
+    ]
+    assert shapely.hausdorff_distance(*shapes) <= DEGE7 * FENCE_M / POSITION_M
+    assert len(ours.rally) == len(golden.rally) == 1
+    for point, other in zip(ours.rally, golden.rally, strict=True):
+        assert abs(point.place.lat_degE7 - other.place.lat_degE7) <= DEGE7
+        assert abs(point.place.lon_degE7 - other.place.lon_degE7) <= DEGE7
+    for folder, file in ((fresh, ours), (expected, golden)):
+        parameters = json.loads((folder / INDEX).read_text())["parameters"][str(sysid)]
+        assert file.rally[0].alt_m * 100 == pytest.approx(parameters["RTL_ALT"])
 
 
 @pytest.mark.parametrize("sysid", range(1, 7))

@@ -1,0 +1,85 @@
+"""A fleet's missions held against everything that is known: items, flights, limits, fences.
+
+Knows: what is checked, in which order. Does not know: how (`check_*`), files, how findings are shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcs.mission.check_flights import Lowest, check_ground, check_limits, check_separation
+from gcs.mission.check_items import check_items, found
+from gcs.mission.check_safety import check_rally_apart, check_safety
+from gcs.mission.findings import Finding, Level, Rule, worst
+from gcs.mission.flown import Flight, Surroundings, fly, together
+from gcs.mission.limits import FlightLimits
+from gcs.mission.missionfile import LoadedMission
+from gcs.mission.model import MissionItem
+from gcs.mission.separation import Closest
+
+Fly = Callable[[LoadedMission, Surroundings], Flight]
+
+
+@dataclass(frozen=True)
+class FleetReport:
+    """What was found, and the figures people ask for."""
+
+    findings: tuple[Finding, ...]
+    closest: Closest | None  # of rows of the missions
+    lowest: tuple[Lowest | None, ...]  # by mission
+    duration_s: float
+
+    @property
+    def ok(self) -> bool:
+        """Nothing that must not fly, and nothing to decide."""
+        return worst(self.findings) in (None, Level.NOTE)
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """What must not fly."""
+        return tuple(f for f in self.findings if f.level is Level.ERROR)
+
+    @property
+    def clearance_min_m(self) -> float | None:
+        """The least of all vehicles."""
+        return min((low.clearance_m for low in self.lowest if low is not None), default=None)
+
+
+def check_fleet(
+    missions: Sequence[LoadedMission], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
+) -> FleetReport:
+    """Check missions that start together, one per vehicle, as the wire carries them."""
+    missions = [as_on_the_wire(mission) for mission in missions]
+    flights = together([fly_one(mission, around) for mission in missions])
+    findings: list[Finding] = []
+    lowest = []
+    for mission, flight in zip(missions, flights, strict=True):
+        findings += check_items(mission)
+        if mission.home is None:
+            message = "the file does not say where home is; its first place stands for it"
+            findings.append(found(mission, Rule.ASSUMED, Level.NOTE, message))
+        for index, remark in flight.remarks:
+            findings.append(found(mission, Rule.ASSUMED, Level.NOTE, remark, index))
+        low, grounded = check_ground(mission, flight, around, limits)
+        lowest.append(low)
+        findings += grounded
+        findings += check_limits(mission, flight, limits)
+        findings += check_safety(mission, flight, around)
+    closest, near = check_separation(missions, flights, limits)
+    findings += near
+    findings += check_rally_apart(missions, around, limits.separation_m)
+    return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)))
+
+
+def as_on_the_wire(mission: LoadedMission) -> LoadedMission:
+    """Parameters and altitudes as float32; positions are 1e-7 degrees already."""
+    return replace(mission, items=tuple(_single(item) for item in mission.items))
+
+
+def _single(item: MissionItem) -> MissionItem:
+    with np.errstate(over="ignore"):
+        p1, p2, p3, p4, alt = np.array([*item.params, item.alt_m], dtype=np.float32).tolist()
+    return replace(item, params=(p1, p2, p3, p4), alt_m=alt)

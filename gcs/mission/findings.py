@@ -1,0 +1,80 @@
+"""What a check found: one sentence each, with the rule it breaks and where.
+
+Knows: levels, rules, how findings read. Does not know: what is checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class Level(StrEnum):
+    """How bad it is: an error must not fly, a warning wants a decision, a note explains what was assumed."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+class Rule(StrEnum):
+    """What can be wrong; the value is its name in `--json`."""
+
+    SEPARATION = "separation"
+    TERRAIN = "terrain"
+    HEIGHT = "height"
+    AREA = "area"
+    FENCE = "fence"
+    RALLY = "rally"
+    RETURN = "return"
+    SPEED = "speed"
+    ITEMS = "items"
+    COMMAND = "command"
+    FRAME = "frame"
+    JUMP = "jump"
+    VALUE = "value"
+    ORDER = "order"
+    CHANGED = "changed"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found. `item` is the number ground stations show, `t_s` the time since the common start."""
+
+    rule: Rule
+    level: Level
+    message: str
+    source: str
+    line: int | None = None
+    item: int | None = None
+    t_s: float | None = None
+
+    def __str__(self) -> str:
+        place = self.source
+        if self.line is not None:
+            place += f":{self.line}"
+        item = "" if self.item is None else f" item {self.item}:"
+        when = "" if self.t_s is None else f" (at {self.t_s:.1f} s)"
+        return f"{place}: {self.level} [{self.rule}]{item} {self.message}{when}"
+
+    def data(self) -> dict[str, Any]:
+        """For programs: absent where there is nothing to say."""
+        told = {
+            "rule": self.rule.value,
+            "level": self.level.value,
+            "message": self.message,
+            "file": self.source,
+            "line": self.line,
+            "item": self.item,
+            "t_s": self.t_s,
+        }
+        return {key: value for key, value in told.items() if value is not None}
+
+
+def worst(findings: Iterable[Finding]) -> Level | None:
+    """The gravest level there is; None without findings."""
+    found = {f.level for f in findings}
+    return next((level for level in Level if level in found), None)

@@ -1,0 +1,93 @@
+"""Is what was written what was planned? The files' own text, read back and flown.
+
+Knows: which files hold missions, what a plan asks of them. Does not know: formats, how flights are checked (`check`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.errors import VerificationError
+from gcs.frames import Origin, geodetic_to_ned
+from gcs.mission.check import FleetReport, check_fleet
+from gcs.mission.firmware import Firmware
+from gcs.mission.geofence import Geofence, RallyPoint
+from gcs.mission.limits import limits_of, surroundings_of
+from gcs.mission.missionfile import LoadedMission, read_mission
+from gcs.mission.model import Altitude, VehicleMission
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory import Plan
+
+_LISTED = 3
+
+
+def verify_written(
+    plan: Plan,
+    firmware: Firmware,
+    written: Mapping[str, str],
+    safety: tuple[Geofence, Sequence[RallyPoint]],
+) -> FleetReport:
+    """Read the missions in `written` (file name to text) back, one or two files for every vehicle, and check them.
+
+    Tables hold no fence, so they are checked with the fleet's. Raises `VerificationError` when anything must not fly.
+    """
+    fleets: dict[str, list[LoadedMission]] = {}
+    fence, rally = safety
+    for name, text in written.items():
+        loaded = read_mission(text.encode(), name, firmware)
+        fleet = fleets.setdefault(Path(name).suffix, [])
+        if not loaded.text:
+            loaded = replace(loaded, geofence=fence, rally=(rally[len(fleet)],))
+        fleet.append(loaded)
+    first, *others = fleets.values()
+    scenario = plan.scenario
+    report = check_fleet(first, surroundings_of(scenario), limits_of(scenario))
+    _refuse(report)
+    for fleet in others:
+        for ours, theirs in zip(first, fleet, strict=True):
+            same = ours.items == theirs.items and (ours.geofence, ours.rally) == (theirs.geofence, theirs.rally)
+            if not same or theirs.home not in (ours.home, None):
+                raise VerificationError(f"{ours.source} and {theirs.source} do not hold the same mission")
+    return report
+
+
+def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitude) -> None:
+    """Waypoints of the paper's flight are inside its box (Eq. 51), to the mission's tolerance.
+
+    Raises `VerificationError` for the first that is not.
+    """
+    limits, tolerance_m = plan.scenario.limits, plan.scenario.mission.tolerance_m
+    origin = Origin(**plan.scenario.origin.model_dump())
+    for mission in missions:
+        timed = [
+            (index, item)
+            for index, (item, t_s) in enumerate(zip(mission.items, mission.arrival_s, strict=True))
+            if t_s is not None and item.frame == altitude.frame and 0.0 <= t_s <= plan.flight_s
+        ]
+        lat, lon = np.array([(i.lat_degE7 / 1e7, i.lon_degE7 / 1e7) for _, i in timed]).T
+        places = geodetic_to_ned(lat, lon, origin.alt_amsl_m, origin)
+        for axis, (name, (low, high)) in enumerate((("north", limits.north_m), ("east", limits.east_m))):
+            out_m = np.maximum(low - places[:, axis], places[:, axis] - high)
+            worst = int(np.argmax(out_m))
+            if out_m[worst] > tolerance_m:
+                raise VerificationError(
+                    f"waypoint {timed[worst][0]} of vehicle {mission.sysid} is {out_m[worst]:.2f} m outside the "
+                    f"{name} limits"
+                )
+
+
+def _refuse(report: FleetReport) -> None:
+    if not report.errors:
+        return
+    told = "; ".join(str(e) for e in report.errors[:_LISTED])
+    more = f"; and {len(report.errors) - _LISTED} more" if len(report.errors) > _LISTED else ""
+    raise VerificationError(
+        f"the missions as written do not hold what they must: {told}{more}",
+        hint="fly the setpoint stream instead (--format setpoints), which keeps path and time",
+    )
