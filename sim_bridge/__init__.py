@@ -1,1 +1,19 @@
 """Emulated vehicles for testing ground stations: `sim-bridge` on the command line, `Fleet` in a program."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim_bridge.fleet import Fleet, NotInTime, TrueState
+
+__all__ = ["Fleet", "NotInTime", "TrueState"]
+
+
+def __getattr__(name: str) -> Any:
+    """Heavy imports wait until somebody wants them: `sim-bridge --help` answers at once."""
+    if name in __all__:
+        from sim_bridge import fleet  # noqa: PLC0415
+
+        return getattr(fleet, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -74,6 +75,7 @@ class World:
         self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
         self._steps = 0
         self._stopped = False
+        self._calls: deque[Callable[[], None]] = deque()
         self._starved: set[int] = set()
         self._pace = Pace(options.speedup)
         self._wait_until_s = -math.inf
@@ -110,6 +112,10 @@ class World:
         """Let `run` return after the present step."""
         self._stopped = True
 
+    def call(self, work: Callable[[], None]) -> None:
+        """Have `work` done between two steps; for other threads."""
+        self._calls.append(work)
+
     def stop_at_end_of(self, file: int) -> None:
         """Let `run` return when this file descriptor (standard input) ends, as it does when a parent dies."""
         self.traffic.watch(file)
@@ -117,6 +123,8 @@ class World:
     def run(self, until_s: float = math.inf) -> None:
         """Go on, in the pace asked for, until simulated time `until_s` or `stop`."""
         while not self._stopped and self._steps < until_s * _STEPS_PER_S:
+            while self._calls:
+                self._calls.popleft()()
             now_s = time.monotonic()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
             if not wait_s and self._stream_is_due(now_s):

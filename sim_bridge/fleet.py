@@ -1,0 +1,217 @@
+"""Emulated vehicles for programs, above all for tests of ground software: they fly in a thread of their own.
+
+    async with Fleet("missions/field", vehicles=2, speedup=10) as fleet:      # or plain `with`
+        host, port = fleet.address(1)
+        ...                                                                    # connect, upload, arm
+        await fleet.until(lambda: fleet.state(1).flying)
+
+Knows: threads, and how others look into a world that moves. Does not know: physics, protocols.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self, TypeVar
+
+from gcs.errors import GcsError, UsageError
+from gcs.quadrotor import Array
+from gcs.scenario.model import Scenario
+from sim_bridge.endpoints.line import Place
+from sim_bridge.endpoints.spec import LOOPBACK, Address, parse_link
+from sim_bridge.faults import parse_faults
+from sim_bridge.personality import by_name
+from sim_bridge.plain import scenario_for
+from sim_bridge.world import World, WorldOptions
+
+T = TypeVar("T")
+_LOOK_S = 0.01  # of wall time between two looks at a condition
+_STOP_S = 10.0
+
+
+@dataclass(frozen=True)
+class TrueState:
+    """How it stands with one vehicle, at simulated time `t_s`: no estimate, and no telemetry."""
+
+    t_s: float
+    position_ned_m: Array  # (3,) in the local frame that all vehicles share
+    velocity_ned_mps: Array  # (3,)
+    roll_pitch_yaw_rad: Array  # (3,)
+    rates_radps: Array  # (3,)
+    armed: bool
+    flying: bool
+    landed: bool  # in contact with the ground
+    mode: str
+
+
+class NotInTime(GcsError):
+    """A condition that was waited for did not come about."""
+
+    exit_code = 8
+
+
+class Fleet:
+    """Vehicles on links of this machine. `sysids` and `places` (where each can be reached) hold from the start."""
+
+    def __init__(
+        self,
+        scenario: Scenario | Path | str | None = None,
+        *,
+        vehicles: int | None = None,
+        autopilot: str | None = None,
+        links: Sequence[str] = ("udpin:0",),
+        one_port: bool = False,
+        bind: str = LOOPBACK,
+        speedup: float = 1.0,
+        seed: int = 0,
+        faults: Iterable[str] = (),
+        epoch_unix_s: float | None = None,
+    ) -> None:
+        """Vehicles of a scenario, of a mission folder, or six on a level field; `vehicles` is another number.
+
+        `autopilot` is "ardupilot" or "px4"; `links` as on the command line of `sim-bridge`, with `one_port` for all
+        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults` as on the command line;
+        `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
+        """
+        known = scenario_for(scenario, vehicles)
+        options = WorldOptions(
+            links=[parse_link(link, bind=bind, shared=one_port) for link in links],
+            speedup=speedup,
+            seed=seed,
+            faults=parse_faults(faults, known.formation.sysids),
+            epoch_unix_s=epoch_unix_s,
+            personality=by_name(autopilot) if autopilot is not None else None,
+        )
+        self._world = World(known, options)
+        self.sysids: tuple[int, ...] = self._world.sysids
+        self.places: dict[int, list[Place]] = self._world.places
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self._fly, name="emulated vehicles", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop the vehicles. Raises what went wrong in their thread."""
+        self._world.stop()
+        if self._thread is not None:
+            self._thread.join(_STOP_S)
+        self._world.close()
+        if self._failure is not None:
+            raise self._failure
+
+    async def __aenter__(self) -> Self:
+        return self.__enter__()
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.to_thread(self.__exit__)
+
+    def address(self, sysid: int, link: int = 0) -> Address:
+        """Host and port of a vehicle on one of its links. Raises `UsageError` where it has none."""
+        place = self._place(sysid, link)
+        if not place.port:
+            raise UsageError(f"vehicle {sysid} is at {place.address}, which is no port.")
+        return place.address.rpartition(":")[0], place.port
+
+    def path(self, sysid: int, link: int = 0) -> Path:
+        """The terminal of a vehicle on one of its links."""
+        return Path(self._place(sysid, link).address)
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time."""
+        return self._world.t_s
+
+    def state(self, sysid: int) -> TrueState:
+        """How it truly stands with a vehicle, now."""
+        row = self._row(sysid)
+        return self._ask(lambda world: _state(world, row))
+
+    def states(self) -> dict[int, TrueState]:
+        """The same of all vehicles, at one instant."""
+        return self._ask(lambda world: {s: _state(world, row) for row, s in enumerate(self.sysids)})
+
+    def fault(self, text: str) -> None:
+        """Let a fault begin, in the words of the command line; its times count from now. Raises `UsageError`."""
+        found = parse_faults([text], self.sysids)
+
+        def begin(world: World) -> None:
+            for sysid, faults in found.items():
+                for fault in faults:
+                    world.desk.add(self._row(sysid), fault, world.t_s)
+
+        self._ask(begin)
+
+    def wait_until(self, condition: Callable[[], bool], patience_s: float = 60.0) -> None:
+        """Wait until `condition` holds; `patience_s` is simulated time. Raises `NotInTime`."""
+        end_s = self.t_s + patience_s
+        while not condition():
+            self._check(end_s, patience_s)
+            time.sleep(_LOOK_S)
+
+    async def until(self, condition: Callable[[], bool], patience_s: float = 60.0) -> None:
+        """As `wait_until`, for coroutines."""
+        end_s = self.t_s + patience_s
+        while not condition():
+            self._check(end_s, patience_s)
+            await asyncio.sleep(_LOOK_S)
+
+    def _check(self, end_s: float, patience_s: float) -> None:
+        if self._failure is not None:
+            raise self._failure
+        if self.t_s > end_s:
+            raise NotInTime(f"what was waited for did not come about in {patience_s:g} s of simulated time.")
+
+    def _place(self, sysid: int, link: int) -> Place:
+        return self.places[self.sysids[self._row(sysid)]][link]
+
+    def _row(self, sysid: int) -> int:
+        if sysid not in self.sysids:
+            ids = ", ".join(map(str, self.sysids))
+            raise UsageError(f"there is no vehicle {sysid} in this fleet ({ids}).")
+        return self.sysids.index(sysid)
+
+    def _ask(self, question: Callable[[World], T]) -> T:
+        """Have the world's own thread answer, between two steps."""
+        if self._thread is None or not self._thread.is_alive():
+            if self._failure is not None:
+                raise self._failure
+            return question(self._world)
+        answer: Future[T] = Future()
+
+        def work() -> None:
+            try:
+                answer.set_result(question(self._world))
+            except BaseException as error:
+                answer.set_exception(error)
+
+        self._world.call(work)
+        return answer.result(_STOP_S)
+
+    def _fly(self) -> None:
+        try:
+            self._world.run()
+        except BaseException as failure:
+            self._failure = failure
+
+
+def _state(world: World, row: int) -> TrueState:
+    truth, pilot = world.airframes.truth[row].copy(), world.vehicles[row].autopilot
+    return TrueState(
+        t_s=world.t_s,
+        position_ned_m=truth[:3],
+        velocity_ned_mps=truth[3:6],
+        roll_pitch_yaw_rad=truth[6:9],
+        rates_radps=truth[9:12],
+        armed=pilot.armed,
+        flying=pilot.flying,
+        landed=bool(world.airframes.landed[row]),
+        mode=pilot.mode.name,
+    )

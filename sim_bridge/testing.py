@@ -1,0 +1,43 @@
+"""Fixtures for pytest, for those who test their own ground software:
+
+    from sim_bridge.testing import fleet, make_fleet
+
+    def test_my_ground_station(fleet): ...                                      # six vehicles, ten times real time
+
+    @pytest.mark.parametrize("fleet", [{"vehicles": 2, "autopilot": "px4"}], indirect=True)
+    def test_it_with_two(fleet): ...
+
+Knows: pytest. Does not know: anything else. What is imported by name is found by pytest; put the import into
+conftest.py, and every test has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from sim_bridge.fleet import Fleet
+
+SPEEDUP = 10.0
+
+
+@pytest.fixture
+def fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
+    """A flying fleet; parametrised indirectly, the arguments of `Fleet` as a dict."""
+    arguments: dict[str, Any] = {"speedup": SPEEDUP, **getattr(request, "param", {})}
+    with Fleet(**arguments) as flying:
+        yield flying
+
+
+@pytest.fixture
+def make_fleet() -> Iterator[Callable[..., Fleet]]:
+    """A function that makes fleets, with the arguments of `Fleet`; they stop when the test ends."""
+    with ExitStack() as stack:
+
+        def make(*arguments: Any, **options: Any) -> Fleet:
+            return stack.enter_context(Fleet(*arguments, **{"speedup": SPEEDUP, **options}))
+
+        yield make
