@@ -38,7 +38,7 @@ from sim_bridge.traffic import Traffic
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 
 WAITING_RATE = 10.0
-STREAM_PATIENCE_S = 0.25
+STREAM_PATIENCE_S = 1.0
 OFF_S = 1.0  # that a restart takes
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
