@@ -156,6 +156,18 @@ class Autopilot:
         if self.mode.intent is Intent.GUIDED and self.armed and not self.failing:
             self.helm.follow(t_s, setpoint, to_rest=to_rest)
 
+    def set_speed(self, t_s: float, kind: float, speed_mps: float) -> MavResult:
+        """DO_CHANGE_SPEED: 0, 1 over ground, 2 up, 3 down."""
+        if kind not in (0.0, 1.0, 2.0, 3.0) or not 0.0 < speed_mps < math.inf:
+            return self.personality.replies.refused
+        if self.helm.change_speed(speed_mps, down=kind == 3.0) and kind < 2.0 and self.flying:
+            self.helm.resume(t_s, self.mode.intent)
+        return MavResult.ACCEPTED
+
+    def set_home(self, place_ned_m: Array) -> None:
+        """Home is at `place_ned_m` (3,) from now on."""
+        self.helm.set_home(place_ned_m)
+
     def reposition(self, t_s: float, target: Array, *, change_mode: bool) -> MavResult:
         """Fly to `target` (4,) and stand there, in the mode for that; on the ground nothing happens."""
         intent = self.personality.flight.reposition_in
@@ -173,7 +185,7 @@ class Autopilot:
             self.disarm()
             return
         mode = self.personality.modes.of(intent)
-        if mode is None or (self.failing and self.mode is mode):
+        if mode is None or self.mode.intent is Intent.LAND or (self.failing and self.mode is mode):
             return
         self.failing = True
         self.voice.say(Note.FAILSAFE)

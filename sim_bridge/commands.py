@@ -1,24 +1,32 @@
 """COMMAND_LONG and COMMAND_INT: what a vehicle is told to do, and what it says to that.
 
-Knows: which command asks what of the autopilot or the telemetry. Does not know: modes' meaning, sockets.
+Knows: which command asks what of the autopilot or the telemetry, who acknowledges how. Does not know: what modes mean,
+sockets.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from gcs.frames import from_degE7
+import numpy as np
+
+from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.command import CommandMemory, command_ack
-from gcs.link.dialect import MavCommand, MavResult, MessageId
+from gcs.link.dialect import MavCommand, MavResult, MessageId, WireFrame
 from gcs.link.message import Message
+from gcs.quadrotor import Array
 from sim_bridge.autopilot import Autopilot
-from sim_bridge.personality import Intent
+from sim_bridge.personality import Intent, Note
 from sim_bridge.telemetry import Telemetry
 
 _FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
 _CUSTOM_MODE = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+_CHANGE_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+_HIGHEST_M = 1e5
+_FORMAT_S, _SAY_S = 3.0, 1.0
+_TELLS_FIRST = frozenset({MavCommand.GET_MESSAGE_INTERVAL, MavCommand.GET_HOME_POSITION})
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,24 @@ class Request:
     x: float
     y: float
     z: float
+    frame: int | None  # None where the form has none
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The result, and what it brought forth."""
+
+    result: MavResult
+    messages: list[Message] = field(default_factory=list)
+
+
+@dataclass
+class _Task:
+    """A command that takes its time."""
+
+    command: Message
+    end_s: float
+    say_s: float
 
 
 class Commands:
@@ -38,24 +64,29 @@ class Commands:
     def __init__(self, autopilot: Autopilot, telemetry: Telemetry) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
+        self._replies = autopilot.personality.replies
         self._memory = CommandMemory()
-        self._handlers: dict[int, Callable[[Request, float], tuple[MavResult, list[Message]]]] = {
+        self._task: _Task | None = None
+        self._handlers: dict[int, Callable[[Request, float], Answer]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
-            MavCommand.NAV_TAKEOFF: lambda r, t: (autopilot.take_off(t, r.z), []),
-            MavCommand.NAV_LAND: lambda r, t: (autopilot.pursue(t, Intent.LAND), []),
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: (autopilot.pursue(t, Intent.RETURN), []),
+            MavCommand.NAV_TAKEOFF: self._take_off,
+            MavCommand.NAV_LAND: lambda r, t: Answer(autopilot.pursue(t, Intent.LAND)),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: Answer(autopilot.pursue(t, Intent.RETURN)),
             MavCommand.DO_SET_MODE: self._set_mode,
-            MavCommand.MISSION_START: lambda r, t: (autopilot.start_mission(t, telemetry.instruments.estimate), []),
+            MavCommand.DO_CHANGE_SPEED: lambda r, t: Answer(autopilot.set_speed(t, r.params[0], r.params[1])),
+            MavCommand.DO_SET_HOME: self._set_home,
+            MavCommand.DO_REPOSITION: self._reposition,
+            MavCommand.MISSION_START: lambda r, t: Answer(autopilot.start_mission(t, self._estimate)),
             MavCommand.DO_SET_MISSION_CURRENT: self._set_current,
             MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
             MavCommand.GET_MESSAGE_INTERVAL: self._get_interval,
             MavCommand.REQUEST_MESSAGE: lambda r, t: self._request(_whole(r.params[0])),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda r, t: self._request(MessageId.AUTOPILOT_VERSION),
-            MavCommand.GET_HOME_POSITION: lambda r, t: self._request(MessageId.HOME_POSITION),
+            MavCommand.GET_HOME_POSITION: lambda r, t: Answer(MavResult.ACCEPTED, self._home()),
         }
 
     def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
-        """Carry out the command; the COMMAND_ACK comes first, then what it brought forth.
+        """Carry out the command and acknowledge it, with what it brought forth.
 
         A command that is only repeated, because its COMMAND_ACK was lost, is acknowledged and not obeyed again.
         """
@@ -63,49 +94,146 @@ class Commands:
         if known is not None:
             return [known]
         request = _request_in(message)
-        handler = self._handlers.get(request.command)
-        result, messages = handler(request, t_s) if handler is not None else (MavResult.UNSUPPORTED, [])
-        ack = command_ack(message, result)
+        if request.command == MavCommand.STORAGE_FORMAT and self._replies.formats:
+            answer = self._format(message, t_s)
+        else:
+            handler = self._handlers.get(request.command) if request.command not in self._replies.unsupported else None
+            answer = handler(request, t_s) if handler is not None else Answer(MavResult.UNSUPPORTED)
+        ack = command_ack(message, answer.result)
         self._memory.answered(message, ack, now_s)
-        return [ack, *messages]
+        if self._replies.message_first or request.command in _TELLS_FIRST:
+            return [*answer.messages, *self._acks(request, ack)]
+        return [*self._acks(request, ack), *answer.messages]
 
-    def _arm(self, request: Request, t_s: float) -> tuple[MavResult, list[Message]]:
+    def step(self, t_s: float) -> list[Message]:
+        """What a command under way has to say."""
+        task = self._task
+        if task is None or t_s < task.say_s:
+            return []
+        if t_s >= task.end_s:
+            self._task = None
+            return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
+        task.say_s = min(t_s + _SAY_S, task.end_s)
+        return [self._progress(task, t_s)]
+
+    @property
+    def busy(self) -> bool:
+        """Whether a command takes its time."""
+        return self._task is not None
+
+    def _acks(self, request: Request, ack: Message) -> list[Message]:
+        twice = request.command == MavCommand.DO_SET_MODE and ack.fields["result"] == MavResult.ACCEPTED
+        return [ack] * (self._replies.mode_acks if twice else 1)
+
+    def _arm(self, request: Request, t_s: float) -> Answer:
         arm, force = request.params[0], request.params[1] == _FORCE
         if arm == 1.0:
-            return self._autopilot.arm(t_s, self._telemetry.instruments.estimate), []
+            return Answer(self._autopilot.arm(t_s, self._estimate))
         if arm == 0.0:
-            return self._autopilot.disarm(force=force), []
-        return MavResult.UNSUPPORTED, []
+            return Answer(self._autopilot.disarm(force=force))
+        return Answer(MavResult.UNSUPPORTED)
 
-    def _set_mode(self, request: Request, t_s: float) -> tuple[MavResult, list[Message]]:
-        flags, mode = request.params[:2]
-        if not max(_whole(flags), 0) & _CUSTOM_MODE:
-            return MavResult.DENIED, []
-        return self._autopilot.set_mode(t_s, _whole(mode)), []
+    def _take_off(self, request: Request, t_s: float) -> Answer:
+        home_amsl_m = self._home_amsl_m if self._autopilot.personality.flight.takeoff_above_sea else 0.0
+        return Answer(self._autopilot.take_off(t_s, request.z - home_amsl_m))
 
-    def _set_current(self, request: Request, t_s: float) -> tuple[MavResult, list[Message]]:
+    def _set_mode(self, request: Request, t_s: float) -> Answer:
+        flags, mode, sub = (_whole(p) for p in request.params[:3])
+        if not max(flags, 0) & _CUSTOM_MODE:
+            return Answer(MavResult.DENIED)
+        if self._autopilot.personality.modes.two_part:
+            mode = (max(mode, 0) & 0xFF) << 16 | (max(sub, 0) & 0xFF) << 24
+        return Answer(self._autopilot.set_mode(t_s, mode))
+
+    def _set_current(self, request: Request, t_s: float) -> Answer:
         result = self._autopilot.set_current(t_s, _whole(request.params[0]))
-        return result, self._request(MessageId.MISSION_CURRENT)[1]
+        return Answer(result, self._request(MessageId.MISSION_CURRENT).messages)
 
-    def _set_interval(self, request: Request, _: float) -> tuple[MavResult, list[Message]]:
+    def _set_home(self, request: Request, _: float) -> Answer:
+        if not self._autopilot.ready:
+            return Answer(self._replies.refused)
+        here = request.params[0] == 1.0
+        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL)
+        if place is None:
+            return Answer(MavResult.DENIED)
+        self._autopilot.set_home(place)
+        return Answer(MavResult.ACCEPTED)
+
+    def _reposition(self, request: Request, t_s: float) -> Answer:
+        now = self._autopilot.piece.at(t_s)[0]
+        place = self._place(request, WireFrame.GLOBAL)
+        if place is None:
+            return Answer(MavResult.DENIED)
+        yaw_rad = request.params[3]
+        speed_mps = request.params[0]
+        if math.isfinite(speed_mps) and speed_mps > 0.0:
+            self._autopilot.set_speed(t_s, 1.0, speed_mps)
+        turn = math.remainder(yaw_rad - now[3], math.tau) if math.isfinite(yaw_rad) else 0.0
+        change = bool(max(_whole(request.params[1]), 0) & _CHANGE_MODE)
+        return Answer(self._autopilot.reposition(t_s, np.append(place, now[3] + turn), change_mode=change))
+
+    def _set_interval(self, request: Request, _: float) -> Answer:
         number = _whole(request.params[0])
-        if not self._telemetry.knows(number) or not math.isfinite(request.params[1]):
-            return MavResult.DENIED, []
+        if not self._telemetry.streams(number) or not math.isfinite(request.params[1]):
+            self._autopilot.voice.say(Note.STREAM_UNKNOWN, number=number)
+            return Answer(self._replies.unknown_stream)
         self._telemetry.set_interval(number, request.params[1])
-        return MavResult.ACCEPTED, []
+        return Answer(MavResult.ACCEPTED)
 
-    def _get_interval(self, request: Request, _: float) -> tuple[MavResult, list[Message]]:
+    def _get_interval(self, request: Request, _: float) -> Answer:
         number = _whole(request.params[0])
         if not self._telemetry.knows(number):
-            return MavResult.FAILED, []
+            return Answer(self._replies.unknown_message)
         fields = {"message_id": number, "interval_us": self._telemetry.interval_us(number)}
-        return MavResult.ACCEPTED, [Message("MESSAGE_INTERVAL", fields)]
+        return Answer(MavResult.ACCEPTED, [Message("MESSAGE_INTERVAL", fields)])
 
-    def _request(self, number: int) -> tuple[MavResult, list[Message]]:
+    def _request(self, number: int) -> Answer:
         if not self._telemetry.knows(number):
-            return MavResult.FAILED, []
+            return Answer(self._replies.unknown_message)
         message = self._telemetry.build(number)
-        return MavResult.ACCEPTED, [message] if message is not None else []
+        return Answer(MavResult.ACCEPTED, [message] if message is not None else [])
+
+    def _home(self) -> list[Message]:
+        both = (MessageId.HOME_POSITION, MessageId.GPS_GLOBAL_ORIGIN)
+        return [m for m in map(self._telemetry.build, both) if m is not None]
+
+    def _format(self, message: Message, t_s: float) -> Answer:
+        if self._autopilot.armed or self._task is not None:
+            return Answer(MavResult.FAILED)
+        self._task = _Task(message, t_s + _FORMAT_S, t_s + _SAY_S)
+        return Answer(MavResult.IN_PROGRESS)
+
+    def _progress(self, task: _Task, t_s: float) -> Message:
+        done = 100 - math.ceil(100.0 * (task.end_s - t_s) / _FORMAT_S)
+        return command_ack(task.command, MavResult.IN_PROGRESS, progress=min(max(done, 0), 99))
+
+    def _place(self, request: Request, default: int) -> Array | None:
+        """Common local NED of a command's coordinates; those left out are where the vehicle is. None for nonsense."""
+        origin, now = (
+            self._telemetry.sources.instruments.origin,
+            self._autopilot.piece.at(self._telemetry.sources.instruments.t_s),
+        )
+        frame = default if request.frame is None else request.frame
+        amsl_m = request.z
+        if frame in (WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT):
+            amsl_m += self._home_amsl_m
+        if not math.isfinite(amsl_m):
+            amsl_m = origin.alt_amsl_m - float(now[0, 2])
+        elif abs(amsl_m) > _HIGHEST_M:
+            return None
+        if not (math.isfinite(request.x) and math.isfinite(request.y)):
+            return np.array([now[0, 0], now[0, 1], origin.alt_amsl_m - amsl_m])
+        if abs(request.x) > 90.0 or abs(request.y) > 180.0 or (request.x == 0.0 and request.y == 0.0):
+            return None
+        return geodetic_to_ned(request.x, request.y, amsl_m, origin)
+
+    @property
+    def _estimate(self) -> Array:
+        return self._telemetry.sources.instruments.estimate
+
+    @property
+    def _home_amsl_m(self) -> float:
+        return self._autopilot.guide.origin.alt_amsl_m - float(self._autopilot.guide.home_ned_m[2])
 
 
 def _whole(value: float) -> int:
@@ -117,5 +245,5 @@ def _request_in(message: Message) -> Request:
     f = message.fields
     params = (f["param1"], f["param2"], f["param3"], f["param4"])
     if message.name == "COMMAND_INT":
-        return Request(f["command"], params, from_degE7(f["x"]), from_degE7(f["y"]), f["z"])
-    return Request(f["command"], params, f["param5"], f["param6"], f["param7"])
+        return Request(f["command"], params, from_degE7(f["x"]), from_degE7(f["y"]), f["z"], f["frame"])
+    return Request(f["command"], params, f["param5"], f["param6"], f["param7"], None)

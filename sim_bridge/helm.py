@@ -70,6 +70,18 @@ class Helm:
             return_wait_s=max(settings.get(Setting.RETURN_WAIT_S, 0.0), 0.0),
         )
 
+    def change_speed(self, speed_mps: float, *, down: bool) -> bool:
+        """Fly so fast from now on; whether that is news."""
+        speed_mps = min(speed_mps, self.guide.limits.horizontal_mps) if not down else speed_mps
+        before = self.guide
+        self.guide = replace(before, descend_mps=speed_mps) if down else replace(before, speed_mps=speed_mps)
+        return self.guide != before
+
+    def resume(self, t_s: float, intent: Intent) -> None:
+        """Go on with what is under way, now with what has changed."""
+        if intent is Intent.MISSION and self.progress.running and not self.path.landing:
+            self._fly_mission(t_s)
+
     def set_home(self, place_ned_m: Array) -> None:
         """Home is at `place_ned_m` (3,) from now on."""
         self.guide = replace(self.guide, home_ned_m=place_ned_m.copy())

@@ -10,27 +10,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from gcs.link.command import command_ack
-from gcs.link.dialect import MessageId, MissionType, SetpointMask, Severity, WireFrame
+from gcs.link.dialect import MavType, MessageId, MissionType, Severity
 from gcs.link.message import Message, Station
 from gcs.link.signing import Signature
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands
 from sim_bridge.events import ModeChanged, Placed, Reached, Said
-from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
+from sim_bridge.failsafe import Failsafe
+from sim_bridge.missions.fence import shapes
 from sim_bridge.missions.keep import flyable
 from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.params import Params
 from sim_bridge.personality import Personality
-from sim_bridge.telemetry import Instruments, Telemetry, heartbeat
+from sim_bridge.setpoints import SETPOINTS, setpoint_in
+from sim_bridge.telemetry import Instruments, Sources, Telemetry, heartbeat
+from sim_bridge.texts import Texts
 from sim_bridge.upkeep import TimeKeeper, Trust
 
 _COMPID = 1
-_SET_MODE_NUMBER = 11  # ArduPilot acknowledges this message with its own number
-_FAR = 1e6  # m, m/s, m/s²: no setpoint is as large as this
 _SILENCE: tuple[Message, ...] = ()
 
 
@@ -42,7 +41,9 @@ class Vehicle:
         self.autopilot = autopilot
         self._instruments = instruments
         self._personality = personality
-        self._telemetry = Telemetry(instruments, autopilot, personality)
+        self._failsafe = Failsafe(autopilot)
+        self._telemetry = Telemetry(Sources(instruments, autopilot, self._failsafe, personality))
+        self._texts = Texts(personality.replies.numbered_texts)
         self._commands = Commands(autopilot, self._telemetry)
         self._params = Params(personality, sysid)
         self._shelf = MissionShelf(
@@ -95,14 +96,15 @@ class Vehicle:
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message; those for other vehicles, unknown ones and those it does not trust get none."""
-        if self._dead or not message.is_for(Station(self.station.sysid, 0)):
+        everyone = self._personality.replies.any_component
+        if self._dead or not message.is_for(Station(self.station.sysid, 0 if everyone else _COMPID)):
             return []
         if self._instruments.t_s < self.on_from_s:
             return []
         if not self._trust.believes(message, now_s):
             return []
         name = message.name
-        if name == "SET_POSITION_TARGET_LOCAL_NED":
+        if name in SETPOINTS:
             self._take_setpoint(message)
             return []
         if name in ("COMMAND_LONG", "COMMAND_INT"):
@@ -122,7 +124,13 @@ class Vehicle:
             return []
         if name == "SET_MODE":
             result = self.autopilot.set_mode(self._instruments.t_s, message.fields["custom_mode"])
-            return [command_ack(Message(name, {"command": _SET_MODE_NUMBER}, *message.source), result)]
+            command = self._personality.replies.set_mode_command
+            return [command_ack(Message(name, {"command": command}, *message.source), result)]
+        if name == "REQUEST_DATA_STREAM":
+            rate_hz = message.fields["req_message_rate"] if message.fields["start_stop"] else 0.0
+            self._telemetry.set_group(message.fields["req_stream_id"], float(rate_hz))
+        elif name == "HEARTBEAT" and message.fields["type"] == MavType.GCS:
+            self._failsafe.hear(message.sysid, now_s)
         return []
 
     def step(self, t_s: float, now_s: float, landed: bool) -> Sequence[Message]:
@@ -136,6 +144,10 @@ class Vehicle:
             autopilot.events.clear()
             return _SILENCE
         messages: list[Message] = self._telemetry.due(t_s)
+        if self._failsafe.due(t_s):
+            self._failsafe.step(t_s, now_s, self._instruments.readings)
+        if self._commands.busy:
+            messages += self._commands.step(t_s)
         if self._shelf.waits:
             messages += self._shelf.tick(now_s)
         if autopilot.events:
@@ -144,52 +156,33 @@ class Vehicle:
 
     def _tell(self) -> list[Message]:
         messages: list[Message] = []
+        replies = self._personality.replies
         for event in self.autopilot.events:
             match event:
                 case Said(severity, text):
-                    fields = {"severity": int(severity), "text": text[:50], "id": 0, "chunk_seq": 0}
-                    messages.append(Message("STATUSTEXT", fields))
+                    messages += self._texts.messages(severity, text)
                 case Reached(seq):
                     messages.append(Message("MISSION_ITEM_REACHED", {"seq": seq}))
-                case ModeChanged():
-                    messages.append(heartbeat(self._telemetry))
+                case ModeChanged() if replies.heartbeat_on_change:
+                    messages.append(heartbeat(self._telemetry.sources))
                 case Placed():
                     self._shelf.move_home(self._instruments.place(self.autopilot.guide.home_ned_m))
-                    both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION)
+                    both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
                     messages += [m for m in map(self._telemetry.build, both) if m is not None]
         self.autopilot.events.clear()
         return messages
 
     def _take_setpoint(self, message: Message) -> None:
-        f = message.fields
-        mask = f["type_mask"]
-        if f["coordinate_frame"] != WireFrame.LOCAL_NED:
-            return
-        t_s, flat_now = self._instruments.t_s, self.autopilot.piece.at(self._instruments.t_s)
-        flat = np.zeros((3, 4))
-        flat[0] = flat_now[0]
-        if not mask & SetpointMask.IGNORE_POSITION:
-            flat[0, :3] = self._instruments.pad_ned_m + np.array([f["x"], f["y"], f["z"]])
-        if not mask & SetpointMask.IGNORE_VELOCITY:
-            flat[1, :3] = f["vx"], f["vy"], f["vz"]
-        if not mask & SetpointMask.IGNORE_ACCELERATION:
-            flat[2, :3] = f["afx"], f["afy"], f["afz"]
-        if not mask & SetpointMask.IGNORE_YAW:
-            flat[0, 3] = f["yaw"]
-        if not mask & SetpointMask.IGNORE_YAW_RATE:
-            flat[1, 3] = f["yaw_rate"]
-        if not np.abs(flat).max() < _FAR:  # neither NaN nor nonsense
-            return
-        flat[0, 3] = flat_now[0, 3] + math.remainder(flat[0, 3] - flat_now[0, 3], math.tau)
-        if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
-            self.autopilot.follow(t_s, Setpoint(t_s, flat, stamped=False), to_rest=True)
-            return
-        stamp_s = self._instruments.simulated_s(f["time_boot_ms"])
-        stamped = abs(stamp_s - t_s) <= LONGEST_GAP_S
-        self.autopilot.follow(t_s, Setpoint(stamp_s if stamped else t_s, flat, stamped))
+        autopilot, t_s = self.autopilot, self._instruments.t_s
+        read = setpoint_in(message, self._instruments, autopilot.piece.at(t_s), autopilot.guide.home_ned_m)
+        if read is not None:
+            setpoint, to_rest = read
+            autopilot.follow(t_s, setpoint, to_rest=to_rest)
 
     def _shelved(self, kind: int, items: Sequence[MissionItem]) -> None:
         """There is a new mission, fence or set of rally points."""
+        if kind == MissionType.FENCE:
+            self._failsafe.fence(shapes(items, self._instruments.origin))
         if kind == MissionType.MISSION:  # PX4 takes missions that nobody can fly
             self.autopilot.set_mission(items if flyable(items) else ())
         total = self._personality.transfers.keeping[kind].total
@@ -213,4 +206,6 @@ class Vehicle:
         return self._instruments.boot_ms * 1_000_000
 
     def _apply_params(self) -> None:
-        self.autopilot.use(self._params.settings())
+        settings = self._params.settings()
+        self.autopilot.use(settings)
+        self._failsafe.use(settings)

@@ -90,7 +90,9 @@ _BOOT = Boot(
         Stage(19.83, frozenset({Milestone.PLACED}), ("EKF3 IMU0 origin set", "Field Elevation Set: {alt_m:.0f}m")),
         Stage(20.02, texts=("EKF3 IMU1 origin set",)),
         Stage(23.4, frozenset({Milestone.CHECKED}), faults=()),
-        Stage(41.43, frozenset({Milestone.READY}), ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS")),
+        Stage(
+            41.43, frozenset({Milestone.LOCATED, Milestone.READY}), ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS")
+        ),
     ),
     first_heartbeat_s=1.0,
     starting=MavState.ACTIVE,
@@ -143,7 +145,10 @@ _GUARDS = Guards(
         ),
     ),
     battery_patience_s=10.0,
-    fence=FenceGuard(actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND}),
+    fence=FenceGuard(
+        actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
+        one_area_suffices=False,
+    ),
     stream={},
 )
 
@@ -169,6 +174,12 @@ _STREAMS = Streams(
         11: frozenset({MessageId.VFR_HUD}),
         12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
     },
+    local_from=Milestone.LOCATED,
+    global_from=Milestone.RUNNING,
+    targets_in_guided_only=True,
+    home_has_attitude=False,
+    tells_rtk=True,
+    tells_airspeed=True,
 )
 
 _BEFORE_READY = (
@@ -220,6 +231,7 @@ ARDUPILOT = Personality(
         unknown_stream=MavResult.DENIED,
         unknown_message=MavResult.FAILED,
         unsupported=frozenset(),
+        formats=True,
         mode_acks=1,
         message_first=False,
         set_mode_command=11,
@@ -233,6 +245,7 @@ ARDUPILOT = Personality(
         present=0x5371FC2F,
         enabled=0x5361FC2F,
         healthy=0x4771FC2F,
+        gnss=0x20,
         before_ready=_BEFORE_READY,
         ready=0x33F,
     ),

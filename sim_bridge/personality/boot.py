@@ -17,6 +17,7 @@ class Milestone(Enum):
     RUNNING = auto()  # set up: HEARTBEAT says so
     FIXED = auto()  # its receiver has a fix: it tells positions
     PLACED = auto()  # origin and home are known
+    LOCATED = auto()  # it knows where it is
     CHECKED = auto()  # SYS_STATUS calls it ready
     READY = auto()  # its position can be flown on
 

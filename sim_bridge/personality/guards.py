@@ -65,7 +65,7 @@ class BatteryGuard:
     actions: Actions
     action: Setting | None = None
     volt: Setting | None = None
-    charge: Setting | None = None
+    left: Setting | None = None
     share: Setting | None = None
 
 
@@ -74,6 +74,7 @@ class FenceGuard:
     """The vehicle leaves where it may be."""
 
     actions: Actions
+    one_area_suffices: bool  # inside one of several areas is inside
     off: int | None = None  # the action value that switches the fence off; None: FENCE_ENABLED does
 
 

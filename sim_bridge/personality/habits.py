@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gcs.link.dialect import MavResult
+from sim_bridge.personality.boot import Milestone
 from sim_bridge.personality.modes import Intent
 
 
@@ -69,6 +70,7 @@ class Replies:
     unknown_stream: MavResult
     unknown_message: MavResult
     unsupported: frozenset[int]  # commands it does not know although others do
+    formats: bool  # STORAGE_FORMAT, which takes its time
     mode_acks: int  # times a change of mode is acknowledged
     message_first: bool  # the message asked for comes before the acknowledgement
     set_mode_command: int  # the command that SET_MODE's acknowledgement names
@@ -87,6 +89,12 @@ class Streams:
     fixed: frozenset[int]  # whose rate cannot be changed
     unsent: frozenset[int]  # not of this autopilot
     groups: Mapping[int, frozenset[int]]  # REQUEST_DATA_STREAM's groups
+    local_from: Milestone  # when LOCAL_POSITION_NED begins
+    global_from: Milestone  # when GLOBAL_POSITION_INT begins; without a place before PLACED
+    targets_in_guided_only: bool  # POSITION_TARGET_LOCAL_NED
+    home_has_attitude: bool  # HOME_POSITION.q is more than NaN
+    tells_rtk: bool  # GPS_RAW_INT's fix type tells a receiver that fixes to centimetres
+    tells_airspeed: bool  # VFR_HUD, although nobody measures it
 
 
 @dataclass(frozen=True)
@@ -96,5 +104,6 @@ class Health:
     present: int
     enabled: int
     healthy: int
+    gnss: int  # the bit of the receiver
     before_ready: int  # EKF_STATUS_REPORT's or ESTIMATOR_STATUS's flags
     ready: int

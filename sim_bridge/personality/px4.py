@@ -59,6 +59,7 @@ _BOOT = Boot(
         Stage(0.0, frozenset({Milestone.RUNNING}), faults=("health",)),
         Stage(0.1, frozenset({Milestone.FIXED})),
         Stage(0.9, frozenset({Milestone.PLACED})),
+        Stage(2.5, frozenset({Milestone.LOCATED})),
         Stage(3.5, frozenset({Milestone.CHECKED, Milestone.READY}), faults=()),
     ),
     first_heartbeat_s=0.95,
@@ -112,7 +113,7 @@ _GUARDS = Guards(
         ),
     ),
     battery_patience_s=0.0,
-    fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, off=0),
+    fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )
 
@@ -142,6 +143,12 @@ _STREAMS = Streams(
     fixed=frozenset({MessageId.MISSION_CURRENT}),
     unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
     groups={},
+    local_from=Milestone.RUNNING,
+    global_from=Milestone.LOCATED,
+    targets_in_guided_only=False,
+    home_has_attitude=True,
+    tells_rtk=False,
+    tells_airspeed=False,
 )
 
 PX4 = Personality(
@@ -189,6 +196,7 @@ PX4 = Personality(
         unknown_stream=MavResult.FAILED,
         unknown_message=MavResult.DENIED,
         unsupported=frozenset({MavCommand.DO_SET_MISSION_CURRENT}),
+        formats=False,
         mode_acks=2,
         message_first=True,
         set_mode_command=MavCommand.DO_SET_MODE,
@@ -202,6 +210,7 @@ PX4 = Personality(
         present=0x300402F,
         enabled=0x301402F,
         healthy=0x320C83F,
+        gnss=0x20,
         before_ready=229,
         ready=1023,
     ),
