@@ -60,9 +60,14 @@ def kept(item: MissionItem, keeping: Keeping) -> MissionItem:
 
 
 def flyable(items: Sequence[MissionItem]) -> bool:
-    """Whether all numbers of a flight mission are numbers and all places on Earth: not all autopilots insist."""
+    """Whether all numbers of a flight mission are numbers and all places on Earth: not all autopilots insist.
+
+    A heading (parameter 4) may be NaN, which means any.
+    """
     return all(
-        _numbers(item) == MissionResult.ACCEPTED and all(map(math.isfinite, (*item.params[:3], item.alt_m)))
+        all(map(math.isfinite, (*item.params[:3], item.alt_m)))
+        and not math.isinf(item.params[3])
+        and _place(item) == MissionResult.ACCEPTED
         for item in items
     )
 
@@ -98,6 +103,10 @@ def _numbers(item: MissionItem) -> MissionResult:
     for number, (value, result) in enumerate(zip(item.params, _PARAMS, strict=True), start=1):
         if math.isnan(value) and not (number == len(_PARAMS) and item.command in _FREE_HEADING):
             return result
+    return _place(item)
+
+
+def _place(item: MissionItem) -> MissionResult:
     if not has_position(item.command) or item.frame == Frame.MISSION:
         return MissionResult.ACCEPTED
     if not math.isfinite(item.alt_m):

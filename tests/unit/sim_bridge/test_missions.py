@@ -252,10 +252,11 @@ def test_a_refused_upload_leaves_ardupilot_with_new_and_old_items_and_px4_with_t
         assert altitudes == ([9.0, 5.0] if habits is ARDUPILOT else [5.0, 5.0, 5.0])
 
 
-@BOTH
-def test_a_mission_with_numbers_that_are_none_is_held_but_not_flown(habits):
+def test_a_mission_with_numbers_that_are_none_cannot_be_flown():
     assert flyable(MISSION)
-    assert flyable((replace(TAKEOFF, params=(0.0, 0.0, 0.0, NAN), command=16),))
+    for what in (TAKEOFF, LAND, item()):  # any heading
+        assert flyable((replace(what, params=(0.0, 0.0, 0.0, NAN)),))
+        assert not flyable((replace(what, params=(0.0, 0.0, 0.0, math.inf)),))
     assert not flyable((replace(TAKEOFF, alt_m=NAN),))
     assert not flyable((replace(TAKEOFF, alt_m=math.inf),))
     assert not flyable((replace(TAKEOFF, lat_degE7=1_900_000_000),))
