@@ -22,6 +22,7 @@ from gcs.scenario.model import Change
 _LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for
 _TRIES = 8
 _EVERY_S = 0.1
+_GUESSED = 0.1  # of the flight: so well the first guess knows when a gate is crossed
 
 
 def optimise_on_schedule(
@@ -34,8 +35,11 @@ def optimise_on_schedule(
     scenario = problem.scenario
     changes = scheduled(scenario)
     history: tuple[MeshRound, ...] = ()
-    # Where the guess overlaps changes, the flight need not.
-    starts = in_turn(scenario, _starts_s(problem, changes, guess), problem.end_s)
+    starts = _starts_s(problem, changes, guess)
+    # Where the guess overlaps changes by a little, the flight need not.
+    apart = in_turn(scenario, starts, problem.end_s)
+    if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
+        starts = apart
     for _ in range(_TRIES):
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         found = optimise(replace(problem, shape=timeline.shape), guess, on_round)
