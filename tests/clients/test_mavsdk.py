@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import mavsdk
 import pytest
-from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.frames import Origin, ned_to_geodetic
@@ -20,6 +16,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
 from sim_bridge.endpoints.spec import call
 from sim_bridge.world import WorldOptions
+from tests.clients.sdk import client, from_raw, to_raw
 from tests.fleets import free_port, running_fleet
 
 
@@ -42,36 +39,6 @@ def missions(scenario) -> dict[int, VehicleMission]:
     return found
 
 
-@contextmanager
-def client(port: int) -> Iterator[dict[int, mavsdk.System]]:
-    """MAVSDK listening at a port, with the six systems it finds there."""
-    configuration = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
-    sdk = mavsdk.Mavsdk(configuration)
-    try:
-        assert sdk.add_any_connection(f"udpin://127.0.0.1:{port}") == mavsdk.ConnectionResult.SUCCESS
-        end_s = time.monotonic() + 20.0
-        systems: dict[int, mavsdk.System] = {}
-        while len(systems) < 6:
-            assert time.monotonic() < end_s, f"MAVSDK found only {sorted(systems)}"
-            time.sleep(0.05)
-            found = [s for s in sdk.get_systems() if s.is_connected() and s.has_autopilot()]
-            systems = {s.get_system_id(): s for s in found}
-        yield systems
-    finally:
-        sdk.destroy()
-
-
-def to_raw(seq: int, item: MissionItem) -> RawItem:
-    params = (float(p) for p in item.params)
-    place = (item.lat_degE7, item.lon_degE7, item.alt_m)
-    return RawItem(seq, item.frame, item.command, int(seq == 0), 1, *params, *place, 0)
-
-
-def from_raw(raw: RawItem) -> MissionItem:
-    params = (raw.param1, raw.param2, raw.param3, raw.param4)
-    return MissionItem(raw.command, raw.frame, params, raw.x, raw.y, raw.z, bool(raw.autocontinue))
-
-
 async def upload_all(port: int, wanted: dict[int, VehicleMission]) -> None:
     async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
         vehicles = await ground.vehicles(wanted, 20.0)
@@ -82,7 +49,7 @@ def test_mavsdk_finds_six_vehicles_and_reads_the_missions_they_were_sent(simulat
     port, wanted = free_port(), missions(simulation1)
     with running_fleet(simulation1, WorldOptions(links=(call(port),), speedup=5.0)):
         asyncio.run(upload_all(port, wanted))
-        with client(port) as systems:
+        with client(f"udpin://127.0.0.1:{port}", 6) as systems:
             assert set(systems) == set(wanted)
             for sysid, system in systems.items():
                 assert system.autopilot_type() == mavsdk.Autopilot.ARDUPILOT
@@ -95,7 +62,7 @@ def test_mavsdk_uploads_what_it_reads_back(simulation1, sysid):
     port, wanted = free_port(), missions(simulation1)[sysid]
     with (
         running_fleet(simulation1, WorldOptions(links=(call(port),), speedup=5.0)) as fleet,
-        client(port) as systems,
+        client(f"udpin://127.0.0.1:{port}", 6) as systems,
     ):
         plugin = MissionRaw(systems[sysid])
         sent = with_home(wanted.items, wanted.home)
