@@ -12,9 +12,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.errors import Infeasible
 from gcs.plan.alternatives import best_way
+from gcs.plan.formation.reshape import SLACK_M
+from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
+from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.ground_phases import smooth_step, vertical
 from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, flight_problem, run_up_problem
@@ -40,6 +44,7 @@ def make_plan(
     `every_way` optimises all ways through the map that the search finds, not only those that can still win.
     """
     began = time.perf_counter()
+    _check_landing(scenario)
     best, alternatives = best_way(flight_problem(scenario), on_round, every_way=every_way)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
@@ -75,6 +80,30 @@ def make_plan(
         best.moves,
         {"flight": flight_done - began, "run-up": run_up_done - flight_done},
     )
+
+
+def _check_landing(scenario: Scenario) -> None:
+    """Raises Infeasible where the last shape of the schedule cannot land: who knows it only when changes are made."""
+    if scenario.formation.ends_in_start_shape:
+        return  # known without a plan
+    limits, ids = scenario.limits, scenario.formation.sysids
+    last = stops_ned_m(scenario)[-1]
+    ground = landing_points_ned_m(scenario, last)
+    gap_m, i, j = least_gap(ground)
+    if gap_m < limits.separation_min_m - SLACK_M:
+        raise Infeasible(
+            f"no plan: vehicles {ids[i]} and {ids[j]} end above each other and would land {gap_m:.2f} m apart; "
+            f"separation_min_m is {limits.separation_min_m:g} m",
+            hint="end in a shape that is wider as seen from above: one more [[formation.change]]",
+        )
+    fall_m = float((ground - last)[:, 2].max() + scenario.end.position_m[2])
+    needed_s = 15.0 / 8.0 * fall_m / limits.speed_ned_mps[2]
+    if scenario.ground_phases.landing_s < needed_s:
+        raise Infeasible(
+            f"no plan: landing_s = {scenario.ground_phases.landing_s:g} is too short for the {fall_m:.1f} m that the "
+            f"highest vehicle has to come down at {limits.speed_ned_mps[2]:g} m/s",
+            hint=f"set [ground_phases] landing_s to {np.ceil(needed_s):g} or more",
+        )
 
 
 def _phases(scenario: Scenario) -> tuple[Phase, ...]:

@@ -127,6 +127,34 @@ def test_a_change_that_lifts_more_than_a_vehicle_can_is_a_matter_of_its_speed(si
     assert "changes faster than the limit of" in error.message
 
 
+HIGH: dict[str, Any] = {
+    "start": {"position_m": [2.0, 1.0, 12.0]},
+    "end": {"position_m": [40.0, 14.0, 12.0]},
+    "ground_phases": {"takeoff_s": 30.0, "landing_s": 30.0, "hover_s": 2.0},
+    "time": {"flight_s": 60.0},
+}
+UPRIGHT = {"kind": "rotate", "angle_deg": 90.0, "axis": [1.0, 0.0, 0.0]}
+
+
+def test_a_last_shape_of_vehicles_above_each_other_cannot_land(simulation1: Scenario) -> None:
+    error = refusal(fleet(simulation1, 5, "row", (at(UPRIGHT, 3.0),), **HIGH))
+    assert isinstance(error, Infeasible)
+    assert "end above each other and would land 0.00 m apart; separation_min_m is 1 m" in error.message
+    assert "one more [[formation.change]]" in error.hint
+
+
+def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simulation1: Scenario) -> None:
+    """12 m and another 4.24 m at 1.5 m/s, the quintic's peak being 15/8 of the mean."""
+    tilted = at({**UPRIGHT, "angle_deg": 45.0}, 3.0)
+    short = HIGH["ground_phases"] | {"landing_s": 20.0}
+    error = refusal(fleet(simulation1, 5, "row", (tilted,), **HIGH | {"ground_phases": short}))
+    assert "landing_s = 20 is too short for the 16.2 m" in error.message
+    needed_s = float(error.hint.split("landing_s to ")[1].split()[0])
+    assert needed_s == 21.0
+    enough = HIGH["ground_phases"] | {"landing_s": needed_s}
+    assert verify(make_plan(fleet(simulation1, 5, "row", (tilted,), **HIGH | {"ground_phases": enough}))).ok
+
+
 def test_a_gate_that_never_settles_says_so(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schedule, "_LATE_S", 0.0)
     monkeypatch.setattr(schedule, "_TRIES", 2)
