@@ -4,7 +4,7 @@ Knows: flatness, and what to give up at a limit. Does not know: truth, sensors, 
 Inverting Eq. 1 leaves chains of integrators: position, velocity, tilt and tilt rate along and across the heading;
 height and climb; yaw and its rate. `sim_bridge.position_law` says which force is wanted; here it becomes a tilt, and
 that a torque. What pushes and turns the vehicle beyond Eq. 1 is observed and taken off (`sim_bridge.disturbance`):
-that is the integral action.
+that is the integral action. The limits hold for what acts on the body; what a weak motor fails to give is added on top.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class Controller:
         _, _, k_angle, k_rate = (float(k) for k in gains.tilt)
         self._angle_gain = k_angle / k_rate
         self._rate_max = float(turn_authority_radps2(q, limits)[0]) / k_rate
-        effort = inertia / [q.arm_m, q.arm_m, 1.0]
-        self._torque = effort[:, None] * _turning(k_rate, gains.yaw, np.array(q.drag_moment_Nms) / inertia)
+        self._effort = inertia[:, None] / np.array([[q.arm_m], [q.arm_m], [1.0]])
+        self._torque = self._effort * _turning(k_rate, gains.yaw, np.array(q.drag_moment_Nms) / inertia)
         self._disturbance = Disturbance(q, gains.push_radps, gains.push_max, period_s, vehicles)
 
     @property
@@ -94,11 +94,12 @@ class Controller:
 
         closing = _within(self._angle_gain * (tilt[0] - attitude[:2]), self._rate_max)
         off = _within(np.remainder(reference.yaw_ned_rad - attitude[2] + np.pi, 2.0 * np.pi) - np.pi, ANGLE_SCALE_RAD)
-        inputs = (closing, tilt[1], tilt[2], np.stack((off, reference.yaw_rate_radps)), rates, push[3:], coupling)
+        inputs = (closing, tilt[1], tilt[2], np.stack((off, reference.yaw_rate_radps)), rates, coupling)
         control = np.empty((4, len(upright)))
         control[0] = force[1, 2] / np.maximum(upright, 0.5)
         self._torque.dot(np.concatenate(inputs), out=control[1:])
         control = np.minimum(np.maximum(control, self._lowest), self._highest)
+        control[1:] -= self._effort * push[3:]
         if any_landed:
             rises = (reference.velocity_ned_mps[:, 2] < 0.0) | (reference.acceleration_ned_mps2[:, 2] < 0.0)
             control[:, landed & ~rises] = self._idle
@@ -106,12 +107,12 @@ class Controller:
 
 
 def _turning(k_rate: float, k_yaw: Array, damping: Array) -> Array:
-    """Angular acceleration (3, 17) that Eq. 1 has to be given, by what `Controller.command` puts together:
-    closing rates, tilt rates, tilt accelerations (2 each); yaw error, yaw rate; rates, pushes, coupling (3 each)."""
+    """Angular acceleration (3, 14) that Eq. 1 has to be given, by what `Controller.command` puts together:
+    closing rates, tilt rates, tilt accelerations (2 each); yaw error, yaw rate; rates, coupling (3 each)."""
     level = np.eye(3, 2)
     yaw = np.array([[0.0, 0.0], [0.0, 0.0], k_yaw])
     follow = np.diag([k_rate, k_rate, k_yaw[1]])
-    return np.hstack([k_rate * level, k_rate * level, level, yaw, np.diag(damping) - follow, -np.eye(3), -np.eye(3)])
+    return np.hstack([k_rate * level, k_rate * level, level, yaw, np.diag(damping) - follow, -np.eye(3)])
 
 
 def _within(value: Array, largest: float) -> Array:

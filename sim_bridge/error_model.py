@@ -54,6 +54,7 @@ class ErrorModel:
     baro: Array  # (1, 1)
     flying: Array  # (19, 19) process noise
     standing: Array  # (19, 19)
+    fading: Array  # (4, 1) what is left of the slow errors of barometer and GNSS
     grade: SensorGrade
     _base: Array  # (19, 19) transition in flight, without what depends on attitude
     _at_rest: Array  # (19, 19) transition in ground contact
@@ -87,6 +88,7 @@ class ErrorModel:
             baro=np.array([[grade.baro_m**2]]),
             flying=flying,
             standing=standing,
+            fading=keep[BARO_ERROR:, None],
             grade=grade,
             _base=base,
             _at_rest=at_rest,

@@ -188,6 +188,7 @@ class Estimator:
         force = (state[3:6] - self._velocity_before) / UPDATE_PERIOD_S
         force[2] -= self._gravity_mps2
         transition = self._model.transition(Turn.of(state[6:9]), force, landed)
+        self._slow[6:] *= self._model.fading
         noise = (self._model.flying, self._model.standing)
         for ekf, f, stands, mean in zip(self.filters, transition, landed.tolist(), self.mean, strict=True):
             ekf.F, ekf.Q = f, noise[stands]

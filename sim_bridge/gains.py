@@ -21,7 +21,7 @@ POSITION_BANDWIDTH_MAX_RADPS = 2.0
 TILT_BANDWIDTH_MAX_RADPS = 10.0
 YAW_BANDWIDTH_MAX_RADPS = 3.0
 PUSH_BANDWIDTH_RADPS = 1.0  # a gust's; what is learnt faster is the estimate's noise
-TORQUE_BANDWIDTH_SHARE = 0.5  # of the tilt's
+TWIST_BANDWIDTH_RADPS = 20.0  # a motor that fails twists at once, and what the gyro adds at this speed is little
 PUSH_MAX_MPS2 = 3.0
 
 
@@ -83,6 +83,6 @@ def lqr_gains(q: Quadrotor, limits: ControlLimits) -> Gains:
         tilt=chain_gain((1.0, g, 1.0), (g * turn / (outer * inner) ** 2, np.inf, angle_scale, np.inf), turn),
         height=chain_gain((1.0,), (climb / height**2, climb / height), climb),
         yaw=chain_gain((1.0,), (spin / yaw**2, spin / yaw), spin),
-        push_radps=np.array([PUSH_BANDWIDTH_RADPS] * 3 + [inner * TORQUE_BANDWIDTH_SHARE] * 2 + [yaw]),
-        push_max=np.concatenate([[PUSH_MAX_MPS2] * 3, turn_authority_radps2(q, limits)]),
+        push_radps=np.array([PUSH_BANDWIDTH_RADPS] * 3 + [TWIST_BANDWIDTH_RADPS] * 3),
+        push_max=np.concatenate([[PUSH_MAX_MPS2] * 3, turn_authority_radps2(q, motor_limits(q))]),
     )

@@ -100,10 +100,13 @@ class PositionLaw:
         distance, speed = place - here, velocity - moving
         closing = self._closing_gain * distance[:2]
         asked = speed[:2] + _shorten(closing, self._closing_max)
-        if self.speed_max_mps is not None:
-            asked = _shorten(asked + moving[:2], self.speed_max_mps) - moving[:2]
-        asked *= self._push_gain
         wanted = acceleration - push
+        if self.speed_max_mps is not None:
+            aim = asked + moving[:2]
+            slow = _shorten(aim, self.speed_max_mps)
+            asked = slow - moving[:2]
+            wanted[:2] = np.where((slow == aim).all(axis=0), wanted[:2], -push[:2])
+        asked *= self._push_gain
         wanted[:2] += _shorten(asked, self._push_max)
         wanted[2] += self._height_gain * np.clip(distance[2], -HEIGHT_ERROR_MAX_M, HEIGHT_ERROR_MAX_M)
         wanted[2] += self._climb_gain * speed[2]
