@@ -20,10 +20,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from gcs.scenario.load import load_scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
-from tools.replay.compare import Verdict, compare
+from tools.replay.compare import compare
 from tools.replay.meant import MEANT, Meant, streams_of, why
 from tools.replay.player import play
 from tools.replay.recording import AUTOPILOTS, SCENES, TRACES, find, read
+from tools.replay.verdict import Verdict
 
 VEHICLE = Path(__file__).resolve().parent.parent / "missions" / "field"
 

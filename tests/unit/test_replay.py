@@ -116,6 +116,28 @@ def test_of_heartbeats_only_what_is_new_counts():
     assert found((same, differs), SILENT) == ["HEARTBEAT custom_mode: 0 -> 4"]
 
 
+def test_how_things_stand_counts_unless_it_soon_is_otherwise():
+    def current(*parts: tuple[float, int]) -> list:
+        """MISSION_CURRENT at 2 Hz: from so many seconds on, that item."""
+        told, until = [], [*(t for t, _ in parts[1:]), 10.0]
+        for (from_s, seq), to_s in zip(parts, until, strict=True):
+            fields = {"seq": seq, "total": 7, "mission_state": 2, "mission_mode": 0}
+            told += [(from_s + 0.5 * n, ("MISSION_CURRENT", fields)) for n in range(round((to_s - from_s) * 2))]
+        return told
+
+    def differ(recorded: list, here: list) -> list[str]:
+        return found((recorded, here), SILENT, length_s=10.0)
+
+    assert differ(current((0, 0), (5, 3)), current((0, 0), (5.5, 3))) == []
+    assert differ(current((0, 0), (5, 3)), current((0, 0), (5, 1), (5.5, 3))) == []
+    assert differ(current((0, 0), (5, 1), (5.5, 3)), current((0, 0), (5.5, 3))) == []
+    assert differ(current((0, 0), (5, 1), (5.5, 0)), current((0, 0))) == []
+    assert differ(current((0, 0), (5, 3)), current((0, 0), (5, 2))) == ["MISSION_CURRENT seq: 3 -> 2"]
+    assert differ(current((0, 0), (5, 3)), current((0, 0))) == ["missing MISSION_CURRENT"]
+    assert differ(current((0, 0)), current((0, 0), (5, 3))) == ["extra MISSION_CURRENT"]
+    assert differ(current((0, 1)), current((0, 0))) == ["MISSION_CURRENT seq: 1 -> 0"]
+
+
 def test_telemetry_counts_by_kind_and_rate():
     def attitudes(count: int) -> list:
         return [(3.0 * n / count, ("ATTITUDE", ATTITUDE)) for n in range(count)]

@@ -46,8 +46,7 @@ def play(recording: Recording, personality: Personality, scenario: Scenario) -> 
         epoch_unix_s=_epoch_unix_s(recording),
     )
     if boots_s is None:
-        stage.set_mode_before(_mode(recording))
-        stage.ask_before(_left_over(recording))
+        stage.prepare(_mode(recording), _left_over(recording), keep=TALK | {"HEARTBEAT"})
     played = Played()
     late_s = 0.0
     for step in recording.steps:

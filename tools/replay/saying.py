@@ -38,7 +38,14 @@ TALK = frozenset(
     }
 )
 # These come when they come: just before or just after an answer, on the originals too.
-BY_THE_WAY = frozenset({"STATUSTEXT", "PARAM_VALUE", "HEARTBEAT", "UNKNOWN_410"})
+BY_THE_WAY = frozenset({"STATUSTEXT", "PARAM_VALUE", "UNKNOWN_410", "HEARTBEAT"})
+
+# Of these streams only what is new is talk: they say how things stand.
+STANDING: dict[str, tuple[str, ...]] = {
+    "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode", "system_status"),
+    "MISSION_CURRENT": ("seq", "total", "mission_state", "mission_mode"),
+    "EXTENDED_SYS_STATE": ("vtol_state", "landed_state"),
+}
 
 # Which of several messages of a kind it is.
 _WHICH: dict[str, tuple[str, ...]] = {
@@ -59,7 +66,6 @@ _MATTERS: dict[str, tuple[str, ...]] = {
     "AUTOPILOT_VERSION": ("capabilities", "flight_sw_version", "uid"),
     "COMMAND_ACK": ("result", "progress", "result_param2", "target_system", "target_component"),
     "GPS_GLOBAL_ORIGIN": ("latitude", "longitude", "altitude"),
-    "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode", "system_status"),
     "HOME_POSITION": ("latitude", "longitude", "altitude", "q"),
     "MESSAGE_INTERVAL": ("interval_us",),
     "MISSION_ACK": ("type", "target_component"),
@@ -72,6 +78,7 @@ _MATTERS: dict[str, tuple[str, ...]] = {
 }
 _ITEM = ("frame", "command", "current", "autocontinue", "param1", "param2", "param3", "param4", "x", "y", "z")
 _MATTERS["MISSION_ITEM_INT"] = _MATTERS["MISSION_ITEM"] = _ITEM
+_MATTERS |= STANDING
 
 # Places are where the recorded vehicle stood, as its receiver saw it.
 _CLOSE: dict[tuple[str, str], float] = {
@@ -122,6 +129,8 @@ def _same(recorded: Saying, field: str, a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(_same(recorded, field, x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b):
         return True
+    if field == "uid":
+        return bool(a) == bool(b)
     if field == "q":
         return isinstance(a, float) and isinstance(b, float) and math.isnan(a) == math.isnan(b)
     close = _CLOSE.get((recorded.name, field))

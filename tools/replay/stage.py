@@ -70,20 +70,21 @@ class Stage:
         """Time of the scene."""
         return self._start_s + (self._steps - self._start_steps) * CONTROL_PERIOD_S
 
-    def set_mode_before(self, custom_mode: int) -> None:
-        """Let the vehicle have been put into this mode before the scene."""
-        fields = {"target_system": self.vehicle.station.sysid, "base_mode": 1, "custom_mode": custom_mode}
-        self.vehicle.receive(Message("SET_MODE", fields, 255, 190), -math.inf)
+    def prepare(self, custom_mode: int, intervals_s: Mapping[int, float], *, keep: frozenset[str]) -> None:
+        """Let a ground station have set this mode before the scene, and asked for messages in these intervals.
 
-    def ask_before(self, intervals_s: Mapping[int, float]) -> None:
-        """Let a ground station have asked, before the scene, for these messages in these intervals, and no others."""
-        for number in (*MessageId, *intervals_s):
-            if number != MessageId.HEARTBEAT:
-                interval_us = round(intervals_s[number] * 1e6) if number in intervals_s else -1
-                rest = {f"param{n}": 0.0 for n in range(3, 8)}
-                target = {"target_system": self.vehicle.station.sysid, "target_component": 1, "confirmation": 0}
-                fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "param1": number, "param2": interval_us}
-                self.vehicle.receive(Message("COMMAND_LONG", target | fields | rest, 255, 190), -math.inf)
+        Messages that are not named are switched off, those in `keep` apart.
+        """
+        target = {"target_system": self.vehicle.station.sysid, "target_component": 1, "confirmation": 0}
+        mode = {"target_system": self.vehicle.station.sysid, "base_mode": 1, "custom_mode": custom_mode}
+        wanted = {int(number): -1 for number in MessageId if number.name not in keep}
+        wanted |= {number: round(interval_s * 1e6) for number, interval_s in intervals_s.items()}
+        self._ask(Message("SET_MODE", mode, 255, 190))
+        for number, interval_us in wanted.items():
+            fields = {f"param{n}": 0.0 for n in range(3, 8)}
+            fields |= {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "param1": number, "param2": interval_us}
+            self._ask(Message("COMMAND_LONG", target | fields, 255, 190))
+        self._settle()
 
     def receive(self, frame: bytes, t_s: float) -> None:
         """Hand the vehicle a frame at `t_s` of the scene."""
@@ -117,11 +118,18 @@ class Stage:
         """The wall's clock: that of the scene, and of a time before it while the vehicle is made ready."""
         return max(t_s, -_LONGEST_BOOT_S)
 
+    def _ask(self, message: Message) -> None:
+        self.vehicle.receive(message, -_LONGEST_BOOT_S)
+
     def _wait_until_ready(self) -> None:
         while not self.vehicle.autopilot.ready:
             self._step(-math.inf)
             if self._steps * CONTROL_PERIOD_S > _LONGEST_BOOT_S:
                 raise RuntimeError("the vehicle does not become ready")
+        self._settle()
+
+    def _settle(self) -> None:
+        """Let it say what it has to say, before the scene begins."""
         for _ in range(round(1.0 / CONTROL_PERIOD_S)):
             self._step(-math.inf)
         self._start_steps = self._steps

@@ -1,0 +1,124 @@
+"""What a vehicle said as talk: sayings in order, repetitions counted, standing words only where they are new.
+
+Knows: which messages are talk (`saying`), which of them a step asked for. Does not know: what they are compared with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gcs.link.dialect import MavCommand, MessageId
+from gcs.link.message import Message
+from tools.replay.recording import Step
+from tools.replay.saying import STANDING, TALK, Saying, equal, saying
+from tools.replay.stage import Told
+
+STREAM_S = 1.2  # until a stream of 1 Hz tells what is new
+_REQUESTS = (MavCommand.REQUEST_MESSAGE, MavCommand.GET_HOME_POSITION)
+
+
+@dataclass(frozen=True)
+class Uttered:
+    """One message; `count` includes those of its kind that a recording left out before it."""
+
+    t_s: float
+    name: str
+    message: Message | None
+    signed: bool
+    count: int = 1
+
+
+def heard(step: Step) -> list[Uttered]:
+    """What the recorded vehicle said in a step."""
+    return [Uttered(row.t_s, row.name, row.message, row.signed, 1 + row.more) for row in step.heard]
+
+
+def said_here(told: Sequence[Told]) -> list[Uttered]:
+    """What the emulated vehicle said."""
+    return [Uttered(t.t_s, t.message.name, t.message, t.signed) for t in told]
+
+
+@dataclass
+class Talk:
+    """A saying, repetitions included.
+
+    The `first` word of how things stand was so before anyone was there to hear it; a `brief` one may go unheard.
+    """
+
+    said: Saying
+    times: int = 1
+    matched: bool = False
+    first: bool = False
+    brief: bool = False
+
+
+def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozenset[str]) -> list[Talk]:
+    """The talk among what was uttered in each step. `streams` names talk that is sent like telemetry."""
+    talk: list[Talk] = []
+    standing: dict[str, tuple[object, ...]] = {}
+    for step, utterances in zip(steps, uttered, strict=True):
+        asked = _asked(step)
+        repeated: dict[object, Talk] = {}
+        for one in utterances:
+            first = False
+            if one.name in STANDING and one.message is not None:
+                news = tuple(one.message.fields[key] for key in STANDING[one.name])
+                if news == standing.get(one.name):
+                    continue
+                first = one.name not in standing
+                standing[one.name] = news
+            elif not is_talk(one, asked, streams):
+                continue
+            said = saying(one.t_s, step.number, one.name, one.message)
+            key = (said.name, said.which, repr(one.message.fields) if one.message is not None else "")
+            known = repeated.get(key)
+            if known is not None and one.name not in STANDING:
+                known.times += 1
+            else:
+                repeated[key] = Talk(said, first=first)
+                talk.append(repeated[key])
+    _mark_brief(talk)
+    return talk
+
+
+def _mark_brief(talk: list[Talk]) -> None:
+    """Mark what a stream of 1 Hz may well not have told: what soon was otherwise, or again as before that."""
+    standing = [one for one in talk if one.said.name in STANDING and one.said.name != "HEARTBEAT"]
+    ahead: dict[str, float] = {}  # when the next news of each name came
+    for one in reversed(standing):
+        one.brief = ahead.get(one.said.name, math.inf) - one.said.t_s < 2.0 * STREAM_S
+        ahead[one.said.name] = one.said.t_s
+    lasting: dict[str, Saying] = {}
+    for one in standing:
+        before = lasting.get(one.said.name)
+        if not one.brief:
+            one.brief = before is not None and equal(before, one.said)
+            lasting[one.said.name] = one.said
+
+
+def is_talk(one: Uttered, asked: int | None, streams: frozenset[str]) -> bool:
+    """Whether it is talk; a message that a step has `asked` for by number is, whatever it is."""
+    if one.name == "TIMESYNC" and one.message is not None and one.message.fields["tc1"] == 0:
+        return False  # its own questions come on a clock of their own
+    if asked is not None and one.message is not None and _number(one) == asked:
+        return True
+    return one.name in TALK and one.name not in streams
+
+
+def _asked(step: Step) -> int | None:
+    """The number of the message that the step asks for."""
+    message = step.sent.message if step.sent is not None else None
+    if message is None or message.name != "COMMAND_LONG" or message.fields["command"] not in _REQUESTS:
+        return None
+    return (
+        int(MessageId.HOME_POSITION)
+        if message.fields["command"] == MavCommand.GET_HOME_POSITION
+        else round(message.fields["param1"])
+    )
+
+
+def _number(one: Uttered) -> int:
+    raw = one.message.raw if one.message is not None else b""
+    return int.from_bytes(raw[7:10], "little") if raw[:1] == b"\xfd" else -1
