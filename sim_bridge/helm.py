@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.link.dialect import LandedState
-from gcs.mission.model import Command, MissionItem
+from gcs.mission.model import Command, Frame, MissionItem
 from gcs.quadrotor import Array
 from sim_bridge.arming import Arming
 from sim_bridge.course import Course, Guide
@@ -171,11 +171,12 @@ class Helm:
 
     def _fly_mission(self, t_s: float) -> None:
         self.progress.begin()
+        if not self.ground.flying:
+            self.progress.tell_current()
         items, first = self.progress.padded
         if self.ground.flying:
             self.path.start(t_s, self.guide.fly_mission(t_s, self.path.piece.at(t_s), items, first, landed=False))
             return
-        self.progress.tell_current()
         climb_m = self._climb_before(items[first])
         self._voice.say(Note.MISSION_CLIMBS, height_m=climb_m or items[first].alt_m)
 
@@ -191,7 +192,10 @@ class Helm:
 
     def _climb_before(self, item: MissionItem) -> float:
         """How high to climb before a mission that does not begin with a take-off; 0 where it does."""
-        return 0.0 if item.command == Command.NAV_TAKEOFF else max(self._least_takeoff_m, item.alt_m)
+        if item.command == Command.NAV_TAKEOFF:
+            return 0.0
+        home_m = self.guide.origin.alt_amsl_m - float(self.guide.home_ned_m[2]) if item.frame == Frame.GLOBAL else 0.0
+        return max(self._least_takeoff_m, item.alt_m - home_m)
 
     def _climb(self, t_s: float) -> None:
         height_m = max(self.takeoff_m, self._least_takeoff_m)

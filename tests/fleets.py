@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from gcs.link.message import Message
 from gcs.scenario.model import Scenario
 from sim_bridge.world import World, WorldOptions
 
@@ -50,6 +51,14 @@ def running_fleet(scenario: Scenario, options: WorldOptions, *, paused: bool = F
             thread.join(10.0)
         assert not thread.is_alive()
         assert not failures, failures
+
+
+def ask(world: World, row: int, number: int, rate_hz: float) -> None:
+    """Have a vehicle send message `number` so often, as if a ground station had asked for it over a good link."""
+    fields = {"target_system": 0, "target_component": 0, "command": 511, "confirmation": 0}
+    params = {"param1": float(number), "param2": 1e6 / rate_hz} | {f"param{n}": 0.0 for n in range(3, 8)}
+    (ack,) = world.vehicles[row].receive(Message("COMMAND_LONG", fields | params, 255, 190), 0.0)
+    assert ack.fields["result"] == 0
 
 
 def wait_until(condition: Callable[[], bool], patience_s: float = 20.0) -> None:

@@ -8,14 +8,14 @@ import threading
 import numpy as np
 import pytest
 
-from gcs.link.dialect import CopterMode
+from gcs.link.dialect import CopterMode, MessageId
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.faults import parse_faults
 from sim_bridge.world import WorldOptions
 from tests.bridge.test_links import udp_station
-from tests.fleets import running_fleet
+from tests.fleets import ask, running_fleet
 
 BEGINS_S, LASTS_S, FAR_M = 24.0, 10.0, 1.0
 PERIOD_S = 0.04
@@ -49,6 +49,7 @@ def flown(scenario: Scenario, speedup: float, *texts: str, beats: int = 1) -> np
     )
     with running_fleet(scenario, options, paused=True) as fleet, udp_station(fleet.places[1][0].port) as ground:
         vehicle = fleet.vehicles[0]
+        ask(fleet, 0, MessageId.LOCAL_POSITION_NED, 10.0)
         pilot = vehicle.autopilot
         pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
         pilot.arm(fleet.t_s, fleet.airframes.estimate[0])

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic
-from gcs.link.dialect import CopterMode, EkfFlag, MavCommand, MavResult
+from gcs.link.dialect import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission import MissionRefused
 from gcs.mission.model import Home, MissionItem, VehicleMission
@@ -31,6 +31,13 @@ from pymavlink import mavutil
 GUIDED, LAND = CopterMode.GUIDED, CopterMode.LAND
 FULL_MASK = 0x800  # position, velocity, acceleration and yaw
 STREAM_BEGINS_S = 30.0
+TELEMETRY_HZ = {
+    MessageId.SYSTEM_TIME: 2.0,
+    MessageId.LOCAL_POSITION_NED: 10.0,
+    MessageId.GLOBAL_POSITION_INT: 4.0,
+    MessageId.EKF_STATUS_REPORT: 2.0,
+    MessageId.EXTENDED_SYS_STATE: 4.0,
+}
 
 
 class Station:
@@ -59,7 +66,26 @@ class Station:
         self.link.mav.command_long_send(sysid, 1, command, 0, *params, *[0.0] * (7 - len(params)))
         return self.hear("COMMAND_ACK", sysid, command=command).result
 
+    def ask(self, sysid: int) -> None:
+        """Without being asked a vehicle like ArduPilot says nothing but HEARTBEAT."""
+        self.hear("HEARTBEAT", sysid)
+        for number, rate_hz in TELEMETRY_HZ.items():
+            assert self.command(sysid, MavCommand.SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz) == MavResult.ACCEPTED
+
+    def armed(self, sysid: int, mode: int, armed: bool) -> None:
+        """Wait until the vehicle is armed in a mode, or disarmed in it."""
+        while bool(self.hear("HEARTBEAT", sysid, custom_mode=mode).base_mode & 128) != armed:
+            pass
+
+    def says(self, sysid: int, start: str) -> str:
+        """The next text that begins so."""
+        while True:
+            text = self.hear("STATUSTEXT", sysid).text
+            if text.startswith(start):
+                return text
+
     def ready(self, sysid: int) -> None:
+        self.ask(sysid)
         while True:
             flags = self.hear("EKF_STATUS_REPORT", sysid).flags
             if flags & EkfFlag.POS_HORIZ_ABS and not flags & EkfFlag.CONST_POS_MODE:
@@ -92,7 +118,9 @@ def test_six_vehicles_on_one_port_with_clocks_of_their_own(simulation1, station)
             message = ground.hear(["HEARTBEAT", "SYSTEM_TIME"])
             if message.get_type() == "HEARTBEAT":
                 assert (message.type, message.autopilot) == (2, 3)
-                heard.add(message.get_srcSystem())
+                if message.get_srcSystem() not in heard:
+                    heard.add(message.get_srcSystem())
+                    ground.ask(message.get_srcSystem())
             else:
                 assert message.time_unix_usec >= EPOCH_UNIX_S * 1e6
                 offsets[message.get_srcSystem()] = message.time_unix_usec - 1000 * message.time_boot_ms
@@ -110,12 +138,12 @@ def test_arming_is_refused_with_a_reason_until_the_estimator_is_ready(simulation
         ground = station(port)
         ground.hear("HEARTBEAT", 4)
         assert ground.command(4, MavCommand.COMPONENT_ARM_DISARM, 1) == MavResult.FAILED
-        assert ground.hear("STATUSTEXT", 4).text.startswith("Arm: ")
+        assert ground.says(4, "Arm: ")
         ground.ready(4)
         assert ground.command(4, MavCommand.DO_SET_MODE, 1, GUIDED) == MavResult.ACCEPTED
         assert ground.command(4, MavCommand.COMPONENT_ARM_DISARM, 1) == MavResult.ACCEPTED
         assert ground.hear("HOME_POSITION", 4).altitude
-        assert ground.hear("HEARTBEAT", 4, custom_mode=GUIDED).base_mode & 128
+        ground.armed(4, GUIDED, True)
 
 
 def test_takeoff_hover_and_landing(simulation1, station):
@@ -138,7 +166,7 @@ def test_takeoff_hover_and_landing(simulation1, station):
         assert ground.command(2, MavCommand.DO_SET_MODE, 1, LAND) == MavResult.ACCEPTED
         ground.hear("EXTENDED_SYS_STATE", 2, landed_state=4)
         ground.hear("EXTENDED_SYS_STATE", 2, landed_state=1)
-        assert not ground.hear("HEARTBEAT", 2).base_mode & 128
+        ground.armed(2, LAND, False)
         assert np.linalg.norm(fleet.airframes.truth[1, :3] - pad) < 0.3
 
 
@@ -172,6 +200,7 @@ def test_missions_are_stored_as_sent_and_flown_on_board(simulation1):
             vehicles[3].subscribe(
                 lambda m: reached.append(m.fields["seq"]) if m.name == "MISSION_ITEM_REACHED" else None
             )
+            await vehicles[3].set_message_interval(MessageId.EKF_STATUS_REPORT, 2.0)
             await vehicles[3].wait_for(
                 lambda m: m.name == "EKF_STATUS_REPORT" and m.fields["flags"] == 0x33F, 20.0, "readiness"
             )
@@ -214,6 +243,7 @@ def flown(scenario, speedup: float, station) -> tuple[np.ndarray, np.ndarray]:
         pilot.take_off(fleet.t_s, 3.0)
         thread = threading.Thread(target=fleet.run, args=(STREAM_BEGINS_S + 22.0,))
         thread.start()
+        ground.ask(1)
         clock = ground.hear("SYSTEM_TIME", 1)
         boot_ms = clock.time_boot_ms - round(clock.time_unix_usec / 1000 - EPOCH_UNIX_S * 1000)
         t_s = np.arange(0.0, 20.02, 0.04)

@@ -133,4 +133,5 @@ def mission(personality: Personality = ARDUPILOT) -> tuple[MissionItem, ...]:
         item(Command.NAV_WAYPOINT, (0, 8, 5)),
         item(Command.NAV_LAND, (0, 0, 0)),
     )
-    return (item(Command.NAV_WAYPOINT, (0, 0, 0)), *flown) if personality is ARDUPILOT else flown
+    home = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0,) * 4, 474000000, 85000000, 489.0)
+    return (home, *flown) if personality is ARDUPILOT else flown
