@@ -53,6 +53,12 @@ def fly(
     ] = "own",
     seed: Annotated[int, typer.Option(min=0, help="Of sensor noise, boot clocks and bad links.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
+    wind: Annotated[
+        str, typer.Option(help="SPEED@FROM in m/s and degrees: 3@270 blows out of the west.", show_default="none")
+    ] = "",
+    gusts: Annotated[
+        str, typer.Option(help="light, moderate, severe or their standard deviation in m/s.", show_default="none")
+    ] = "",
     fault: Annotated[
         list[str] | None,
         typer.Option(help="SYSID:[up.|down.]KIND[=VALUE][@FROM..UNTIL], for example 3:loss=0.2@10..30."),
@@ -79,6 +85,7 @@ def fly(
     from sim_bridge.fault_file import read_fault_file  # noqa: PLC0415
     from sim_bridge.faults import parse_faults  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
+    from sim_bridge.wind import parse_wind  # noqa: PLC0415
     from sim_bridge.world import World, WorldOptions  # noqa: PLC0415
 
     scenario = load_scenario(mission)
@@ -90,6 +97,7 @@ def fly(
         faults=parse_faults(texts, sysids(scenario)),
         record_truth=truth is not None,
         personality=by_name(autopilot or scenario.mission.autopilot),
+        wind=parse_wind(wind, gusts),
         ideal=nav == "ideal",
     )
     with World(scenario, options) as fleet:

@@ -26,6 +26,7 @@ from sim_bridge.personality import Personality
 from sim_bridge.sensors import GRADES
 from sim_bridge.telemetry import Instruments, Whereabouts
 from sim_bridge.vehicle import Vehicle
+from sim_bridge.wind import CALM, Wind
 
 LARGEST_SYSID = 254  # 255 is the ground station
 _BOOT_SPREAD_MS = (5_000, 60_000)
@@ -35,7 +36,14 @@ class Hangar:
     """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
 
     def __init__(
-        self, scenario: Scenario, personality: Personality, seed: int, epoch_unix_s: float, *, ideal: bool = False
+        self,
+        scenario: Scenario,
+        personality: Personality,
+        seed: int,
+        epoch_unix_s: float,
+        *,
+        ideal: bool = False,
+        wind: Wind = CALM,
     ) -> None:
         """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice.
 
@@ -62,6 +70,7 @@ class Hangar:
             GRADES[scenario.sensors.grade],
             seed=seed,
             limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+            wind=wind,
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
         self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)

@@ -36,6 +36,7 @@ from sim_bridge.pace import Pace
 from sim_bridge.personality import Personality, by_name
 from sim_bridge.traffic import Traffic
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
+from sim_bridge.wind import CALM, Wind
 
 WAITING_RATE = 10.0
 STREAM_PATIENCE_S = 1.0
@@ -55,6 +56,7 @@ class WorldOptions:
     record_truth: bool = False
     personality: Personality | None = None  # default: that of the scenario
     ideal: bool = False  # missions are flown on time, as no original does
+    wind: Wind = CALM
 
 
 class World:
@@ -69,7 +71,8 @@ class World:
         self.options = options = options or WorldOptions()
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
-        self._hangar = hangar = Hangar(scenario, personality, options.seed, epoch_s, ideal=options.ideal)
+        o = options
+        self._hangar = hangar = Hangar(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
         self.sysids = hangar.sysids
         self.airframes = hangar.airframes
         self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
