@@ -27,6 +27,7 @@ from sim_bridge.endpoints.spec import LOOPBACK, Address, parse_link
 from sim_bridge.faults import parse_faults
 from sim_bridge.personality import by_name
 from sim_bridge.plain import scenario_for
+from sim_bridge.wind import parse_wind
 from sim_bridge.world import World, WorldOptions
 
 T = TypeVar("T")
@@ -70,13 +71,15 @@ class Fleet:
         speedup: float = 1.0,
         seed: int = 0,
         faults: Iterable[str] = (),
+        wind: str = "",
+        gusts: str = "",
         epoch_unix_s: float | None = None,
     ) -> None:
         """Vehicles of a scenario, of a mission folder, or six on a level field; `vehicles` is another number.
 
         `autopilot` is "ardupilot" or "px4"; `links` as on the command line of `sim-bridge`, with `one_port` for all
-        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults` as on the command line;
-        `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
+        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults`, `wind` and `gusts` as on the command
+        line; `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
         """
         known = scenario_for(scenario, vehicles)
         options = WorldOptions(
@@ -86,6 +89,7 @@ class Fleet:
             faults=parse_faults(faults, known.formation.sysids),
             epoch_unix_s=epoch_unix_s,
             personality=by_name(autopilot) if autopilot is not None else None,
+            wind=parse_wind(wind, gusts),
         )
         self._world = World(known, options)
         self.sysids: tuple[int, ...] = self._world.sysids
