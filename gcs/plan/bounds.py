@@ -35,7 +35,7 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
     high[:, VELOCITY] -= most
     gravity = problem.quadrotor.gravity_mps2
     for part, order in ((_TILT, 2), (_TILT_RATES, 3)):
-        taken = _LIGHT / gravity * _sideways(problem, times_s, order)[:, None]
+        taken = _LIGHT / gravity * _push(problem, times_s, order)[:, None]
         low[:, part] += taken
         high[:, part] -= taken
     _refuse_crossed(times_s, low, high, STATE_WORDS)
@@ -91,7 +91,7 @@ def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> No
     full_low, full_high = problem.control_limits
     low[:, 0] = np.maximum(low[:, 0], full_low[0] - lift_least)
     high[:, 0] = np.minimum(high[:, 0], full_high[0] - lift_most)
-    snap = _LIGHT / q.gravity_mps2 * _sideways(problem, times_s, 4)
+    snap = _LIGHT / q.gravity_mps2 * _push(problem, times_s, 4)
     for axis in (1, 2):
         taken = q.inertia_kgm2[axis - 1] / q.arm_m * snap
         low[:, axis] = np.maximum(low[:, axis], full_low[axis] + taken)
@@ -122,6 +122,13 @@ def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, 
         return np.zeros((len(times_s), 3)), np.zeros((len(times_s), 3))
     offsets = problem.shape.offsets(times_s, order)
     return offsets.min(axis=0), offsets.max(axis=0)
+
+
+def _push(problem: Problem, times_s: Array, order: int) -> Array:
+    """Largest horizontal derivative (T,) of what thrust has to do for the shape: its acceleration and its drag."""
+    q = problem.quadrotor
+    drag_per_s = max(q.drag_Nspm[:2]) / q.mass_kg
+    return _sideways(problem, times_s, order) + drag_per_s * _sideways(problem, times_s, order - 1)
 
 
 def _sideways(problem: Problem, times_s: Array, order: int) -> Array:

@@ -8,7 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from gcs.plan.formation.timeline import lay
 from gcs.plan.gauss import gauss_rule
+from gcs.plan.guess import along, straight_way
 from gcs.plan.layout import NX, ControlForm, Layout
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import Problem, flight_problem
@@ -18,6 +20,7 @@ from gcs.plan.transcription import Program, transcribe
 from gcs.plan.windows import window_errors
 from gcs.quadrotor import Array, derivative
 from gcs.scenario.model import Scenario
+from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds
 
 
@@ -58,6 +61,44 @@ def near(program: Program, problem: Problem, seed: int) -> Array:
 def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, form: ControlForm) -> None:
     problem, mesh = rich
     program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)), straight(problem), form)
+    assert_casadis_own(program, near(program, problem, 1))
+
+
+BENDS = {
+    "scheduled": {"changes": (at(TURN, 2.0), at(SHRINK, 30.0))},
+    "scale, heading and blend": {"changes": (auto(SHRINK), auto(TURN), auto(TO_FILE))},
+    "course and scale on a moving base": {
+        "changes": (at({**SHRINK, "scale": 0.9}, 2.0), auto(SHRINK)),
+        "formation": {"frame": "course"},
+    },
+}
+
+
+@pytest.mark.parametrize("kind", BENDS)
+def test_derivatives_are_casadis_own_where_the_shape_moves(simulation1: Scenario, kind: str) -> None:
+    disk = {"north_m": 20.0, "east_m": 7.0, "radius_m": 3.0}
+    hill = {"north_m": [25.0], "east_m": [5.0], "height_m": [3.0], "spread_north_m": [9.0], "spread_east_m": [9.0]}
+    scenario = fleet(
+        simulation1,
+        5,
+        "row",
+        time={"flight_s": 60.0},
+        no_fly=[disk],
+        terrain={"ripple": None, "mountains": hill},
+        **BENDS[kind],
+    )
+    problem = flight_problem(scenario)
+    starts = tuple(float(c.at_s) for c in scenario.formation.change if c.at_s is not None)
+    problem = replace(problem, shape=lay(scenario, starts, 0.0, 60.0).shape)
+    guess = along(problem, straight_way(problem))
+    mesh = Mesh(np.array([0.0, 8.0, 33.0, 60.0]), (2, 4, 3)).watching(np.array([5.0, 34.0, 40.0]))
+    program = transcribe(problem, mesh, guess)
+    start = program.scaled(guess)
+    assert_casadis_own(program, start + 0.1 * np.random.default_rng(3).normal(size=len(start)))
+
+
+def assert_casadis_own(program: Program, at_y: Array) -> None:
+    """Gradient, Jacobian and Hessian against automatic ones of the whole program."""
     y, p = ca.MX.sym("y", program.layout.size), ca.MX.sym("p", 0)
     f, g = program.nlp(y, p)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
@@ -66,18 +107,17 @@ def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, 
         [y, sigma, lam],
         [ca.gradient(f, y), ca.jacobian(g, y), ca.triu(ca.hessian(sigma * f + ca.dot(lam, g), y)[0])],
     )
-    at = near(program, problem, 1)
     weights = np.random.default_rng(2).normal(size=g.size1())
-    gradient, jacobian, hessian = (np.array(ca.DM(part)) for part in automatic(at, 0.7, weights))
+    gradient, jacobian, hessian = (np.array(ca.DM(part)) for part in automatic(at_y, 0.7, weights))
     assert np.abs(hessian).max() > 0.1  # there is something to compare
-    got_f, got_gradient = program.derivatives["grad_f"](at, [])
-    got_g, got_jacobian = program.derivatives["jac_g"](at, [])
+    got_f, got_gradient = program.derivatives["grad_f"](at_y, [])
+    got_g, got_jacobian = program.derivatives["jac_g"](at_y, [])
     np.testing.assert_allclose(np.array(got_gradient), gradient, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(np.array(ca.DM(got_jacobian)), jacobian, rtol=1e-9, atol=1e-11)
-    got_hessian = program.derivatives["hess_lag"](at, [], 0.7, weights)
+    got_hessian = program.derivatives["hess_lag"](at_y, [], 0.7, weights)
     np.testing.assert_allclose(np.array(ca.DM(got_hessian)), hessian, rtol=1e-8, atol=1e-9)
-    np.testing.assert_array_equal(np.array(got_f), np.array(program.nlp(at, [])[0]))
-    np.testing.assert_array_equal(np.array(got_g), np.array(program.nlp(at, [])[1]))
+    np.testing.assert_array_equal(np.array(got_f), np.array(program.nlp(at_y, [])[0]))
+    np.testing.assert_array_equal(np.array(got_g), np.array(program.nlp(at_y, [])[1]))
 
 
 def test_rows_are_eqs_44_and_46_written_out(rich: tuple[Problem, Mesh]) -> None:
