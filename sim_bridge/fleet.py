@@ -78,8 +78,8 @@ class Fleet:
         """Vehicles of a scenario, of a mission folder, or six on a level field; `vehicles` is another number.
 
         `autopilot` is "ardupilot" or "px4"; `links` as on the command line of `sim-bridge`, with `one_port` for all
-        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults`, `wind` and `gusts` as on the command
-        line; `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
+        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults`, `wind` and `gusts` as on the
+        command line; `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
         """
         known = scenario_for(scenario, vehicles)
         options = WorldOptions(
