@@ -94,7 +94,7 @@ class Controller:
 
         closing = _within(self._angle_gain * (tilt[0] - attitude[:2]), self._rate_max)
         off = _within(np.remainder(reference.yaw_ned_rad - attitude[2] + np.pi, 2.0 * np.pi) - np.pi, ANGLE_SCALE_RAD)
-        inputs = (closing, tilt[1], tilt[2], np.stack((off, reference.yaw_rate_radps)), rates, coupling)
+        inputs = (closing, tilt[1], tilt[2], off[None], reference.yaw_rate_radps[None], rates, coupling)
         control = np.empty((4, len(upright)))
         control[0] = force[1, 2] / np.maximum(upright, 0.5)
         self._torque.dot(np.concatenate(inputs), out=control[1:])

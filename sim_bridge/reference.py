@@ -31,10 +31,12 @@ class Reference:
 
     def __post_init__(self) -> None:
         vehicles = len(self.yaw_ned_rad)
-        for name in self.__slots__:
-            shape = (vehicles,) if name.startswith("yaw") else (vehicles, 3)
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"{name} must have shape {shape}, has {getattr(self, name).shape}")
+        vectors = (self.position_ned_m, self.velocity_ned_mps, self.acceleration_ned_mps2)
+        for name, array in zip(self.__slots__, (*vectors, self.jerk_ned_mps3, self.snap_ned_mps4), strict=False):
+            if array.shape != (vehicles, 3):
+                raise ValueError(f"{name} must have shape {(vehicles, 3)}, has {array.shape}")
+        if self.yaw_rate_radps.shape != (vehicles,):
+            raise ValueError(f"yaw_rate_radps must have shape {(vehicles,)}, has {self.yaw_rate_radps.shape}")
 
 
 def hold(position_ned_m: Array, yaw_ned_rad: Array) -> Reference:
