@@ -22,6 +22,7 @@ from gcs.quadrotor import Array
 _ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
 _TOUCH_M = 0.02  # what degE7 rounds, and the corners of round fences
 _UNDERGROUND_M = 1.0
+_LOOKS = 50  # along a leg that leaves the fence
 
 
 def check_safety(mission: LoadedMission, flight: Flight, around: Surroundings) -> Iterator[Finding]:
@@ -50,13 +51,16 @@ def check_safety(mission: LoadedMission, flight: Flight, around: Surroundings) -
     if not sound:
         return
     allowed = _allowed(sound, firmware.inside_every_inclusion)
+    ends = [flight.ned_m[0]]  # rally points outside the fence are not returned to
     for name, point in (("home", flight.ned_m[0]), *((name, point) for name, point, _ in rally)):
         out_m = allowed.distance(shapely.Point(point[1], point[0]))
         if out_m > _TOUCH_M:
             rule = Rule.FENCE if name == "home" else Rule.RALLY
             yield found(mission, rule, Level.ERROR, f"{name} is {out_m:.1f} m outside the fence")
+        elif name != "home":
+            ends.append(point)
     yield from _flight_inside(mission, flight, allowed)
-    yield from _ways_back(mission, flight, allowed, [flight.ned_m[0], *(point for _, point, _ in rally)])
+    yield from _ways_back(mission, flight, allowed, ends)
 
 
 def check_rally_apart(
@@ -101,8 +105,9 @@ def _flight_inside(mission: LoadedMission, flight: Flight, allowed: shapely.Geom
     legs = shapely.linestrings(np.stack([flat[:-1], flat[1:]], axis=1))
     out = ~shapely.covers(roomy, legs)
     leg = int(np.flatnonzero(out)[0])
-    corners = shapely.points(shapely.get_coordinates(shapely.difference(legs[leg], roomy)))
-    deep_m = float(np.max(shapely.distance(allowed, corners), initial=0.0))
+    outside = shapely.difference(legs[leg], roomy)
+    looks = shapely.get_coordinates(shapely.segmentize(outside, max(outside.length / _LOOKS, _TOUCH_M)))
+    deep_m = float(np.max(shapely.distance(allowed, shapely.points(looks)), initial=0.0))
     message = f"leaves the fence, here by {deep_m:.1f} m, on {int(out.sum())} of {len(legs)} legs"
     yield found(mission, Rule.FENCE, Level.ERROR, message, int(flight.item[leg + 1]), float(flight.t_s[leg]))
 

@@ -199,7 +199,7 @@ class _Flying:
         place = self._place(index)
         top = np.array([*self.here[:2], place[2]])
         if top[2] < self.here[2]:
-            self.t_s += (self.here[2] - top[2]) / self.climb_mps
+            self.t_s += float(self.here[2] - top[2]) / self.climb_mps
             self.here = top
             self._knot(index)
         if self.up_s is None:
@@ -223,7 +223,7 @@ class _Flying:
     def _down(self, index: int) -> None:
         self.down_s = self.t_s
         ground = -float(self.around.height_of_ground_m(self.here, -self.home_ned_m[2]))
-        self.t_s += max(ground - self.here[2], 0.0) / self.sink_mps
+        self.t_s += max(ground - float(self.here[2]), 0.0) / self.sink_mps
         self.here = np.array([*self.here[:2], max(ground, self.here[2])])
         self.ends_s = self.t_s
         self._knot(index)
@@ -260,7 +260,7 @@ class _Flying:
 
     def _duration_s(self, way: Array, length_m: float) -> float:
         if math.hypot(way[0], way[1]) < _STILL_M:
-            return abs(float(way[2])) / (self.climb_mps if way[2] < 0 else self.sink_mps)
+            return float(abs(way[2])) / (self.climb_mps if way[2] < 0 else self.sink_mps)
         return length_m / self.speed_mps
 
     def _place(self, index: int) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -30,6 +30,7 @@ from gcs.mission.setpoints_parquet import read_setpoints_parquet, write_setpoint
 from gcs.mission.tracks import MapFile, Track
 from gcs.mission.waypoints import WaypointFile, read_waypoints, write_waypoints
 
+untimed = settings(deadline=None)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 params = st.tuples(*[st.floats(allow_infinity=False)] * 4)
 homes = st.builds(Home, lat_deg=st.floats(-90, 90), lon_deg=st.floats(-180, 180), alt_amsl_m=finite)
@@ -63,6 +64,7 @@ def comparable(item: MissionItem) -> tuple[Any, ...]:
     return item.command, item.frame, words, item.lat_degE7, item.lon_degE7, item.alt_m, item.autocontinue
 
 
+@untimed
 @given(st.none() | homes, missions)
 def test_waypoints_survive(home: Home | None, items: tuple[MissionItem, ...]) -> None:
     text = write_waypoints(WaypointFile(home, items))
@@ -89,6 +91,7 @@ fences = st.builds(
 rallies = st.lists(rally_points, max_size=3).map(tuple)
 
 
+@untimed
 @given(st.sampled_from(Firmware), homes, missions, st.tuples(finite, finite), fences, rallies)
 def test_plan_files_survive(
     firmware: Firmware,
@@ -104,6 +107,7 @@ def test_plan_files_survive(
     assert list(map(comparable, back.items)) == list(map(comparable, items))
 
 
+@untimed
 @given(fences, rallies)
 def test_fences_and_rally_points_survive(fence: Geofence, rally: tuple[RallyPoint, ...]) -> None:
     assert read_fence(write_fence(fence), "x") == fence
@@ -114,6 +118,7 @@ names = st.from_regex(r"[A-Z0-9_]{1,16}", fullmatch=True)
 values = st.integers(-(2**31), 2**31 - 1) | finite
 
 
+@untimed
 @given(st.sampled_from(Firmware), st.integers(1, 10_000), st.dictionaries(names, values, max_size=5))
 def test_parameters_survive(firmware: Firmware, sysid: int, table: dict[str, int | float]) -> None:
     file = ParameterFile(firmware, sysid, tuple(table.items()))
@@ -140,6 +145,7 @@ hashes = st.text("0123456789abcdef", max_size=64)
     [(write_setpoints, read_setpoints), (write_setpoints_parquet, read_setpoints_parquet)],
     ids=["csv", "parquet"],
 )
+@untimed
 @given(stream=streams(), plan_hash=hashes, origin=origins)
 def test_setpoints_survive(
     write: Callable[[StreamFile], bytes],
@@ -161,6 +167,7 @@ def histories(draw: st.DrawFn) -> History:
     return History(draw(st.integers(1, 10_000)), draw(hashes), t_s, states, controls)
 
 
+@untimed
 @given(histories())
 def test_histories_survive(history: History) -> None:
     back = read_history(write_history(history), "x")
@@ -195,6 +202,7 @@ def maps(draw: st.DrawFn) -> MapFile:
     [(write_kml, read_kml), (write_kmz, read_kmz), (write_geojson, read_geojson)],
     ids=["kml", "kmz", "geojson"],
 )
+@untimed
 @given(drawn=maps())
 def test_maps_survive(write: Callable[[MapFile], bytes], read: Callable[[bytes, str], MapFile], drawn: MapFile) -> None:
     back = read(write(drawn), "x")
@@ -269,6 +277,7 @@ shards = st.one_of(
 
 
 @pytest.mark.parametrize(("read", "whole"), FORMATS.values(), ids=FORMATS)
+@untimed
 @given(data=st.data())
 def test_damage_is_an_error_that_names_the_file(
     read: Callable[[bytes, str], Any], whole: bytes, data: st.DataObject
@@ -285,6 +294,7 @@ def test_damage_is_an_error_that_names_the_file(
 
 
 @pytest.mark.parametrize(("read", "whole"), FORMATS.values(), ids=FORMATS)
+@untimed
 @given(data=st.data())
 def test_a_file_cut_short_is_refused_or_as_good_as_whole(
     read: Callable[[bytes, str], Any], whole: bytes, data: st.DataObject
@@ -299,6 +309,7 @@ def test_a_file_cut_short_is_refused_or_as_good_as_whole(
     assert by_lines or whole[end:].strip() in (b"", b"1")
 
 
+@untimed
 @given(st.binary(max_size=300), st.sampled_from([f for f in FORMATS if not f.startswith("param")]))
 def test_noise_is_no_mission(noise: bytes, form: str) -> None:
     with pytest.raises(FileFormatError):

@@ -15,6 +15,7 @@ from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.build import build_missions
 from gcs.mission.export import export
+from gcs.mission.fencefile import read_fence, read_rally
 from gcs.mission.firmware import Firmware
 from gcs.mission.folder import INDEX
 from gcs.mission.formats import DEFAULT, Format, formats_named
@@ -22,6 +23,7 @@ from gcs.mission.geojson import read_geojson
 from gcs.mission.history import read_history
 from gcs.mission.kml import read_kml, read_kmz
 from gcs.mission.model import Altitude
+from gcs.mission.parameters import read_parameters
 from gcs.mission.planfile import read_plan_file
 from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.setpoints_parquet import read_setpoints_parquet
@@ -61,6 +63,12 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         parquet = read_setpoints_parquet(written[f"uav{sysid}.parquet"], "s")
         assert (parquet.plan_hash, parquet.origin) == (csv.plan_hash, csv.origin)
         assert np.array_equal(parquet.stream.position_ned_m, csv.stream.position_ned_m)
+        plan_file = read_plan_file(written[f"uav{sysid}.plan"], "p")
+        assert read_fence(written[f"uav{sysid}.fence"], "f") == plan_file.geofence
+        assert read_rally(written[f"uav{sysid}.rally"], "r") == plan_file.rally
+        parameters = read_parameters(written[f"uav{sysid}.param"], "p", Firmware.ARDUPILOT)
+        assert dict(parameters.values) == json.loads(written[INDEX])["parameters"][str(sysid)]
+        assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
         history = read_history(written[f"uav{sysid}.history.csv"], "h")
         assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
         assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
@@ -68,6 +76,7 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         assert np.array_equal(history.states[1:-1], states[plan.sysids.index(sysid)])
         assert np.array_equal(history.controls[1:-1], controls[plan.sysids.index(sysid)])
     maps = [read(written[f"formation.{suffix}"], "m") for suffix, read in MAPS]
+    assert maps[0].geofence == plan_file.geofence
     for drawn in maps:
         assert (drawn.title, drawn.plan_hash, drawn.geofence) == (maps[0].title, plan.hash, maps[0].geofence)
         assert [track.sysid for track in drawn.tracks] == list(plan.sysids)

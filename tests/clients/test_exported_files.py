@@ -1,0 +1,207 @@
+"""Readers that nobody here wrote load every exported file: MAVSDK's importers and pymavlink's, item by item."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import mavsdk
+import numpy as np
+import pytest
+from mavsdk.plugins.mission_raw import MissionItem as RawItem
+from mavsdk.plugins.mission_raw import MissionRaw
+
+from gcs.link.items import home_item
+from gcs.mission.build import build_missions
+from gcs.mission.export import export
+from gcs.mission.firmware import Firmware
+from gcs.mission.formats import Format
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, fence_items, rally_items
+from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
+from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
+from gcs.mission.safety import Safety
+from gcs.plan.trajectory import Plan
+
+FORMATS = [Format.PLAN, Format.WAYPOINTS, Format.FENCE, Format.RALLY, Format.PARAM]
+MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+
+
+@contextmanager
+def importer(firmware: Firmware) -> Iterator[MissionRaw]:
+    """MAVSDK's plug-in, which wants to know an autopilot before it reads files for it: heartbeats suffice."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION))
+    enough = threading.Event()
+
+    def beat() -> None:
+        link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            while not enough.wait(0.05):
+                vehicle.sendto(link.heartbeat_encode(2, int(firmware), 81, 0, 3).pack(link), ("127.0.0.1", port))
+
+    heart = threading.Thread(target=beat)
+    try:
+        assert sdk.add_any_connection(f"udpin://127.0.0.1:{port}") == mavsdk.ConnectionResult.SUCCESS
+        heart.start()
+        for _ in range(400):
+            systems = [s for s in sdk.get_systems() if s.is_connected() and s.has_autopilot()]
+            if systems:
+                break
+            enough.wait(0.05)
+        assert systems, "MAVSDK found no vehicle"
+        yield MissionRaw(systems[0])
+    finally:
+        enough.set()
+        heart.join()
+        sdk.destroy()
+
+
+def single(value: float) -> float:
+    return float(np.float32(value))
+
+
+def assert_raw(raw: RawItem, item: MissionItem, seq: int, kind: int) -> None:
+    """One item as MAVSDK would send it."""
+    assert (raw.seq, raw.command, raw.mission_type) == (seq, item.command, kind)
+    assert raw.frame == item.frame
+    assert (raw.x, raw.y) == (item.lat_degE7, item.lon_degE7)
+    assert raw.z == single(item.alt_m)
+    for ours, theirs in zip(item.params, (raw.param1, raw.param2, raw.param3, raw.param4), strict=True):
+        assert theirs == single(ours) or (math.isnan(ours) and math.isnan(theirs))
+    if kind == MISSION:
+        assert bool(raw.autocontinue) == item.autocontinue
+
+
+@pytest.fixture(scope="module", params=[(f, a) for f in Firmware for a in (Altitude.RELATIVE, Altitude.AMSL)], ids=str)
+def exported(
+    request: pytest.FixtureRequest, simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]:
+    firmware, altitude = request.param
+    folder = tmp_path_factory.mktemp("exported") / "out"
+    index = export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, altitude=altitude)
+    missions = build_missions(simulation1_plan, firmware=firmware, altitude=altitude)
+    return folder, firmware, missions, index.safety
+
+
+Exported = tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]
+
+
+def test_mavsdk_reads_the_plans(exported: Exported) -> None:
+    folder, firmware, missions, safety = exported
+    with importer(firmware) as reader:
+        for row, mission in enumerate(missions):
+            data = reader.import_qgroundcontrol_mission(str(folder / f"uav{mission.sysid}.plan"))
+            items = data.mission_items
+            if firmware.home_is_item_0:
+                home = home_item(mission.home)
+                assert (items[0].x, items[0].y, items[0].z) == (home.lat_degE7, home.lon_degE7, single(home.alt_m))
+                items = items[1:]
+            assert len(items) == len(mission.items)
+            for raw, item in zip(items, mission.items, strict=True):
+                assert_raw(raw, item, raw.seq, MISSION)
+            assert [raw.seq for raw in data.mission_items] == list(range(len(data.mission_items)))
+            assert [raw.current for raw in data.mission_items].count(1) == 1
+            fence, rally = fence_items(safety.fence.geofence), rally_items([safety.rally[row]])
+            for found, wanted, kind in ((data.geofence_items, fence, FENCE), (data.rally_items, rally, RALLY)):
+                assert len(found) == len(wanted)
+                for seq, (raw, item) in enumerate(zip(found, wanted, strict=True)):
+                    assert_raw(raw, item, seq, kind)
+
+
+def test_mavsdk_reads_circles_and_exclusions() -> None:
+    corners = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))
+    fence = Geofence(
+        (FencePolygon(corners, True), FencePolygon(corners[::-1], False)),
+        (FenceCircle(corners[0], 138.25, False), FenceCircle(corners[1], 1e3, True)),
+    )
+    up = MissionItem(22, 3, (0.0, 0.0, 0.0, math.nan), 473970000, 85450000, 10.0)
+    text = write_plan_file(PlanFile(Firmware.PX4, Home(47.4, 8.5, 500.0), (up,), 5.0, 5.0, fence))
+    with importer(Firmware.PX4) as reader:
+        data = reader.import_qgroundcontrol_mission_from_string(text)
+    assert_raw(data.mission_items[0], up, 0, MISSION)
+    wanted = fence_items(fence)
+    assert len(data.geofence_items) == len(wanted)
+    for seq, (raw, item) in enumerate(zip(data.geofence_items, wanted, strict=True)):
+        assert_raw(raw, item, seq, FENCE)
+
+
+def test_mavsdk_reads_the_tables(exported: Exported) -> None:
+    """For ArduPilot MAVSDK puts a home of its own before the one in the table."""
+    folder, firmware, missions, _ = exported
+    with importer(firmware) as reader:
+        for mission in missions:
+            items = reader.import_mission_planner_mission(str(folder / f"uav{mission.sysid}.waypoints")).mission_items
+            wanted = mission.items
+            if firmware.home_is_item_0:
+                home = home_item(mission.home)
+                assert all((i.x, i.y, i.z) == (home.lat_degE7, home.lon_degE7, single(home.alt_m)) for i in items[:2])
+                items = items[2:]
+            assert len(items) == len(wanted)
+            for raw, item in zip(items, wanted, strict=True):
+                assert_raw(raw, item, raw.seq, MISSION)
+
+
+def test_pymavlink_reads_the_tables(exported: Exported, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAVLINK20", "1")
+    from pymavlink import mavutil, mavwp
+
+    mavutil.set_dialect("ardupilotmega")
+    folder, firmware, missions, safety = exported
+    for row, mission in enumerate(missions):
+        wanted = mission.items
+        if firmware.home_is_item_0:
+            wanted = (home_item(mission.home), *wanted)
+        for suffix, loader, items in (
+            ("waypoints", mavwp.MAVWPLoader(), wanted),
+            ("fence", mavwp.MissionItemProtocol_Fence(), fence_items(safety.fence.geofence)),
+            ("rally", mavwp.MissionItemProtocol_Rally(), rally_items([safety.rally[row]])),
+        ):
+            assert loader.load(str(folder / f"uav{mission.sysid}.{suffix}")) == len(items)
+            for seq, item in enumerate(items):
+                read = loader.item(seq)
+                assert (read.seq, read.command, read.frame) == (seq, item.command, item.frame)
+                assert (read.param1, read.param2, read.param3, read.param4) == item.params
+                scale = 1 if item.frame == 2 else 1e7
+                assert (round(read.x * scale), round(read.y * scale)) == (item.lat_degE7, item.lon_degE7)
+                assert read.z == item.alt_m
+                assert bool(read.autocontinue) == item.autocontinue
+
+
+def test_pymavlink_reads_the_parameters(exported: Exported) -> None:
+    from pymavlink import mavparm
+
+    folder, firmware, missions, safety = exported
+    for row, mission in enumerate(missions):
+        if firmware is Firmware.ARDUPILOT:
+            loaded = mavparm.MAVParmDict()
+            assert loaded.load(str(folder / f"uav{mission.sysid}.param"))
+            assert dict(loaded) == dict(safety.parameters[row])
+        else:
+            rows = (folder / f"uav{mission.sysid}.params").read_text().splitlines()
+            table = [line.split("\t") for line in rows if not line.startswith("#")]
+            assert {name: float(value) for _, _, name, value, _ in table} == dict(safety.parameters[row])
+            assert {kind for *_, kind in table} == {"6", "9"}
+
+
+def test_the_plan_says_everything_again(exported: Exported) -> None:
+    folder, firmware, missions, safety = exported
+    for row, mission in enumerate(missions):
+        file = read_plan_file((folder / f"uav{mission.sysid}.plan").read_bytes(), "x")
+        wanted = PlanFile(
+            firmware,
+            mission.home,
+            mission.items,
+            file.cruise_speed_mps,
+            file.hover_speed_mps,
+            safety.fence.geofence,
+            (safety.rally[row],),
+        )
+        assert file == wanted

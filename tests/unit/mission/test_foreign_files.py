@@ -1,0 +1,89 @@
+"""A collection of files as other programs and people write them, in both line endings: read whole, or refused whole."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from gcs.errors import FileFormatError
+from gcs.mission.check import check_fleet
+from gcs.mission.firmware import Firmware
+from gcs.mission.flown import surroundings
+from gcs.mission.limits import FlightLimits
+from gcs.mission.missionfile import load_missions
+from gcs.mission.model import Home
+
+FOLDER = Path(__file__).parent / "foreign"
+ARDUPILOT, PX4 = Firmware.ARDUPILOT, Firmware.PX4
+ZURICH = Home(47.397742, 8.545594, 488.1)
+
+READ = {
+    "mission_planner.waypoints": (ARDUPILOT, Home(-35.3632621, 149.1652374, 584.09), [22, 178, 16, 16, 177, 20]),
+    "mavproxy.waypoints": (ARDUPILOT, Home(-35.363262, 149.165237, 584.09), [22, 16, 21]),
+    "by_hand.waypoints": (ARDUPILOT, Home(47.397742, 8.545594, 488.0), [22, 16, 21]),
+    "px4.waypoints": (PX4, None, [22, 16, 21]),
+    "qgroundcontrol.plan": (PX4, ZURICH, [22, 530, 16, 206, 16, 20]),
+    "written_by_a_script.plan": (ARDUPILOT, ZURICH, [22, 16, 21]),
+}
+REFUSED = {
+    "survey.plan": r"line \d+: mission\.items\.2: a complex item \(survey\); only simple items",
+    "cut_short.plan": r"line \d+: not JSON",
+    "generic_autopilot.plan": r"line \d+: mission\.firmwareType: 0 is neither PX4 \(12\) nor ArduPilot \(3\)",
+    "nowhere.plan": r"line \d+: mission\.items\.2: the position has a null",
+    "flat_home.plan": r"line \d+: mission\.plannedHomePosition\.2: Field required",
+    "old_fence.plan": r"line \d+: geoFence\.version: Input should be 2",
+    "older_format.mission": r"line 1: fileType: Field required",
+    "with_remarks.plan": r"line 1: not JSON",
+    "version_100.waypoints": r"line 1: expected 'QGC WPL 110'",
+    "short_row.waypoints": r"line 4: 11 columns instead of 12",
+    "comma.waypoints": r"line 2: x must be a number, got '47,397742'",
+    "gap.waypoints": r"line 3: seq is 2, but this is item 1",
+}
+
+
+def test_every_file_of_the_collection_is_expected() -> None:
+    assert {p.name for p in FOLDER.iterdir()} == {*READ, *REFUSED}
+    endings = {name: b"\r\n" in (FOLDER / name).read_bytes() for name in READ}
+    assert {True, False} == set(endings.values())
+
+
+@pytest.mark.parametrize("name", READ)
+def test_files_that_are_read(name: str) -> None:
+    firmware, home, commands = READ[name]
+    (mission,) = load_missions([FOLDER / name])
+    assert (mission.firmware, mission.home) == (firmware, home)
+    assert [i.command for i in mission.items] == commands
+    report = check_fleet([mission], surroundings([mission]), FlightLimits())
+    assert report.errors == ()
+    for index in range(len(mission.items)):
+        line = mission.line(index)
+        assert line is not None
+        assert 1 <= line <= len((FOLDER / name).read_text().splitlines())
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_files_that_are_refused_with_line_and_reason(name: str) -> None:
+    with pytest.raises(FileFormatError, match=f"{name}, {REFUSED[name]}"):
+        load_missions([FOLDER / name])
+
+
+def test_what_a_ground_station_leaves_open_stays_open() -> None:
+    (mission,) = load_missions([FOLDER / "qgroundcontrol.plan"])
+    assert math.isnan(mission.items[0].params[3])
+    assert [math.isnan(p) for p in mission.items[1].params] == [False, False, True, True]
+    assert mission.geofence.circles[0].radius_m == 250.5
+    assert not mission.geofence.polygons[0].inclusion
+    assert mission.rally[0].alt_m == 20.0
+    assert mission.speed_mps == 5.0
+
+
+def test_a_loop_is_flown_as_often_as_it_says() -> None:
+    """Two laps more over the 90 m leg and back, with 3 s at its end."""
+    (mission,) = load_missions([FOLDER / "mission_planner.waypoints"])
+    report = check_fleet([mission], surroundings([mission]), FlightLimits())
+    leg_s = math.hypot(math.cos(math.radians(35.3626)) * 111.2, 5.0) / 5.0
+    climb_s, out_s, home_s = 20 / 2.5, 83.4 / 5, math.hypot(83.4, 90.7) / 5
+    expected = climb_s + out_s + 5 * leg_s + 3 * 3.0 + home_s + 25.0 / 1.5
+    assert report.duration_s == pytest.approx(expected, abs=2.0)
