@@ -61,8 +61,9 @@ def replay(autopilot: str, scene: str, folder: Path = TRACES) -> Scene | None:
     if path is None:
         return None
     recording = read(path)
-    played = play(recording, personality_of(autopilot), load_scenario(VEHICLE))
-    return Scene(autopilot, scene, compare(recording, played, streams_of(autopilot)))
+    streams = streams_of(autopilot)
+    played = play(recording, personality_of(autopilot), load_scenario(VEHICLE), streams)
+    return Scene(autopilot, scene, compare(recording, played, streams))
 
 
 def replay_all(autopilots: Iterable[str], scenes: Iterable[str], folder: Path = TRACES) -> Iterator[Scene]:

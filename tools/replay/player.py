@@ -2,8 +2,8 @@
 
 Knows: when the recorded ground station spoke, and what it had been waiting for. Does not know: what a difference is.
 
-The ground station's frames go out at the recorded times. Where it had reacted to an answer, it waits for that
-answer here too, at most as long as a timer of the vehicle may differ; everything after that is later by so much.
+The ground station's frames go out at the recorded times. Where it had reacted to an answer, or to news, it waits for
+that here too, as long as timers and flights may differ; everything after that is later, or sooner, by so much.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from gcs.scenario.model import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from tools.replay.recording import Recording, Row, Step
-from tools.replay.saying import BY_THE_WAY, TALK, saying
+from tools.replay.saying import BY_THE_WAY, STANDING, TALK, saying
 from tools.replay.stage import Stage, Told
 
 TIMERS_MAY_DIFFER = 0.2
 _REACTION_S = 0.03  # what came no longer ago is what the ground station had waited for
 _PATIENCE_S = 0.15
+_SHORT_S = 1.0  # a step so short is not worth making shorter
+_TURN_S = 1.01 * CONTROL_PERIOD_S
 _FROM_POWER_ON = {"connect", "arm_refusals"}
 
 
@@ -34,8 +36,8 @@ class Played:
     told: list[list[Told]] = field(default_factory=list)
 
 
-def play(recording: Recording, personality: Personality, scenario: Scenario) -> Played:
-    """Play all steps; what the vehicle says is dated in the recording's time."""
+def play(recording: Recording, personality: Personality, scenario: Scenario, streams: frozenset[str]) -> Played:
+    """Play all steps; what the vehicle says is dated in the recording's time. `streams` nobody waits for."""
     boots_s = _boot_s(recording)
     stage = Stage(
         personality if boots_s is None else personality.booting_for_real(),
@@ -44,23 +46,69 @@ def play(recording: Recording, personality: Personality, scenario: Scenario) -> 
         _home(recording, scenario),
         boots_s=boots_s,
         epoch_unix_s=_epoch_unix_s(recording),
+        standing=frozenset(STANDING),
     )
     if boots_s is None:
-        stage.prepare(_mode(recording), _left_over(recording), keep=TALK | {"HEARTBEAT"})
+        stage.prepare(_mode(recording), _left_over(recording), keep=TALK | STANDING.keys())
     played = Played()
-    late_s = 0.0
+    clock_s, begin = recording.steps[0].t_s, 0
+    awaited = _awaited(recording, streams)
     for step in recording.steps:
-        begin = len(stage.told)
+        late_s = clock_s - step.t_s
         if step.sent is not None:
-            stage.receive(step.sent.frame, step.t_s + late_s)
+            stage.receive(step.sent.frame, clock_s)
         for row in step.streamed:
             stage.run_until(row.t_s + late_s)
             stage.receive(row.frame, row.t_s + late_s)
-        stage.run_until(step.end_s + late_s)
-        waited_s = _wait(step, stage, begin)
+        clock_s = _let_pass(step, stage, begin, clock_s, awaited[step.number])
         played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
-        late_s += waited_s
+        begin = len(stage.told)
     return played
+
+
+def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set[object]) -> float:
+    """Let the step's time pass; until the vehicle has said what is awaited, within what its timers may differ."""
+    length_s = step.end_s - step.t_s
+    slack_s = TIMERS_MAY_DIFFER * length_s + _PATIENCE_S
+    clock_s = start_s + (length_s - slack_s if awaited and length_s > _SHORT_S else length_s)
+    if step.streamed:
+        clock_s = max(clock_s, step.streamed[-1].t_s - step.t_s + start_s)
+    stage.run_until(clock_s)
+    said = {_key(t.message.name, t.message) for t in stage.told[begin:]}
+    while not awaited <= said and clock_s < start_s + length_s + slack_s:
+        heard = len(stage.told)
+        clock_s += _TURN_S
+        stage.run_until(clock_s)
+        said |= {_key(t.message.name, t.message) for t in stage.told[heard:]}
+    return clock_s
+
+
+def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[object]]:
+    """What the ground station had waited for at the end of each step: answers, and news of how things stand."""
+    standing: dict[str, object] = {}
+    awaited: list[set[object]] = []
+    for step in recording.steps:
+        wanted = set[object]()
+        for row in step.heard:
+            key = _key(row.name, row.message)
+            new = row.name in STANDING and standing.get(row.name) not in (None, key)
+            if row.name in STANDING:
+                standing[row.name] = key
+            reacted = step.end_s - row.t_s <= _REACTION_S
+            if reacted and (new or (row.name in TALK - BY_THE_WAY - streams and not _asks_time(row))):
+                wanted.add(key)
+        awaited.append(wanted)
+    return awaited
+
+
+def _asks_time(row: Row) -> bool:
+    return row.name == "TIMESYNC" and row.message is not None and row.message.fields["tc1"] == 0
+
+
+def _key(name: str, message: Message | None) -> object:
+    said = saying(0.0, 0, name, message)
+    news = tuple(said.fields.get(field) for field in STANDING.get(name, ()))
+    return said.name, said.which, news
 
 
 def _mode(recording: Recording) -> int:
@@ -86,24 +134,6 @@ def _left_over(recording: Recording) -> dict[int, float]:
             if row.t_s < until_s.get(number, recording.end_s):
                 counts[number] += 1 + row.more
     return {number: until_s.get(number, recording.end_s) / count for number, count in counts.items()}
-
-
-def _wait(step: Step, stage: Stage, begin: int) -> float:
-    """Time, beyond the step's own, until the vehicle has said what the ground station had reacted to."""
-    awaited = [row for row in step.heard if step.end_s - row.t_s <= _REACTION_S and row.name in TALK - BY_THE_WAY]
-    if not awaited:
-        return 0.0
-    wanted = {_key(row.name, row.message) for row in awaited}
-    limit_s = _PATIENCE_S + TIMERS_MAY_DIFFER * (step.end_s - step.t_s)
-    start_s = stage.t_s
-    while stage.t_s - start_s < limit_s and not wanted <= {_key(t.message.name, t.message) for t in stage.told[begin:]}:
-        stage.run_until(stage.t_s + 1.01 * CONTROL_PERIOD_S)
-    return stage.t_s - start_s
-
-
-def _key(name: str, message: Message | None) -> object:
-    said = saying(0.0, 0, name, message)
-    return said.name, said.which
 
 
 def _home(recording: Recording, scenario: Scenario) -> Origin:

@@ -38,7 +38,8 @@ class Told:
 class Stage:
     """One vehicle at `home`. `told` grows with everything it says; `t_s` is 0 when the scene begins.
 
-    A vehicle that `boots` is switched on at that time of the scene; otherwise it has been ready for a while.
+    A vehicle that `boots` is switched on at that time of the scene; otherwise it has been ready for a while, and has
+    said how things stand (the messages named in `standing`).
     """
 
     def __init__(
@@ -50,7 +51,9 @@ class Stage:
         *,
         boots_s: float | None,
         epoch_unix_s: float,
+        standing: frozenset[str],
     ) -> None:
+        self._standing = standing
         self.told: list[Told] = []
         self._boots = boots_s is not None
         self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is 0
@@ -129,18 +132,20 @@ class Stage:
         self._settle()
 
     def _settle(self) -> None:
-        """Let it say what it has to say, before the scene begins."""
+        """Let it say what it has to say, before the scene begins; how things stand then is known."""
         for _ in range(round(1.0 / CONTROL_PERIOD_S)):
             self._step(-math.inf)
         self._start_steps = self._steps
-        self.told.clear()
+        last = {one.message.name: one for one in self.told if one.message.name in self._standing}
+        self.told[:] = [Told(0.0, one.message, one.signed) for one in last.values()]
 
 
 def _alone(scenario: Scenario, vehicle: Station, home: Origin) -> Scenario:
-    """The scenario with its first vehicle alone, on level ground that is `home` under it."""
+    """The scenario with its first vehicle alone, on level ground that is `home` under it, and sensors that see that."""
     first = scenario.formation.vehicle[0].model_copy(update={"sysid": vehicle.sysid})
+    exact = scenario.sensors.model_copy(update={"grade": "rtk"})
     formation = scenario.formation.model_copy(update={"vehicle": (first,), "leader": vehicle.sysid})
-    alone = scenario.model_copy(update={"formation": formation, "terrain": Terrain()})
+    alone = scenario.model_copy(update={"formation": formation, "terrain": Terrain(), "sensors": exact})
     pad_ned_m = physical.pads_ned_m(alone)[0]
     lat, lon, alt = ned_to_geodetic(-pad_ned_m, home)
     place = {"lat_deg": float(lat), "lon_deg": float(lon), "alt_amsl_m": float(alt)}
