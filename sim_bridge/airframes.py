@@ -24,6 +24,7 @@ from sim_bridge.sensors import BARO_PERIOD_S, GNSS_PERIOD_S, INERTIAL_PERIOD_S, 
 from sim_bridge.wind import CALM, GUST_PERIOD_S, Wind, WindField
 
 CONTROL_PERIOD_S = INERTIAL_PERIOD_S
+_STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 _STEPS_PER_UPDATE = round(BARO_PERIOD_S / CONTROL_PERIOD_S)
 _STEPS_PER_GNSS = round(GNSS_PERIOD_S / CONTROL_PERIOD_S)
 _STEPS_PER_GUST = round(GUST_PERIOD_S / CONTROL_PERIOD_S)
@@ -74,11 +75,12 @@ class Airframes:
         self._still = np.zeros((4, vehicles))
         self._rotors = self._commanded = self._given = self._still
         self._wind = self._wind_field.draw()
+        self._gnss = np.full((6, vehicles), np.nan)
 
     @property
     def t_s(self) -> float:
         """Time since construction, counted in control periods."""
-        return self._steps * CONTROL_PERIOD_S
+        return self._steps / _STEPS_PER_S
 
     @property
     def truth(self) -> Array:
@@ -126,6 +128,11 @@ class Airframes:
         return self.estimator.coasting
 
     @property
+    def gnss_ned(self) -> Array:
+        """What the receivers said last (V, 6): position (m) and velocity (m/s), NaN where there was no fix."""
+        return self._gnss.T
+
+    @property
     def gnss_fix(self) -> Mask:
         """Vehicles (V,) whose receiver has a fix now."""
         return ~self.sensors.effects.gnss_lost
@@ -153,7 +160,8 @@ class Airframes:
         if self._steps % _STEPS_PER_UPDATE == 0:
             sensors, truth, landed = self.sensors, plant.state, plant.landed
             if self._steps % _STEPS_PER_GNSS == 0:
-                estimator.update(landed, sensors.read_baro(truth), gnss=sensors.read_gnss(truth))
+                self._gnss = sensors.read_gnss(truth)
+                estimator.update(landed, sensors.read_baro(truth), gnss=self._gnss)
             else:
                 estimator.update(landed, sensors.read_baro(truth), compass=sensors.read_compass(truth))
             if self.battery.empty.any():

@@ -62,8 +62,8 @@ class PowerTrain:
 class Battery:
     """The batteries of V vehicles of one type.
 
-    `voltage_V`, `current_A`, `power_W`, `used_J` (of chemical energy, losses included), `used_Ah` and `remaining`
-    (share of the charge), each (V,), as of the last settling, every SETTLE_PERIOD_S.
+    `voltage_V` and `current_A` at the terminals, `power_W` of the rotors, `used_J` of chemical energy, losses included,
+    `used_Ah` and `remaining` (share of the charge), each (V,), as of the last settling, every SETTLE_PERIOD_S.
     """
 
     def __init__(self, train: PowerTrain, q: Quadrotor, vehicles: int) -> None:
@@ -77,12 +77,8 @@ class Battery:
         self.power_W = np.zeros(vehicles)
         self.current_A = np.zeros(vehicles)
         self.voltage_V = np.zeros(vehicles)
+        self.remaining = np.ones(vehicles)
         self._solve()
-
-    @property
-    def remaining(self) -> Array:
-        """Share of the charge that is left (V,), 0 to 1."""
-        return np.asarray(np.maximum(1.0 - self.used_Ah / self.train.capacity_Ah, 0.0))
 
     @property
     def empty(self) -> Mask:
@@ -106,15 +102,21 @@ class Battery:
         if self._since_s >= SETTLE_PERIOD_S - 1e-9:
             self.power_W = self._per_cube * self._cubes / self._since_s
             self._solve()
-            self.used_J += self.open_circuit_V * self.current_A * self._since_s
-            self.used_Ah += self.current_A * (self._since_s / 3600.0)
+            self.used_J = self.used_J + self.open_circuit_V * self.current_A * self._since_s
+            self._take(self.used_Ah + self.current_A * (self._since_s / 3600.0))
             self._cubes = np.zeros_like(self._cubes)
             self._since_s = 0.0
 
     def drain(self, row: int, remaining: float) -> None:
         """Leave one vehicle no more than this share of its charge."""
-        self.used_Ah[row] = max(self.used_Ah[row], (1.0 - remaining) * self.train.capacity_Ah)
+        used_Ah = self.used_Ah.copy()
+        used_Ah[row] = max(used_Ah[row], (1.0 - remaining) * self.train.capacity_Ah)
+        self._take(used_Ah)
         self._solve()
+
+    def _take(self, used_Ah: Array) -> None:
+        self.used_Ah = used_Ah
+        self.remaining = np.maximum(1.0 - used_Ah / self.train.capacity_Ah, 0.0)
 
     def _solve(self) -> None:
         """Where the terminals give the power, P = (V₀ - I R) I, up to the most that the cells can give."""
