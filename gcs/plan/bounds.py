@@ -126,6 +126,8 @@ def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, 
 
 def _push(problem: Problem, times_s: Array, order: int) -> Array:
     """Largest horizontal derivative (T,) of what thrust has to do for the shape: its acceleration and its drag."""
+    if not problem.coordinates and not problem.shape.moving_s:
+        return np.zeros(len(times_s))
     q = problem.quadrotor
     drag_per_s = max(q.drag_Nspm[:2]) / q.mass_kg
     return _sideways(problem, times_s, order) + drag_per_s * _sideways(problem, times_s, order - 1)
@@ -136,7 +138,5 @@ def _sideways(problem: Problem, times_s: Array, order: int) -> Array:
     if problem.coordinates:
         limit = problem.change_budget
         return np.full(len(times_s), (limit.speed_mps, limit.accel_mps2, limit.jerk_mps3, limit.snap_mps4)[order - 1])
-    if not problem.shape.moving_s:
-        return np.zeros(len(times_s))
     moving = problem.shape.offsets(times_s, order)
     return np.asarray(np.hypot(moving[..., 0], moving[..., 1]).max(axis=0))
