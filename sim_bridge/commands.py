@@ -24,7 +24,7 @@ from sim_bridge.telemetry import Telemetry
 _FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
 _CUSTOM_MODE = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _CHANGE_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-_HIGHEST_M = 1e5
+_FARTHEST_M = 50_000.0  # from the origin: places further off are not meant
 _FORMAT_S, _SAY_S = 3.0, 1.0
 _TELLS_FIRST = frozenset({MavCommand.GET_MESSAGE_INTERVAL, MavCommand.GET_HOME_POSITION})
 
@@ -219,13 +219,14 @@ class Commands:
             amsl_m += self._home_amsl_m
         if not math.isfinite(amsl_m):
             amsl_m = origin.alt_amsl_m - float(now[0, 2])
-        elif abs(amsl_m) > _HIGHEST_M:
+        elif abs(amsl_m) > _FARTHEST_M:
             return None
         if not (math.isfinite(request.x) and math.isfinite(request.y)):
             return np.array([now[0, 0], now[0, 1], origin.alt_amsl_m - amsl_m])
         if abs(request.x) > 90.0 or abs(request.y) > 180.0 or (request.x == 0.0 and request.y == 0.0):
             return None
-        return geodetic_to_ned(request.x, request.y, amsl_m, origin)
+        place = geodetic_to_ned(request.x, request.y, amsl_m, origin)
+        return place if np.abs(place).max() <= _FARTHEST_M else None
 
     @property
     def _estimate(self) -> Array:

@@ -46,9 +46,9 @@ def setpoint_in(
     elif mask & _NOTHING == _NOTHING or not _known(message):
         return None
     if not mask & SetpointMask.IGNORE_VELOCITY:
-        flat[1, :3] = turn @ np.array([fields["vx"], fields["vy"], fields["vz"]])
+        flat[1, :3] = _vector(turn, fields["vx"], fields["vy"], fields["vz"])
     if not mask & SetpointMask.IGNORE_ACCELERATION:
-        flat[2, :3] = turn @ np.array([fields["afx"], fields["afy"], fields["afz"]])
+        flat[2, :3] = _vector(turn, fields["afx"], fields["afy"], fields["afz"])
     if not mask & SetpointMask.IGNORE_YAW:
         flat[0, 3] = fields["yaw"]
     if not mask & SetpointMask.IGNORE_YAW_RATE:
@@ -76,7 +76,7 @@ def _place(message: Message, instruments: Instruments, turn: Array, flat_now: Ar
     if not _known(message):
         return None
     if message.name == "SET_POSITION_TARGET_LOCAL_NED":
-        offset = turn @ np.array([fields["x"], fields["y"], fields["z"]])
+        offset = _vector(turn, fields["x"], fields["y"], fields["z"])
         start = flat_now[0, :3] if fields["coordinate_frame"] in _OFFSETS else instruments.pad_ned_m
         return np.asarray(start + offset)
     amsl_m = fields["alt"]
@@ -88,6 +88,11 @@ def _place(message: Message, instruments: Instruments, turn: Array, flat_now: Ar
     if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
         return None
     return geodetic_to_ned(lat_deg, lon_deg, amsl_m, instruments.origin)
+
+
+def _vector(turn: Array, *values: float) -> Array:
+    """Three numbers turned to NED; NaN for nonsense."""
+    return turn @ np.array(values) if all(abs(value) < _FAR for value in values) else np.full(3, np.nan)
 
 
 def _turn(yaw_rad: float) -> Array:
