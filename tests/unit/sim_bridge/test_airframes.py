@@ -174,7 +174,7 @@ def test_who_has_no_fix_on_the_pad_waits_for_one_alone():
         airframes.step(climb.at(max(k - steps(8.0), 0), pads), np.array([True, True]))
         for row in np.flatnonzero(airframes.healthy):
             ready_s[row] = min(ready_s[row], airframes.t_s)
-        assert np.isnan(airframes.gnss_ned[1]).all() == (airframes.t_s < 5.15)
+        assert np.isnan(airframes.gnss_ned[1]).all() == (airframes.t_s < 5.19)
     assert 1.9 < ready_s[0] < 2.5 and 6.9 < ready_s[1] < 7.5
     assert not airframes.landed.any()
     np.testing.assert_allclose(airframes.estimate[:, :6], airframes.truth[:, :6], atol=0.06)
