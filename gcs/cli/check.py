@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gcs.mission.missionfile import LoadedMission
 
 FINDINGS = 11  # exit code: the files were read, and something in them is wrong
+TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
+_MODELLED_MAX = 20  # missions flown by the model unasked: each takes a good part of a second
 
 
 def check(
@@ -47,6 +49,15 @@ def check(
             show_default="what the export or the scenario asks, else 2",
         ),
     ] = None,
+    timing: Annotated[
+        str | None,
+        typer.Option(
+            "--timing",
+            help="How flights are worked out: planned (by speeds and distances alone) or autopilot (by a model of it, "
+            "which is early and late as it is).",
+            show_default=f"autopilot, for more than {_MODELLED_MAX} missions planned",
+        ),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -63,9 +74,12 @@ def check(
         raise UsageError(f"--autopilot {autopilot}: there are {' and '.join(AUTOPILOTS)}")
     if separation is not None and not separation > 0:
         raise UsageError(f"--separation {separation:g}: give a distance above 0")
+    if timing not in (None, *TIMINGS):
+        raise UsageError(f"--timing {timing}: there are {' and '.join(TIMINGS)}")
     from gcs.mission.check import check_fleet
     from gcs.mission.firmware import Firmware
-    from gcs.mission.flown import surroundings
+    from gcs.mission.flown import fly, surroundings
+    from gcs.mission.flown_model import fly_modelled
     from gcs.mission.limits import FlightLimits, limits_of, surroundings_of
     from gcs.mission.missionfile import load_missions
     from gcs.mission.origin import exported_from
@@ -80,21 +94,22 @@ def check(
 
         scenario = load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)
-    report = check_fleet(missions, around, limits)
+    timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
+    report = check_fleet(missions, around, limits, fly_modelled if timing == "autopilot" else fly)
     findings = (*changed, *report.findings)
     for finding in findings:
         screen.say(str(finding))
-    _summary(screen, missions, report, limits, len(findings))
+    screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s {TIMINGS[timing]}")
+    _summary(screen, missions, report, limits)
+    count = len(findings)
+    screen.say("nothing found" if not count else f"{count} finding{'s' * (count > 1)}")
     ok = report.ok and not changed
-    screen.result(_data(missions, report, limits, ok) | {"findings": [f.data() for f in findings]})
+    screen.result(_data(missions, report, limits, ok) | {"timing": timing, "findings": [f.data() for f in findings]})
     return 0 if ok else FINDINGS
 
 
-def _summary(
-    screen: Screen, missions: tuple[LoadedMission, ...], report: FleetReport, limits: FlightLimits, count: int
-) -> None:
-    """What was looked at, for people."""
-    screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s in planned speeds")
+def _summary(screen: Screen, missions: tuple[LoadedMission, ...], report: FleetReport, limits: FlightLimits) -> None:
+    """The closest calls, for people."""
     if report.closest is not None:
         least = report.closest
         first, second = (missions[row].source for row in least.pair)
@@ -108,7 +123,6 @@ def _summary(
             f"  lowest: {low.clearance_m:.2f} m above the ground at {low.t_s:.1f} s (asked {limits.clearance_m:g} m), "
             f"{missions[row].source}"
         )
-    screen.say("nothing found" if not count else f"{count} finding{'s' * (count > 1)}")
 
 
 def _data(missions: tuple[LoadedMission, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def home_of(mission: LoadedMission, around: Surroundings) -> Home:
 
 def fly(mission: LoadedMission, around: Surroundings) -> Flight:
     """The mission as its speeds and delays plan it, from the start at time 0, without waiting for anybody."""
-    return _Flying(mission, around).run()
+    return Flying(mission, around).run()
 
 
 def together(flights: Sequence[Flight]) -> tuple[Flight, ...]:
@@ -112,8 +112,8 @@ def _waiting(flight: Flight, wait_s: float) -> Flight:
 
 
 @dataclass
-class _Flying:
-    """A vehicle under way: where it is, how fast it may go, what has happened."""
+class Flying:
+    """A vehicle under way at planned speeds: where it is, how fast it may go, what has happened."""
 
     mission: LoadedMission
     around: Surroundings
@@ -121,6 +121,7 @@ class _Flying:
     remarks: dict[int, str] = field(default_factory=dict)
 
     def run(self) -> Flight:
+        """The whole mission."""
         mission = self.mission
         home = home_of(mission, self.around)
         self.home_ned_m = geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, self.around.origin)
@@ -132,6 +133,7 @@ class _Flying:
         self.down_s = self.ends_s = math.inf
         self._knot(0)
         self._follow()
+        self._settle()
         up_s = 0.0 if self.up_s is None else self.up_s
         down_s = min(self.down_s, self.t_s)
         t_s, ned_m, item = zip(*self.knots, strict=True)
@@ -173,7 +175,12 @@ class _Flying:
 
     def _do(self, item: MissionItem, index: int) -> None:
         p1, p2 = item.params[:2]
-        if item.command == _SPEED:
+        if item.command in _PLACES:
+            hold_s = p1 if item.command in (_WAYPOINT, _LOITER_TIME, _SPLINE) else 0.0
+            self._visit(self._place(index), index, hold_s, along_ground=item.frame in _TERRAIN_FRAMES)
+        elif item.command == _DELAY:
+            self._wait(p1, index)
+        elif item.command == _SPEED:
             if p2 > 0 and math.isfinite(p2):
                 if p1 == 2:
                     self.climb_mps = p2
@@ -187,15 +194,18 @@ class _Flying:
             self._land(item, index)
         elif item.command == _RTL:
             self._return(index)
-        elif item.command == _DELAY:
-            self._wait(p1, index)
-        elif item.command in _PLACES:
-            self._go(self._place(index), index, along_ground=item.frame in _TERRAIN_FRAMES)
-            if item.command in (_WAYPOINT, _LOITER_TIME, _SPLINE):
-                self._wait(p1, index)
+
+    def _visit(self, place: Array, index: int, hold_s: float, *, along_ground: bool) -> None:
+        """Fly to a place and stay there for a while."""
+        self._go(place, index, along_ground=along_ground)
+        self._wait(hold_s, index)
+
+    def _settle(self) -> None:
+        """Fly what was put off; nothing is."""
 
     def _take_off(self, item: MissionItem, index: int) -> None:
         """Straight up; PX4 then flies to the place it names."""
+        self._settle()
         place = self._place(index)
         top = np.array([*self.here[:2], place[2]])
         if top[2] < self.here[2]:
@@ -209,11 +219,13 @@ class _Flying:
 
     def _land(self, item: MissionItem, index: int) -> None:
         """Over the place at the height it has, then down."""
+        self._settle()
         place = self._place(index)
         self._go(np.array([*place[:2], self.here[2]]), index)
         self._down(index)
 
     def _return(self, index: int) -> None:
+        self._settle()
         height_m = _RETURN_HEIGHT_M[self.mission.firmware.home_is_item_0]
         top = min(self.here[2], self.home_ned_m[2] - height_m)
         self._go(np.array([*self.here[:2], top]), index)

@@ -16,6 +16,7 @@ from gcs.mission.check import check_fleet
 from gcs.mission.findings import Rule
 from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings, surroundings
+from gcs.mission.flown_model import fly_modelled
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission, read_mission
@@ -95,8 +96,30 @@ def test_any_items_are_checked_to_the_end(fleet: list[LoadedMission], with_map: 
     around = (
         Surroundings(Origin(47.4, 8.5, 500.0), lambda north, east: 0.0 * north) if with_map else surroundings(fleet)
     )
-    report = check_fleet(fleet, around, FlightLimits(clearance_m=1.0, height_max_m=50.0, speed_ned_mps=(5.0, 5.0, 2.0)))
+    limits = FlightLimits(clearance_m=1.0, height_max_m=50.0, speed_ned_mps=(5.0, 5.0, 2.0))
+    report = check_fleet(fleet, around, limits)
     assert math.isfinite(report.duration_s)
     for mission in fleet:
         if any(i.command == 9999 for i in mission.items):
             assert any(f.rule is Rule.COMMAND for f in report.findings)
+
+
+nearby = st.builds(
+    MissionItem,
+    command=st.sampled_from(COMMANDS),
+    frame=st.sampled_from([0, 3, 10]),
+    params=st.tuples(
+        st.sampled_from([0.0, 1.0, 2.0, 3.0, math.nan, math.inf]), st.sampled_from([-1.0, 0.5, 3.0, 20.0]), wild, wild
+    ),
+    lat_degE7=near.map(lambda d: 474_000_000 + d // 20),
+    lon_degE7=near.map(lambda d: 85_000_000 + d // 20),
+    alt_m=st.one_of(st.floats(-10, 60, width=32), wild),
+)
+
+
+@settings(slow, max_examples=25)
+@given(st.sampled_from(Firmware), st.lists(nearby, min_size=1, max_size=6).map(tuple))
+def test_any_items_are_flown_by_the_model_to_the_end(firmware: Firmware, some: tuple[MissionItem, ...]) -> None:
+    one = LoadedMission("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
+    report = check_fleet([one], Surroundings(Origin(47.4, 8.5, 500.0)), FlightLimits(), fly_modelled)
+    assert math.isfinite(report.duration_s)

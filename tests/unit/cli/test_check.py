@@ -14,6 +14,8 @@ from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 
+PLANNED = ("--timing", "planned")
+
 
 @pytest.fixture
 def exported(repo_root: Path, tmp_path: Path) -> Path:
@@ -27,21 +29,37 @@ def plans(folder: Path) -> list[str]:
 
 
 def test_our_own_export_is_clean(exported: Path, repo_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["check", *plans(exported)]) == 0
+    assert main.run(["check", *plans(exported), *PLANNED]) == 0
     text = capsys.readouterr().out
-    assert text.splitlines()[0] == "6 missions, 307 s in planned speeds"
+    assert text.splitlines()[0] == "6 missions, 307 s at planned speeds"
     assert "(asked 0.3 m)" in text
     assert text.splitlines()[-1] == "nothing found"
-    assert main.run(["check", *plans(exported), "--terrain", str(repo_root / "missions" / "simulation1")]) == 0
+    assert (
+        main.run(["check", *plans(exported), "--terrain", str(repo_root / "missions" / "simulation1"), *PLANNED]) == 0
+    )
     assert "m above the ground at" in capsys.readouterr().out
 
 
+def test_the_model_of_the_autopilot_is_late_and_keeps_together(
+    exported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All six miss their schedule by the same: the mission takes longer, and nobody comes nearer."""
+    two = [str(exported / f"uav{n}.plan") for n in (2, 5)]
+    assert main.run(["check", *two, "--json"]) == 0
+    modelled = json.loads(capsys.readouterr().out)
+    assert main.run(["check", *two, "--json", *PLANNED]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    assert (modelled["timing"], planned["timing"]) == ("autopilot", "planned")
+    assert modelled["duration_s"] > planned["duration_s"] + 5.0
+    assert modelled["separation_min_m"] > 0.4
+
+
 def test_findings_have_an_exit_code_of_their_own(exported: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["check", *plans(exported), "--separation", "2"]) == FINDINGS == 11
+    assert main.run(["check", *plans(exported), "--separation", "2", *PLANNED]) == FINDINGS == 11
     text = capsys.readouterr().out
     assert "error [separation] item" in text
     assert "error [rally] rally point 1 is 0.50 m from one of" in text
-    assert main.run(["check", *plans(exported), "--separation", "2", "--json"]) == FINDINGS
+    assert main.run(["check", *plans(exported), "--separation", "2", "--json", *PLANNED]) == FINDINGS
     found = json.loads(capsys.readouterr().out)
     assert found["ok"] is False
     assert found["separation_asked_m"] == 2.0
@@ -53,14 +71,14 @@ def test_findings_have_an_exit_code_of_their_own(exported: Path, capsys: pytest.
 def test_a_file_changed_after_its_export_is_told(exported: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = exported / "uav1.plan"
     path.write_text(path.read_text() + "\n")
-    assert main.run(["check", *plans(exported)]) == FINDINGS
+    assert main.run(["check", *plans(exported), *PLANNED]) == FINDINGS
     assert "uav1.plan: warning [changed]" in capsys.readouterr().out
 
 
 def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tables = [str(p) for p in sorted(exported.glob("*.waypoints"))]
-    assert main.run(["check", *tables]) == 0
-    assert main.run(["check", *plans(exported), "--autopilot", "px4"]) == 0
+    assert main.run(["check", *tables, *PLANNED]) == 0
+    assert main.run(["check", *plans(exported), "--autopilot", "px4", *PLANNED]) == 0
     capsys.readouterr()
     path = exported / "uav1.waypoints"
     path.write_text(path.read_text().replace("\t2\t93\t5.00000000", "\t2\t115\t5.00000000"))
@@ -79,6 +97,7 @@ def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -
         (["check"], 2, "FILE"),
         (["check", "gone.plan"], 6, "gone.plan: No such file"),
         (["check", "x.plan", "--autopilot", "inav"], 2, "there are ardupilot and px4"),
+        (["check", "x.plan", "--timing", "ideal"], 2, "there are planned and autopilot"),
         (["check", "x.plan", "--separation", "0"], 2, "give a distance above 0"),
         (["check", "x.plan", "--separation", "nan"], 2, "give a distance above 0"),
         (["export", "x", "--to", "y", "--autopilot", "inav"], 2, "there are ardupilot and px4"),
