@@ -2,7 +2,7 @@
 
 Knows: chains of integrators and Bryson's rule. Does not know: flight; it is done once per vehicle type.
 No gain is tuned by hand. The weight of each state is one over the error that may use up the whole authority
-kept for feedback; a strong vehicle is held to the bandwidth that a GNSS-aided estimate at 100 Hz can support.
+kept for feedback; a strong vehicle is held to the bandwidth that a GNSS-aided estimate and steps of 20 ms support.
 """
 
 from __future__ import annotations
