@@ -48,7 +48,7 @@ class Vehicle:
         self._params = Params(personality, sysid)
         self._shelf = MissionShelf(
             self.station,
-            personality.transfers,
+            personality.missions,
             instruments.place(autopilot.guide.home_ned_m),
             self._shelved,
             self._say,
@@ -185,7 +185,7 @@ class Vehicle:
             self._failsafe.fence(shapes(items, self._instruments.origin))
         if kind == MissionType.MISSION:  # PX4 takes missions that nobody can fly
             self.autopilot.set_mission(items if flyable(items) else ())
-        total = self._personality.transfers.keeping[kind].total
+        total = self._personality.missions.keeping[kind].total
         if total:
             self._params.change(total, self._shelf.total(kind))
 

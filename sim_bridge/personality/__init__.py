@@ -8,7 +8,7 @@ from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.guards import Setting
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4 import PX4
-from sim_bridge.personality.table import Missions, Param, Personality
+from sim_bridge.personality.table import Param, Personality
 from sim_bridge.personality.wording import Note
 
 __all__ = [
@@ -17,7 +17,6 @@ __all__ = [
     "Boot",
     "Intent",
     "Milestone",
-    "Missions",
     "Mode",
     "Modes",
     "Note",

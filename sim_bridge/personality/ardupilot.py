@@ -17,14 +17,13 @@ from gcs.link.dialect import (
     ModeFlag,
     Severity,
 )
-from gcs.link.mission import ARDUPILOT_TIMERS
 from sim_bridge.personality.ardupilot_missions import MISSIONS
 from sim_bridge.personality.ardupilot_params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
-from sim_bridge.personality.table import Identity, Missions, Personality
+from sim_bridge.personality.table import Identity, Personality
 from sim_bridge.personality.wording import Note
 
 _ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
@@ -251,10 +250,7 @@ ARDUPILOT = Personality(
     ),
     guards=_GUARDS,
     words=_WORDS,
-    missions=Missions(
-        capacity=650, timers=ARDUPILOT_TIMERS, int_requests=False, tells_file_frames=True, home_is_item_0=True
-    ),
-    transfers=MISSIONS,
+    missions=MISSIONS,
     params=PARAMS,
     param_habits=PARAM_HABITS,
     link=LINK,

@@ -21,14 +21,13 @@ from gcs.link.dialect import (
     Severity,
     px4_mode,
 )
-from gcs.link.mission import Timers
 from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4_missions import MISSIONS
 from sim_bridge.personality.px4_params import LINK, PARAM_HABITS, PARAMS
-from sim_bridge.personality.table import Identity, Missions, Personality
+from sim_bridge.personality.table import Identity, Personality
 from sim_bridge.personality.wording import Note
 
 _BY_ITSELF = ModeFlag.CUSTOM | ModeFlag.AUTO | ModeFlag.GUIDED | ModeFlag.STABILIZE
@@ -216,14 +215,7 @@ PX4 = Personality(
     ),
     guards=_GUARDS,
     words=_WORDS,
-    missions=Missions(
-        capacity=10_000,
-        timers=Timers(reply_s=0.25, item_s=0.25, retries=20, give_up_s=5.0),
-        int_requests=True,
-        tells_file_frames=False,
-        home_is_item_0=False,
-    ),
-    transfers=MISSIONS,
+    missions=MISSIONS,
     params=PARAMS,
     param_habits=PARAM_HABITS,
     link=LINK,

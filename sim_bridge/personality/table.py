@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gcs.link.dialect import Autopilot
-from gcs.link.mission import Timers
 from sim_bridge.missions.habits import MissionHabits
 from sim_bridge.personality.boot import Boot
 from sim_bridge.personality.guards import Guards, Setting
@@ -45,17 +44,6 @@ class Identity:
 
 
 @dataclass(frozen=True)
-class Missions:
-    """Transfers of missions, fences and rally points."""
-
-    capacity: int
-    timers: Timers
-    int_requests: bool  # asks for items with MISSION_REQUEST_INT
-    tells_file_frames: bool  # reads items back in frames 0, 3, 10 rather than 5, 6, 11
-    home_is_item_0: bool
-
-
-@dataclass(frozen=True)
 class Personality:
     """Habits of one autopilot."""
 
@@ -72,8 +60,7 @@ class Personality:
     health: Health
     guards: Guards
     words: Words
-    missions: Missions
-    transfers: MissionHabits
+    missions: MissionHabits
     params: tuple[Param, ...]
     param_habits: ParamHabits
     link: LinkHabits
