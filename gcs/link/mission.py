@@ -54,7 +54,6 @@ class Timers:
 
 
 GROUND_TIMERS = Timers()
-ARDUPILOT_TIMERS = Timers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
 
 
 class MissionRefused(PeerRefusal):

@@ -14,12 +14,13 @@ from gcs.link.endpoint import DuplicateSystemId
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.message import GROUND, Station
-from gcs.link.mission import ARDUPILOT_TIMERS, MissionRefused, Timers
+from gcs.link.mission import MissionRefused, Timers
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 QUICK = Timers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5)
+PATIENT = Timers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
 
 
 def free_port():
@@ -60,10 +61,10 @@ class Vehicle:
                 continue
             if message.name == "MISSION_COUNT":
                 self.machine = MissionReceiver(
-                    GROUND, me=self.me, timers=ARDUPILOT_TIMERS, int_requests=False, check=self.check
+                    GROUND, me=self.me, timers=PATIENT, int_requests=False, check=self.check
                 )
             elif message.name == "MISSION_REQUEST_LIST":
-                self.machine = MissionSender(self.stored, GROUND, me=self.me, timers=ARDUPILOT_TIMERS)
+                self.machine = MissionSender(self.stored, GROUND, me=self.me, timers=PATIENT)
                 self.say(*self.machine.start(now_s))
                 continue
             elif message.name == "COMMAND_LONG":

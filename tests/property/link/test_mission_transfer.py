@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gcs.errors import PeerError
 from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import ARDUPILOT_TIMERS, GROUND_TIMERS
+from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import MissionItem
@@ -103,7 +103,7 @@ LINKS = st.builds(
     repeat=st.sampled_from([0.0, 0.2, 0.9]),
     delay_s=st.sampled_from([0.001, 0.1, 0.4, 2.0]),
 )
-TIMERS = st.sampled_from([GROUND_TIMERS, ARDUPILOT_TIMERS])
+TIMERS = st.sampled_from([GROUND_TIMERS, Timers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)])
 
 
 def judge(sender, receiver, items):
