@@ -60,9 +60,7 @@ class Vehicle:
             if self.mute or not message.is_for(self.me):
                 continue
             if message.name == "MISSION_COUNT":
-                self.machine = MissionReceiver(
-                    GROUND, me=self.me, timers=PATIENT, int_requests=False, check=self.check
-                )
+                self.machine = MissionReceiver(GROUND, me=self.me, timers=PATIENT, int_requests=False, check=self.check)
             elif message.name == "MISSION_REQUEST_LIST":
                 self.machine = MissionSender(self.stored, GROUND, me=self.me, timers=PATIENT)
                 self.say(*self.machine.start(now_s))
