@@ -43,7 +43,12 @@ def test_dynamics_and_path_constraints_are_the_planners(problem: Problem, leader
         z = np.concatenate([x * leader.state_unit, u * leader.control_unit + leader.control_shift])
         rates = np.array(leader.rates(x, u, np)) * leader.state_unit
         np.testing.assert_allclose(rates, np.array(parts.motion(z)).ravel(), rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(leader.path(x, u, np), np.array(parts.path(z, np.zeros(parts.path.size1_in(1)))).ravel(), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(
+            leader.path(x, u, np),
+            np.array(parts.path(z, np.zeros(parts.path.size1_in(1)))).ravel(),
+            rtol=1e-10,
+            atol=1e-10,
+        )
 
 
 def test_cost_is_the_planners(problem: Problem, leader: Leader) -> None:
