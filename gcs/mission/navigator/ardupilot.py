@@ -11,7 +11,7 @@ reaches a leg that has already begun (see `leg`). Speeds are limited by the path
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from gcs.mission.navigator.corner import Corner, Leg, Motion
@@ -121,19 +121,28 @@ class _Target:
 
     def advance(self, step_s: float) -> Motion:
         """Let the target's time pass."""
-        this, following = self._this, self._next
-        parts = [this] if self._before is None else [self._before, this]
-        for leg in parts:
-            leg.motion.advance(step_s)
+        this, following, before = self._this, self._next, self._before
+        this.motion.advance(step_s)
+        position, velocity, acceleration = this.now()
+        if before is not None:
+            before.motion.advance(step_s)
+            if before.motion.remaining_s <= 0.0:
+                self._before = None
+            else:
+                p, v, a = before.now()
+                back = (p[i] - this.origin[i] for i in (0, 1, 2))
+                position, velocity, acceleration = _plus(position, back), _plus(velocity, v), _plus(acceleration, a)
         turned = False
         if following is not None:
             begun = following.motion.elapsed_s > 0.0
             if begun or self._corner.may_begin(this, following):
                 following.motion.advance(step_s)
-                parts.append(following)
+                p, v, a = following.now()
+                ahead = (p[i] - following.origin[i] for i in (0, 1, 2))
+                position, velocity, acceleration = _plus(position, ahead), _plus(velocity, v), _plus(acceleration, a)
                 turned = begun and following.motion.elapsed_s >= this.motion.remaining_s
         self.arrived = self.arrived or turned or this.motion.remaining_s <= 0.0
-        self.motion = _sum(this.origin, self._before, parts)
+        self.motion = position, velocity, acceleration
         return self.motion
 
     def go_on(self) -> None:
@@ -172,17 +181,9 @@ class _Target:
         return limit_along(way, speed, navigator.climb_mps, navigator.sink_mps)
 
 
-def _sum(origin: Vector, before: Leg | None, legs: list[Leg]) -> Motion:
-    """All legs' motion added up; that of the leg before counts back from its end."""
-    position, velocity, acceleration = list(origin), [0.0] * 3, [0.0] * 3
-    for leg in legs:
-        p, v, a = leg.at(leg.motion.elapsed_s)
-        back = leg is before
-        for i in (0, 1, 2):
-            position[i] += p[i] - (leg.destination[i] - leg.origin[i] if back else 0.0)
-            velocity[i] += v[i]
-            acceleration[i] += a[i]
-    return _vector(position), _vector(velocity), _vector(acceleration)
+def _plus(parts: Vector, more: Iterable[float]) -> Vector:
+    n, e, d = more
+    return parts[0] + n, parts[1] + e, parts[2] + d
 
 
 def _vector(parts: list[float]) -> Vector:

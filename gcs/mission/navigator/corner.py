@@ -25,12 +25,17 @@ class Leg:
     way: Vector  # unit
     motion: LegMotion
 
+    def now(self) -> Motion:
+        """Position, velocity and acceleration as far as it has got."""
+        return self.at(self.motion.elapsed_s)
+
     def at(self, t_s: float) -> Motion:
-        """Displacement from the origin, velocity and acceleration at `t_s` since it began."""
+        """Position, velocity and acceleration at `t_s` since it began."""
         distance, speed, acceleration = self.motion.at(t_s)
         n, e, d = self.way
+        north, east, down = self.origin
         return (
-            (n * distance, e * distance, d * distance),
+            (north + n * distance, east + e * distance, down + d * distance),
             (n * speed, e * speed, d * speed),
             (n * acceleration, e * acceleration, d * acceleration),
         )
@@ -56,7 +61,7 @@ class Corner:
         if motion.at(motion.elapsed_s)[0] < 0.5 * motion.length_m:
             return False
         (p1, v1, a1), (p2, v2, a2) = this.at(motion.elapsed_s + 0.5 * left_s), following.at(0.5 * left_s)
-        off = [this.origin[i] + p1[i] + p2[i] - this.destination[i] for i in range(3)]
+        off = [p1[i] + p2[i] - following.origin[i] - this.destination[i] for i in range(3)]
         return (
             math.hypot(*off) < self.radius_m
             and math.hypot(v1[0] + v2[0], v1[1] + v2[1]) < min(motion.top_mps, next_motion.top_mps)

@@ -21,7 +21,7 @@ _SAME_MPS = 1e-6
 
 
 class LegMotion:
-    """Along a leg of `length_m`, no faster than `top_mps`. `elapsed_s` is how far it has got."""
+    """Along a leg of `length_m`, no faster than `top_mps`. `elapsed_s` of `duration_s` is how far it has got."""
 
     def __init__(self, length_m: float, top_mps: float, limits: Gentleness) -> None:
         self.length_m = length_m
@@ -29,11 +29,6 @@ class LegMotion:
         self.elapsed_s = 0.0
         self._limits = limits
         self._plan_from_rest()
-
-    @property
-    def duration_s(self) -> float:
-        """Of the whole leg."""
-        return self._cruise_end_s + self._stop.duration_s
 
     @property
     def remaining_s(self) -> float:
@@ -98,6 +93,7 @@ class LegMotion:
         self._changed_s = self.started_s + self._change.duration_s
         self._cruise_end_m = max(self.length_m - stop.distance_m, self._changed_m)
         self._cruise_end_s = self._changed_s + (self._cruise_end_m - self._changed_m) / self._change.end_mps
+        self.duration_s = self._cruise_end_s + stop.duration_s
 
     def _forget_what_is_over(self) -> None:
         """Make room for one more change: what was the change becomes the start, or the cruise of now does."""

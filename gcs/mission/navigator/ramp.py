@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 _HALVINGS = 50
 _SAME_MPS = 1e-9
@@ -25,7 +26,7 @@ class Gentleness:
     mps3: float
     mps4: float
 
-    @property
+    @cached_property
     def ease_s(self) -> float:
         """Jerk eases in for so long where it reaches its limit: a cosine's steepest slope is the limit of snap."""
         return self.mps3 * math.pi / (2.0 * self.mps4)
@@ -42,17 +43,17 @@ class Ramp:
     flat_s: float = 0.0
     hold_s: float = 0.0
 
-    @property
+    @cached_property
     def rise_s(self) -> float:
         """Until acceleration is at its peak."""
         return 2.0 * self.ease_s + self.flat_s
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """Of the whole change."""
         return 2.0 * self.rise_s + self.hold_s
 
-    @property
+    @cached_property
     def distance_m(self) -> float:
         """Covered meanwhile."""
         return 0.5 * (self.start_mps + self.end_mps) * self.duration_s
@@ -88,8 +89,7 @@ class Ramp:
         rise_s, peak = self.rise_s, self.peak_mps2
         if t_s <= 0.5 * rise_s:
             return self._easing(t_s)
-        middle_m, _, _ = self._easing(0.5 * rise_s)
-        rise_m = 2.0 * middle_m + 0.125 * peak * rise_s**2
+        rise_m = self._rise_m
         if t_s >= rise_s:
             held_s = t_s - rise_s
             speed = 0.5 * peak * rise_s
@@ -103,20 +103,37 @@ class Ramp:
             peak - acceleration,
         )
 
+    @cached_property
+    def _rise_m(self) -> float:
+        """Distance of the rise, from rest."""
+        middle_m, _, _ = self._easing(0.5 * self.rise_s)
+        return 2.0 * middle_m + 0.125 * self.peak_mps2 * self.rise_s**2
+
+    @cached_property
+    def _eased(self) -> State:
+        """When jerk has eased in, from rest."""
+        return self._cosine(self.ease_s)
+
     def _easing(self, t_s: float) -> State:
         """From rest, up to half the rise."""
-        jerk = self.peak_mps2 / (self.ease_s + self.flat_s)
-        eased_s = min(t_s, self.ease_s)
-        rate = math.pi / self.ease_s
-        half, angle = 0.5 * jerk, rate * eased_s
-        distance = half * (eased_s**3 / 6.0 - eased_s / rate**2 + math.sin(angle) / rate**3)
-        speed = half * (0.5 * eased_s**2 - (1.0 - math.cos(angle)) / rate**2)
-        acceleration = half * (eased_s - math.sin(angle) / rate)
-        flat_s = t_s - eased_s
+        if t_s <= self.ease_s:
+            return self._cosine(t_s)
+        distance, speed, acceleration = self._eased
+        jerk, flat_s = self.peak_mps2 / (self.ease_s + self.flat_s), t_s - self.ease_s
         return (
             distance + flat_s * (speed + flat_s * (0.5 * acceleration + jerk * flat_s / 6.0)),
             speed + flat_s * (acceleration + 0.5 * jerk * flat_s),
             acceleration + jerk * flat_s,
+        )
+
+    def _cosine(self, t_s: float) -> State:
+        half = 0.5 * self.peak_mps2 / (self.ease_s + self.flat_s)
+        rate = math.pi / self.ease_s
+        sine, cosine = math.sin(rate * t_s), math.cos(rate * t_s)
+        return (
+            half * (t_s**3 / 6.0 - (t_s - sine / rate) / rate**2),
+            half * (0.5 * t_s * t_s - (1.0 - cosine) / rate**2),
+            half * (t_s - sine / rate),
         )
 
 
