@@ -103,6 +103,10 @@ class Vehicle:
             return []
         if not self._trust.believes(message, now_s):
             return []
+        answers = self._answer(message, now_s)
+        return answers + self._tell() if self.autopilot.events else answers
+
+    def _answer(self, message: Message, now_s: float) -> list[Message]:
         name = message.name
         if name in SETPOINTS:
             self._take_setpoint(message)
