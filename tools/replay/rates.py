@@ -16,6 +16,7 @@ from tools.replay.talk import Uttered, heard, is_talk, said_here
 from tools.replay.verdict import Verdict
 
 _SHORTEST_S = 2.5
+_EDGES = 1.5  # messages that fall on this or that side of a stretch's ends
 
 
 def compare_rates(recording: Recording, played: Played, streams: frozenset[str]) -> list[Verdict]:
@@ -50,12 +51,15 @@ def _counted(said: list[Uttered], start_s: float, end_s: float, streams: frozens
     for one in said:
         question = one.name == "TIMESYNC" and not is_talk(one, None, frozenset())
         if start_s <= one.t_s < end_s and (one.name not in TALK or one.name in streams or question):
-            counted[one.name] += one.count
+            # what was left out before the first one was left out of the stretch before
+            counted[one.name] += one.count if counted[one.name] else 1
     return counted
 
 
 def _rate(name: str, theirs: int, ours: int, seconds: float) -> list[str]:
-    if abs(theirs - ours) <= max(1.5, TIMERS_MAY_DIFFER * theirs):
+    fewest = theirs / (1.0 + TIMERS_MAY_DIFFER) - _EDGES
+    most = theirs / (1.0 - TIMERS_MAY_DIFFER) + _EDGES  # it is the interval that may differ by so much
+    if fewest <= ours <= most:
         return []
     if not ours:
         return [f"no {name}"]
