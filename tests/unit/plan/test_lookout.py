@@ -92,9 +92,9 @@ def test_hills_are_found_under_any_number(simulation1: Scenario, count: int) -> 
         assert by_m == pytest.approx(-brute["clearance above ground"], rel=5e-3)
 
 
-def track(problem: Problem, vehicle: int) -> Array:
-    """Where a vehicle is half way between two glances, (3,)."""
-    return np.asarray(straight(problem).state(np.array([12.25]))[0, :3] + problem.shape.at(12.25)[vehicle])
+def track(problem: Problem, vehicle: int, at_s: float = 12.25) -> Array:
+    """Where a vehicle is at a time, (3,)."""
+    return np.asarray(straight(problem).state(np.array([at_s]))[0, :3] + problem.shape.at(at_s)[vehicle])
 
 
 @pytest.mark.parametrize("count", [5, 60])
@@ -120,11 +120,12 @@ def test_a_single_vehicle_over_a_needle_is_found(simulation1: Scenario, count: i
 @pytest.mark.parametrize("vehicle", [0, 3, -1])
 @pytest.mark.parametrize("count", [5, 60])
 def test_a_disk_between_two_glances_is_found(simulation1: Scenario, count: int, vehicle: int, radius_m: float) -> None:
-    """As small as a mast: passed by the middle half way between two glances."""
-    at_all = track(crossing(simulation1, count), vehicle)
-    mast = {"north_m": float(at_all[0]), "east_m": float(at_all[1]) + 0.5 * radius_m, "radius_m": radius_m}
-    problem = crossing(simulation1, count, no_fly=[mast])
-    assert set(found(problem)) == {"no-fly disk 1"} == set(everything(problem, straight(problem), problem.shape))
+    """As small as a mast, wherever between two glances somebody passes it."""
+    for at_s in (12.0, 12.1, 12.2, 12.3, 12.4):
+        at_all = track(crossing(simulation1, count), vehicle, at_s)
+        mast = {"north_m": float(at_all[0]), "east_m": float(at_all[1]) + 0.5 * radius_m, "radius_m": radius_m}
+        problem = crossing(simulation1, count, no_fly=[mast])
+        assert set(found(problem)) == {"no-fly disk 1"} == set(everything(problem, straight(problem), problem.shape))
 
 
 @pytest.mark.parametrize("count", [5, 60])
@@ -191,6 +192,24 @@ def test_one_who_moves_too_fast_in_the_shape_is_found(
             "speed in the shape",
             "acceleration in the shape",
         } & set(brute)
+
+
+@pytest.mark.parametrize("count", [5, 60])
+def test_the_fastest_is_found_beside_others_who_are_faster_along_every_axis(simulation1: Scenario, count: int) -> None:
+    """Half way between two directions in which the farthest is looked for, with one almost as fast along each."""
+    problem = crossing(simulation1, count, limits={"accel_max_mps2": 30.0, "load_factor_max": 3.0})
+    start = problem.shape.at(problem.start_s)
+    there = start.copy()
+    # From a step in 8 s: 35/16 of the mean speed, so 1 m/s at the most is 3.66 m.
+    for vehicle, angle_deg, way_m in ((2, 22.5, 3.7), (3, 0.0, 3.55), (4, 45.0, 3.55)):
+        there[vehicle, :2] += way_m * np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
+    shape = joined(
+        [rigid(start, 0.0, 10.0), stretched(straight_leg(start, there), 10.0, 18.0), rigid(there, 18.0, problem.end_s)]
+    )
+    brute = everything(problem, straight(problem), shape)
+    complaints = found(problem, shape)
+    assert set(complaints) == set(brute)
+    assert "speed in the shape" in brute
 
 
 @pytest.mark.parametrize("seed", range(4))

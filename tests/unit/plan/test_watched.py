@@ -22,7 +22,7 @@ from gcs.plan.watched import NEAR_DISK, NEAR_GROUND, SLOT, offsets_at, watched
 from gcs.quadrotor import VELOCITY, Array, derivative
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_envelope_m
-from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
+from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
 
 TIMES = np.linspace(0.0, 59.9, 41)
 BEND = (auto(SHRINK), auto({**TURN, "angle_deg": 60.0}))
@@ -155,12 +155,19 @@ def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
         np.testing.assert_array_equal(slots[t, :, 9:], problem.target_ned_m[rows[t]])
 
 
-@pytest.mark.parametrize("changes", [(at({**TURN, "angle_deg": 50.0}, 0.0), *BEND), (auto(TO_FILE), auto(SHRINK))])
+TALL = auto({"kind": "reshape", "to": "ball"})
+
+
+@pytest.mark.parametrize(
+    "changes", [(at({**TURN, "angle_deg": 50.0}, 0.0), *BEND), (auto(TO_FILE), auto(SHRINK)), (TALL, auto(SHRINK))]
+)
 def test_constraints_are_those_of_each_watched_vehicles_own_flight(
     simulation1: Scenario, changes: tuple[dict[str, Any], ...]
 ) -> None:
     """What the program asks of an instant, from the shape over time by differences, and Eq. 1 for the leader."""
-    problem = by_schedule(gap(simulation1, 5.0, changes))
+    ball = {"name": "ball", "generator": "sphere", "spacing_m": 3.0}
+    problem = by_schedule(gap(simulation1, 5.0, changes, formation={"shape": (*SHAPES, ball)}))
+    assert problem.has_heights == (TALL in changes)
     names = [c.name for c in problem.coordinates]
     chains = len(names)
     random = np.random.default_rng(6)
@@ -199,7 +206,7 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
                 assert value == pytest.approx((away**2 - disk.radius_m**2) / (2.0 * disk.radius_m), abs=1e-9)
         leader = derivative(z[:12], z[12 + 4 * chains : 16 + 4 * chains], problem.quadrotor)[VELOCITY]
         for vehicle in chosen.moving[0]:
-            found = dict(next(rows) for _ in range(7))
+            found = dict(next(rows) for _ in range(7 + problem.has_heights))
             who = f" of vehicle {vehicle + 1}"
             v, a = z[3:6] + speed[vehicle], leader + acceleration[vehicle]
             turn = (v[0] * a[1] - v[1] * a[0]) ** 2 / (v[0] ** 2 + v[1] ** 2 + instant.REST_SMOOTHING_MPS**2)
@@ -215,6 +222,10 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
                     for axis, word in enumerate(("north speed", "east speed", "vertical speed"))
                 },
             }
+            if problem.has_heights:
+                low, high = limits.height_m
+                middle, half = 0.5 * (low + high), 0.5 * (high - low)
+                wanted["height"] = 1.0 - ((-(z[2] + place[vehicle, 2]) - middle) / half) ** 2
             assert found == {word + who: pytest.approx(value, abs=1e-8) for word, value in wanted.items()}
 
 
