@@ -164,7 +164,8 @@ class Progress:
             return MissionState.ACTIVE, mode
         if complete:
             return MissionState.COMPLETE, mode
-        return (MissionState.PAUSED if self.seq > self._first_moving() else MissionState.NOT_STARTED), mode
+        on_the_way = self._begun and self.seq > self._first_moving()
+        return (MissionState.PAUSED if on_the_way else MissionState.NOT_STARTED), mode
 
     def _first_moving(self) -> int:
         return next((n for n, item in enumerate(self.items) if n >= self.first and is_navigation(item.command)), 0)

@@ -46,9 +46,9 @@ MEANT: Sequence[Meant] = (
     ),
     Meant(
         "*",
-        "params",
+        "*",
         rf"missing PARAM_VALUE ({_NO_SUCH_PARTS})\S*",
-        "parameters of parts that the emulated vehicles do not have",
+        "parameters of parts that the emulated vehicles do not have, or that are found out and counted as they live",
     ),
     Meant(
         "arducopter-4.7dev",
@@ -57,18 +57,6 @@ MEANT: Sequence[Meant] = (
         "names, and their order, are those of 4.5.6",
     ),
     Meant("*", "params", r"extra PARAM_VALUE \S+", "the file keeps the first 50 and the last 5 of a list"),
-    Meant(
-        "arducopter-*",
-        "*",
-        r"missing PARAM_VALUE (STAT_RUNTIME|STAT_FLTTIME|MOT_THST_HOVER)",
-        "the emulated vehicles keep no statistics of their life, and learn nothing from flight to flight",
-    ),
-    Meant(
-        "arducopter-*",
-        "*",
-        r"missing PARAM_VALUE (BARO|INS|EK3)\S+",
-        "their sensors come calibrated: nothing is found out and stored at boot",
-    ),
     Meant(
         "arducopter-*",
         "params",
@@ -93,6 +81,45 @@ MEANT: Sequence[Meant] = (
         r"extra PARAM_VALUE MIS_TOTAL",
         "4.5.6 tells every step of the count, as here; this version leaves out those that came too quickly",
     ),
+    Meant(
+        "px4-*",
+        "*",
+        r"missing PARAM_VALUE (COM_RC_LOSS_T|SYS_AUTO\w+)",
+        "nothing is set up anew at boot, so that nothing of it is told",
+    ),
+    Meant(
+        "arducopter-*",
+        "auto_flight",
+        r"extra PARAM_VALUE MIS_TOTAL",
+        "the recorded vehicle still held as many items, of an earlier scene: nothing to tell",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "*",
+        r"missing PARAM_VALUE MIS_TOTAL",
+        "this version tells the count at boot, and when a clear of nothing leaves it as it was",
+    ),
+    # Who they are
+    Meant(
+        "*",
+        "*",
+        r"AUTOPILOT_VERSION capabilities: \d+ -> \d+",
+        "they claim what they can do, which is less",
+    ),
+    Meant("arducopter-4.7dev", "*", r"AUTOPILOT_VERSION flight_sw_version: .*", "they are 4.5.6"),
+    # What was there before the scene
+    Meant(
+        "px4-*",
+        "*",
+        r"MISSION_CURRENT (total: 4 -> 65535|mission_state: [35] -> 1)",
+        "the recorded vehicle still held the mission of an earlier scene",
+    ),
+    Meant(
+        "px4-*",
+        "*",
+        r"HEARTBEAT base_mode: 17 -> 1",
+        "in OFFBOARD the flags tell what was controlled last, in an earlier scene",
+    ),
     # Words
     Meant(
         "arducopter-*",
@@ -101,7 +128,38 @@ MEANT: Sequence[Meant] = (
         "a version, a build and a frame of their own",
     ),
     Meant("arducopter-*", "*", r"missing STATUSTEXT RC7: SaveWaypoint LOW", "there is no remote control"),
+    Meant(
+        "*",
+        "*",
+        r"missing STATUSTEXT (SIM Hit ground|EKF3 IMU\d MAG0 in-flight yaw|\[logger\]).*",
+        "words of a simulator, a filter and a logger that are not theirs",
+    ),
     Meant("arducopter-*", "*", r"missing BAD_DATA", "nobody writes console text into the link"),
+    # What they do not speak
+    Meant(
+        "px4-*",
+        "*",
+        r"missing COMMAND_LONG \d+",
+        "to cameras and gimbals, and to itself: there is nobody else on board",
+    ),
+    Meant(
+        "*",
+        "timesync",
+        r"missing (UNKNOWN_300|AVAILABLE_MODES)",
+        "PROTOCOL_VERSION and AVAILABLE_MODES are not in the project's MAVLink dialect",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "timesync",
+        r"missing MESSAGE_INTERVAL 0",
+        "4.5.6 refuses to be asked for it that way, as they do",
+    ),
+    Meant(
+        "*",
+        "timesync",
+        r"COMMAND_ACK 512 result: 0 -> [24]",
+        "as after any request of a message that it does not have",
+    ),
     # Telemetry
     Meant(
         "px4-*",
