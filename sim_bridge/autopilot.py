@@ -19,7 +19,7 @@ from gcs.mission.model import Command, MissionItem
 from gcs.quadrotor import Array
 from sim_bridge.arming import Arming
 from sim_bridge.course import Guide
-from sim_bridge.events import Event, ModeChanged, Placed, Voice
+from sim_bridge.events import Event, ModeChanged, Voice
 from sim_bridge.guidance.piece import Piece
 from sim_bridge.guidance.stream import Setpoint
 from sim_bridge.helm import Helm
@@ -286,9 +286,7 @@ class Autopilot:
         guide = self.helm.guide
         new = self.readiness.step(t_s, healthy, guide.origin.alt_amsl_m - float(guide.home_ned_m[2]))
         if Milestone.RUNNING in new and self.personality.boot.restarts_mode:
-            self._enter(self._numbered(self.personality.modes.at_boot))
-        if Milestone.PLACED in new:
-            self.voice.tell(Placed())
+            self.mode = self._numbered(self.personality.modes.at_boot)
 
     def _watch(self, t_s: float, contact: bool) -> None:
         if not self.flying:

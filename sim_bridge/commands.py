@@ -67,6 +67,7 @@ class Commands:
         self._replies = autopilot.personality.replies
         self._memory = CommandMemory()
         self._task: _Task | None = None
+        self._again: list[Message] = []  # acknowledgements that come a second time
         self._handlers: dict[int, Callable[[Request, float], Answer]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.NAV_TAKEOFF: self._take_off,
@@ -101,29 +102,28 @@ class Commands:
             answer = handler(request, t_s) if handler is not None else Answer(MavResult.UNSUPPORTED)
         ack = command_ack(message, answer.result)
         self._memory.answered(message, ack, now_s)
+        if request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED:
+            self._again += [ack] * (self._replies.mode_acks - 1)
         if self._replies.message_first or request.command in _TELLS_FIRST:
-            return [*answer.messages, *self._acks(request, ack)]
-        return [*self._acks(request, ack), *answer.messages]
+            return [*answer.messages, ack]
+        return [ack, *answer.messages]
 
     def step(self, t_s: float) -> list[Message]:
-        """What a command under way has to say."""
+        """What has yet to be said of earlier commands."""
+        messages, self._again = self._again, []
         task = self._task
         if task is None or t_s < task.say_s:
-            return []
+            return messages
         if t_s >= task.end_s:
             self._task = None
-            return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
+            return [*messages, command_ack(task.command, MavResult.ACCEPTED, progress=100)]
         task.say_s = min(t_s + _SAY_S, task.end_s)
-        return [self._progress(task, t_s)]
+        return [*messages, self._progress(task, t_s)]
 
     @property
     def busy(self) -> bool:
-        """Whether a command takes its time."""
-        return self._task is not None
-
-    def _acks(self, request: Request, ack: Message) -> list[Message]:
-        twice = request.command == MavCommand.DO_SET_MODE and ack.fields["result"] == MavResult.ACCEPTED
-        return [ack] * (self._replies.mode_acks if twice else 1)
+        """Whether `step` has something to say, now or later."""
+        return self._task is not None or bool(self._again)
 
     def _arm(self, request: Request, t_s: float) -> Answer:
         arm, force = request.params[0], request.params[1] == _FORCE

@@ -56,6 +56,7 @@ class Vehicle:
         self._clock = TimeKeeper(personality.link, self.station)
         self._trust = Trust(personality.link)
         self._dead = False
+        self._heard = not personality.replies.waits_to_be_heard
         self.on_from_s = -math.inf  # until then it is off: neither hears nor says anything
         self._apply_params()
 
@@ -103,6 +104,7 @@ class Vehicle:
             return []
         if not self._trust.believes(message, now_s):
             return []
+        self._heard = True
         answers = self._answer(message, now_s)
         return answers + self._tell() if self.autopilot.events else answers
 
@@ -174,7 +176,7 @@ class Vehicle:
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
                     messages += [m for m in map(self._telemetry.build, both) if m is not None]
         self.autopilot.events.clear()
-        return messages
+        return messages if self._heard else [m for m in messages if m.name == "HEARTBEAT"]
 
     def _take_setpoint(self, message: Message) -> None:
         autopilot, t_s = self.autopilot, self._instruments.t_s

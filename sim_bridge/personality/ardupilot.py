@@ -93,7 +93,6 @@ _BOOT = Boot(
             41.43, frozenset({Milestone.LOCATED, Milestone.READY}), ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS")
         ),
     ),
-    first_heartbeat_s=1.0,
     starting=MavState.ACTIVE,
     restarts_mode=True,
     pace=0.1,
@@ -173,6 +172,7 @@ _STREAMS = Streams(
         11: frozenset({MessageId.VFR_HUD}),
         12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
     },
+    fast_share=0.87,
     local_from=Milestone.LOCATED,
     global_from=Milestone.RUNNING,
     targets_in_guided_only=True,
@@ -191,11 +191,14 @@ ARDUPILOT = Personality(
         autopilot=Autopilot.ARDUPILOT,
         version=(4 << 24) | (5 << 16) | (6 << 8) | 255,
         capabilities=Capability.MISSION_FLOAT
+        | Capability.PARAM_FLOAT
         | Capability.MISSION_INT
         | Capability.COMMAND_INT
         | Capability.SET_POSITION_TARGET_LOCAL_NED
         | Capability.SET_POSITION_TARGET_GLOBAL_INT
-        | Capability.MAVLINK2,
+        | Capability.MAVLINK2
+        | Capability.FENCE
+        | Capability.RALLY,
         tells_uid=False,
         vtol_state=3,
     ),
@@ -237,6 +240,7 @@ ARDUPILOT = Personality(
         heartbeat_on_change=True,
         announces_home=True,
         any_component=True,
+        waits_to_be_heard=True,
         numbered_texts=False,
     ),
     streams=_STREAMS,

@@ -41,7 +41,6 @@ class Boot:
     """All stages in order. `pace` shortens the way; nobody learns anything from waiting for a receiver's start."""
 
     stages: tuple[Stage, ...]
-    first_heartbeat_s: float
     starting: MavState  # HEARTBEAT.system_status before RUNNING
     restarts_mode: bool  # a mode set before RUNNING is forgotten
     pace: float = 1.0

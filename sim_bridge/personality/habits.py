@@ -77,6 +77,7 @@ class Replies:
     heartbeat_on_change: bool  # HEARTBEAT follows a change of mode at once
     announces_home: bool  # origin and home are told when they change
     any_component: bool  # answers messages for components that are not there
+    waits_to_be_heard: bool  # says nothing but telemetry until a ground station has said something
     numbered_texts: bool  # every STATUSTEXT has an id, not only those in chunks
 
 
@@ -89,6 +90,7 @@ class Streams:
     fixed: frozenset[int]  # whose rate cannot be changed
     unsent: frozenset[int]  # not of this autopilot
     groups: Mapping[int, frozenset[int]]  # REQUEST_DATA_STREAM's groups
+    fast_share: float  # of a rate above 5 Hz that is asked for and really given
     local_from: Milestone  # when LOCAL_POSITION_NED begins
     global_from: Milestone  # when GLOBAL_POSITION_INT begins; without a place before PLACED
     targets_in_guided_only: bool  # POSITION_TARGET_LOCAL_NED

@@ -59,9 +59,8 @@ _BOOT = Boot(
         Stage(0.1, frozenset({Milestone.FIXED})),
         Stage(0.9, frozenset({Milestone.PLACED})),
         Stage(2.5, frozenset({Milestone.LOCATED})),
-        Stage(3.5, frozenset({Milestone.CHECKED, Milestone.READY}), faults=()),
+        Stage(3.8, frozenset({Milestone.CHECKED, Milestone.READY}), faults=()),
     ),
-    first_heartbeat_s=0.95,
     starting=MavState.UNINIT,
     restarts_mode=False,
 )
@@ -144,6 +143,7 @@ _STREAMS = Streams(
     fixed=frozenset({MessageId.MISSION_CURRENT}),
     unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
     groups={},
+    fast_share=1.0,
     local_from=Milestone.RUNNING,
     global_from=Milestone.LOCATED,
     targets_in_guided_only=False,
@@ -158,11 +158,15 @@ PX4 = Personality(
         autopilot=Autopilot.PX4,
         version=(1 << 24) | (17 << 16) | (0 << 8) | 64,
         capabilities=Capability.MISSION_FLOAT
+        | Capability.PARAM_FLOAT
         | Capability.MISSION_INT
         | Capability.COMMAND_INT
+        | Capability.PARAM_BYTEWISE
         | Capability.SET_POSITION_TARGET_LOCAL_NED
         | Capability.SET_POSITION_TARGET_GLOBAL_INT
-        | Capability.MAVLINK2,
+        | Capability.MAVLINK2
+        | Capability.FENCE
+        | Capability.RALLY,
         tells_uid=True,
         vtol_state=0,
     ),
@@ -204,6 +208,7 @@ PX4 = Personality(
         heartbeat_on_change=False,
         announces_home=False,
         any_component=False,
+        waits_to_be_heard=False,
         numbered_texts=True,
     ),
     streams=_STREAMS,

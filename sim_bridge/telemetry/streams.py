@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 
-from gcs.link.dialect import MessageId
 from gcs.link.message import Message
 from sim_bridge.telemetry import motion, places, vitals
 from sim_bridge.telemetry.sources import Builder, Sources
@@ -15,6 +14,7 @@ from sim_bridge.telemetry.sources import Builder, Sources
 _LONGEST_US = 2**31 - 1  # that MESSAGE_INTERVAL can tell
 _BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS, **places.BUILDERS}
 _SAME_S = 1e-6
+_FAST_S = 0.2
 _LATER_S = 1e12  # than any flight
 _ALL_GROUPS = 0  # REQUEST_DATA_STREAM's id for every group
 
@@ -39,7 +39,7 @@ class Telemetry:
         messages = []
         for number, due_s in self._due_s.items():
             if due_s <= t_s + _SAME_S:
-                self._due_s[number] = max(due_s + self._interval_s[number], t_s)
+                self._due_s[number] = max(due_s + self._given_s(self._interval_s[number]), t_s)
                 message = self._known[number](self.sources)
                 if message is not None:
                     messages.append(message)
@@ -81,9 +81,10 @@ class Telemetry:
         for number in sorted(numbers):
             self.set_interval(number, 1e6 / rate_hz if rate_hz > 0.0 else -1.0)
 
+    def _given_s(self, interval_s: float) -> float:
+        return interval_s if interval_s >= _FAST_S else interval_s / self._streams.fast_share
+
     def _switch_on(self, t_s: float) -> None:
-        boot = self.sources.personality.boot
-        for number in self._interval_s:
-            self._due_s.setdefault(number, t_s)
-        if MessageId.HEARTBEAT in self._due_s:
-            self._due_s[MessageId.HEARTBEAT] += boot.pace * boot.first_heartbeat_s
+        """Every message comes for the first time after its own interval."""
+        for number, interval_s in self._interval_s.items():
+            self._due_s.setdefault(number, t_s + self.sources.personality.boot.pace * interval_s)

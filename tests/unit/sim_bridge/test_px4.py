@@ -40,7 +40,7 @@ def test_it_is_ready_after_four_seconds_and_says_one_sentence_until_then():
     body.step()
     assert body.arm() == REJECTED
     assert body.texts() == ["Arming denied: Resolve system health failures first\t"]
-    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(3.5, abs=0.1)
+    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(3.8, abs=0.1)
     assert body.arm() == OK
 
 
