@@ -22,7 +22,6 @@ from sim_bridge.stretch import Course, Mark
 
 __all__ = ["Course", "Guide", "Mark", "is_navigation"]
 
-_SLOW_BELOW_M = 10.0  # above home: ArduPilot's LAND_ALT_LOW
 _MOVED_M = 0.05  # less is no reason to fly anywhere
 
 
@@ -42,6 +41,9 @@ class Guide:
     rtl_height_m: float
     epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
     return_wait_s: float = 0.0  # over home, before it descends
+    slow_below_m: float = 10.0  # above home: there it descends at `land_mps`
+    crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
+    crawl_mps: float = 0.0
     navigator: Navigator | None = None
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
@@ -62,7 +64,10 @@ class Guide:
     def land(self, t_s: float, flat: Array) -> Course:
         """Brake, then straight down."""
         stop = brake(t_s, flat, self.limits)
-        way = Descent(self.home_ned_m[2] - _SLOW_BELOW_M, self.descend_mps, self.land_mps)
+        slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
+        if self.crawl_below_m > 0.0:
+            slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
+        way = Descent(self.descend_mps, tuple(slower))
         down = descend(stop.end_s, stop.at(stop.end_s), way, self.limits)
         return Course((stop, *down), landing_from_s=t_s)
 

@@ -67,6 +67,9 @@ class Helm:
             descend_mps=settings[Setting.DESCEND_MPS],
             land_mps=settings[Setting.LAND_MPS],
             rtl_height_m=settings[Setting.RETURN_HEIGHT_M],
+            slow_below_m=self._habits.slow_below_m,
+            crawl_below_m=self._habits.crawl_below_m,
+            crawl_mps=settings.get(Setting.CRAWL_MPS, 0.0),
             return_wait_s=max(settings.get(Setting.RETURN_WAIT_S, 0.0), 0.0),
         )
 

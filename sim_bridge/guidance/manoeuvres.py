@@ -116,45 +116,57 @@ def _integral(position: Array, velocity: Array) -> Array:
 
 @dataclass(frozen=True)
 class Descent:
-    """How to come down: at `fast_mps`, and at `slow_mps` below the height `slow_below_ned_m` (down)."""
+    """How to come down: at `fast_mps`, then from each of `slower` (down, m; m/s) on at its speed."""
 
-    slow_below_ned_m: float
     fast_mps: float
-    slow_mps: float
+    slower: tuple[tuple[float, float], ...]
 
 
 def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> list[Piece]:
-    """Straight down from rest until somebody stops it.
+    """Straight down from rest until somebody stops it; a speed that there is no room for is left out.
 
     The last piece never ends: only contact tells a vehicle where the ground is.
     """
-    fast, slow = min(way.fast_mps, limits.vertical_mps), way.slow_mps
-    quicken_s = _STEP_PEAK * fast / limits.vertical_mps2
-    slacken_s = _STEP_PEAK * abs(fast - slow) / limits.vertical_mps2
-    room_m = way.slow_below_ned_m - flat[0, 2]
-    cruise_m = room_m - 0.5 * fast * quicken_s - 0.5 * (fast + slow) * slacken_s
-    if fast > slow and cruise_m > 0:
-        pieces = [_change_descent(start_s, flat[0], (0.0, fast), quicken_s)]
-        pieces.append(_sink(pieces[-1], fast, cruise_m / fast))
-        pieces.append(_change_descent(pieces[-1].end_s, _end(pieces[-1]), (fast, slow), slacken_s))
-    else:
-        pieces = [_change_descent(start_s, flat[0], (0.0, slow), _STEP_PEAK * slow / limits.vertical_mps2)]
-    pieces.append(_sink(pieces[-1], slow, math.inf))
+    speeds = [min(way.fast_mps, limits.vertical_mps), *(mps for _, mps in way.slower)]
+    pieces: list[Piece] = []
+    now_s, place, speed = start_s, flat[0], 0.0
+    for (until_m, after), mps in zip(way.slower, speeds, strict=False):
+        room_m = until_m - place[2] - _change_m(speed, mps, limits) - _change_m(mps, after, limits)
+        if mps <= after or room_m <= 0.0:
+            continue
+        if speed != mps:
+            pieces.append(_change_descent(now_s, place, (speed, mps), limits))
+        start = (pieces[-1].end_s, _end(pieces[-1])) if pieces else (now_s, place)
+        pieces.append(_sink(*start, mps, room_m / mps))
+        pieces.append(_change_descent(pieces[-1].end_s, _end(pieces[-1]), (mps, after), limits))
+        now_s, place, speed = pieces[-1].end_s, _end(pieces[-1]), after
+    if speed != speeds[-1]:
+        pieces.append(_change_descent(now_s, place, (speed, speeds[-1]), limits))
+    pieces.append(_sink(pieces[-1].end_s, _end(pieces[-1]), speeds[-1], math.inf))
     return pieces
 
 
-def _change_descent(start_s: float, position: Array, down_mps: tuple[float, float], duration_s: float) -> Piece:
+def _change_s(before_mps: float, after_mps: float, limits: MotionLimits) -> float:
+    return _STEP_PEAK * abs(after_mps - before_mps) / limits.vertical_mps2
+
+
+def _change_m(before_mps: float, after_mps: float, limits: MotionLimits) -> float:
+    return 0.5 * (before_mps + after_mps) * _change_s(before_mps, after_mps, limits)
+
+
+def _change_descent(start_s: float, place: Array, down_mps: tuple[float, float], limits: MotionLimits) -> Piece:
+    duration_s = _change_s(*down_mps, limits)
     start, end = np.zeros((3, 4)), np.zeros((3, 4))
     start[0, 2], end[0, 2] = down_mps
     velocity = _polynomial(_QUINTIC, start, end, duration_s)
-    return Piece(start_s, start_s + duration_s, _integral(position, velocity))
+    return Piece(start_s, start_s + duration_s, _integral(place, velocity))
 
 
-def _sink(before: Piece, speed_mps: float, duration_s: float) -> Piece:
+def _sink(start_s: float, place: Array, speed_mps: float, duration_s: float) -> Piece:
     c = np.zeros((TERMS, 4))
-    c[0] = _end(before)
+    c[0] = place
     c[1, 2] = speed_mps
-    return Piece(before.end_s, before.end_s + duration_s, c)
+    return Piece(start_s, start_s + duration_s, c)
 
 
 def _end(piece: Piece) -> Array:

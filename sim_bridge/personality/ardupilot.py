@@ -206,6 +206,8 @@ ARDUPILOT = Personality(
     modes=_MODES,
     arming=Arming(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_tells=False),
     flight=Flight(
+        slow_below_m=10.0,
+        crawl_below_m=0.0,
         landed_after_s=1.6,
         disarm_after_s=0.45,
         takeoff_above_sea=False,

@@ -22,6 +22,7 @@ class Setting(Enum):
     CLIMB_MPS = auto()
     DESCEND_MPS = auto()
     LAND_MPS = auto()
+    CRAWL_MPS = auto()  # right above the ground
     RETURN_HEIGHT_M = auto()
     RETURN_WAIT_S = auto()
     TAKEOFF_HEIGHT_M = auto()

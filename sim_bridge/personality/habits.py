@@ -27,6 +27,8 @@ class Arming:
 class Flight:
     """In the air."""
 
+    slow_below_m: float  # above home: there it descends at LAND_MPS ...
+    crawl_below_m: float  # ... and there at CRAWL_MPS
     landed_after_s: float  # contact with the ground before it counts as landed
     disarm_after_s: float  # landed before the motors stop
     takeoff_above_sea: bool  # NAV_TAKEOFF's height is AMSL, not above home

@@ -174,6 +174,8 @@ PX4 = Personality(
     modes=_MODES,
     arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
     flight=Flight(
+        slow_below_m=5.0,
+        crawl_below_m=1.0,
         landed_after_s=3.3,
         disarm_after_s=2.0,
         takeoff_above_sea=True,

@@ -86,7 +86,7 @@ def test_braking_ends_at_rest_and_begins_where_it_was(north_mps, down_mps, pull_
 @pytest.mark.parametrize("height_m", [3.0, 12.0, 60.0])
 def test_descent_is_smooth_and_slow_at_the_end(height_m):
     start = hold(0.0, np.array([0.0, 0.0, -height_m, 0.0])).at(0.0)
-    pieces = descend(0.0, start, Descent(-10.0, 1.5, 0.5), LIMITS)
+    pieces = descend(0.0, start, Descent(1.5, ((-10.0, 0.5),)), LIMITS)
     for before, after in itertools.pairwise(pieces):
         np.testing.assert_allclose(before.at(before.end_s)[:3], after.at(after.start_s)[:3], atol=1e-9)
     last = pieces[-1]
@@ -95,6 +95,25 @@ def test_descent_is_smooth_and_slow_at_the_end(height_m):
     assert last.at(last.start_s)[0, 2] <= max(-10.0, -height_m + 5.0) + 1e-9
     for piece in pieces[:-1]:
         assert abs(sampled(piece)[:, 2, 2]).max() <= LIMITS.vertical_mps2 * 1.001
+
+
+@pytest.mark.parametrize("down_m", [-30.0, -9.0, -4.0, -0.6])
+def test_a_descent_in_three_speeds_is_smooth_and_as_fast_as_there_is_room_for(down_m):
+    start = np.zeros((5, 4))
+    start[0, 2] = down_m
+    pieces = descend(0.0, start, Descent(1.5, ((-5.0, 0.7), (-1.0, 0.3))), LIMITS)
+    for before, after in itertools.pairwise(pieces):
+        assert before.end_s == after.start_s
+        np.testing.assert_allclose(before.at(before.end_s)[:2], after.at(after.start_s)[:2], atol=1e-9)
+    t_s = np.arange(0.0, pieces[-1].start_s + 10.0, 0.05)
+    flown = np.array([next(p for p in pieces if t < p.end_s).at(t)[:2, 2] for t in t_s])
+    height_m, speed = -flown[:, 0], flown[:, 1]
+    assert (speed >= -1e-12).all()
+    assert (speed[height_m < 1.0] <= 0.3 + 1e-9).all()
+    assert (speed[(height_m < 5.0)] <= 0.7 + 1e-9).all()
+    assert speed[-1] == pytest.approx(0.3)
+    if down_m < -20.0:
+        assert speed.max() == pytest.approx(min(1.5, LIMITS.vertical_mps))
 
 
 def legs_of(start: np.ndarray, places: list[np.ndarray], speeds: list[float]) -> list[Leg]:

@@ -212,18 +212,18 @@ def test_a_stream_needs_no_more_than_two_setpoints_a_second(period_s, proven):
     assert body.pilot.setpoints.proven(body.t_s) is proven
 
 
-def offboard() -> Body:
+def offboard(height_m: float = 3.0) -> Body:
     body = body_of()
-    body.fly(3.0)
-    stream(body, 1.5)
+    body.fly(height_m)
+    stream(body, 1.5, height_m=height_m)
     body.mode(Intent.GUIDED)
-    stream(body, 3.0)
+    stream(body, 3.0, height_m=height_m)
     body.told.clear()
     return body
 
 
 def test_silence_brings_the_failsafe_after_a_second_and_it_comes_down_where_it_is():
-    body = offboard()
+    body = offboard(6.0)
     assert body.run_until(lambda: body.pilot.failing) == pytest.approx(1.0 - 0.1, abs=0.1)
     assert body.texts() == ["Failsafe activated\t"]
     assert body.pilot.mode.number == px4_mode(3)
