@@ -136,8 +136,8 @@ def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> 
             continue
         if speed != mps:
             pieces.append(_change_descent(now_s, place, (speed, mps), limits))
-        start = (pieces[-1].end_s, _end(pieces[-1])) if pieces else (now_s, place)
-        pieces.append(_sink(*start, mps, room_m / mps))
+            now_s, place = pieces[-1].end_s, _end(pieces[-1])
+        pieces.append(_sink(now_s, place, mps, room_m / mps))
         pieces.append(_change_descent(pieces[-1].end_s, _end(pieces[-1]), (mps, after), limits))
         now_s, place, speed = pieces[-1].end_s, _end(pieces[-1]), after
     if speed != speeds[-1]:
