@@ -58,9 +58,10 @@ class PositionLaw:
         law = np.concatenate(((slopes - at_rest) / _PROBE, at_rest), axis=1)
         law[:9] = np.kron(_CARRY, np.eye(3)) @ law[:9]
         self._law = law
-        level_max = math.sqrt((limits.thrust_N**2 - self._lift_max**2) / 2.0)
+        lift_max = 0.5 * (q.weight_N + self._lift_max)  # in the box that is surely free: less lift, more level
+        level_max = math.sqrt((limits.thrust_N**2 - lift_max**2) / 2.0)
         longest = math.sqrt(0.5) * np.array([self._closing_max] * 2 + [self._push_max] * 2)
-        high = np.array([*longest, HEIGHT_ERROR_MAX_M, level_max, level_max, self._lift_max])
+        high = np.array([*longest, HEIGHT_ERROR_MAX_M, level_max, level_max, lift_max])
         low = -high
         low[-1] = self._lift_min
         self._free_low, self._free_high = low[:, None], high[:, None]
