@@ -59,13 +59,15 @@ def timed_legs(plan: Plan) -> TimedLegs:
             f"mission.tolerance_m is {tolerance_m} m, but waypoints are rounded by up to {ROUNDING_M} m.",
             hint="ask for 0.02 m or more",
         )
+    # In a rigid formation every vehicle's legs are the leader's, moved: he stands for all.
+    rows = slice(None) if plan.shape.moving_s else slice(plan.leader, plan.leader + 1)
     kept: list[Array] = []
     errors: list[Deviation] = []
     for phase in plan.phases:
         if phase.name not in ("run-up", "mission"):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
-        flown = Flown(t_s, plan.states(t_s)[..., POSITION], SPEED_MIN_MPS)
+        flown = Flown(t_s, plan.motion(t_s, rows)[0][..., POSITION], SPEED_MIN_MPS)
         indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
         errors.append(deviation(flown, indices))
         kept.append(t_s[indices])
