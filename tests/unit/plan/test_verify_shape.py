@@ -13,6 +13,7 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.plan import planner
+from gcs.plan.formation import followers
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation.transforms import rotation, shrinking, straight
@@ -173,6 +174,21 @@ def test_a_change_that_begins_late_fails_whatever_the_plan_tells_of_it(planned: 
     (failure,) = verify(replace(late, moves=(told,))).failures
     assert (failure.name, failure.unit) == (BEGINS, "s")
     assert failure.worst == pytest.approx(-0.5)
+
+
+def test_followers_that_do_not_fly_by_eq_1_fail_and_the_leader_does_not(
+    planned: Planned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tilted for a thrust that is a twentieth too large, while the shape moves."""
+    plan, _ = planned("turn")
+    exact = followers.rounded_thrust
+    monkeypatch.setattr(followers, "rounded_thrust", lambda *given: tuple(1.05 * part for part in exact(*given)))
+    failures = {check.name: check for check in verify(plan).failures}
+    check = failures["Eq. 1 re-integrated over 5 s"]
+    assert check.sysid != plan.scenario.formation.leader
+    assert check.t_s is not None
+    (move,) = plan.moves
+    assert move.start_s - 5.0 <= check.t_s <= move.end_s
 
 
 @pytest.mark.parametrize("gate", [[[GATE[0][0] + 1.0, -20.0], [GATE[0][0] + 1.0, 40.0]], [[200.0, 0.0], [201.0, 0.0]]])
