@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,21 +18,36 @@ from sim_bridge.failsafe import Readings
 
 
 class Whereabouts:
-    """Where all vehicles think they are on Earth, worked out once for all of them when the first one asks."""
+    """Where all vehicles are on Earth, worked out once for all of them when the first one asks."""
 
     def __init__(self, airframes: Airframes, origin: Origin) -> None:
         self._airframes = airframes
         self._origin = origin
-        self._t_s = math.nan
-        self._places: list[Origin] = []
+        self._estimated = _Places(math.nan, [])
+        self._fixed = _Places(math.nan, [])
 
     def of(self, row: int, t_s: float) -> Origin:
         """Estimated place of one vehicle at `t_s`, which is now."""
-        if t_s != self._t_s:
-            columns = ned_to_geodetic(self._airframes.estimate[:, :3], self._origin)
-            self._places = [Origin(*place) for place in np.stack(columns, axis=-1).tolist()]
-            self._t_s = t_s
-        return self._places[row]
+        if t_s != self._estimated.t_s:
+            self._estimated = self._all(t_s, self._airframes.estimate[:, :3])
+        return self._estimated.places[row]
+
+    def fixed(self, row: int, t_s: float) -> Origin:
+        """Place of one vehicle at `t_s`, which is now, as its receiver had it last; nowhere without a fix."""
+        if t_s != self._fixed.t_s:
+            self._fixed = self._all(t_s, np.nan_to_num(self._airframes.sensors.gnss[:, :3]))
+        return self._fixed.places[row]
+
+    def _all(self, t_s: float, ned_m: Array) -> _Places:
+        columns = ned_to_geodetic(ned_m, self._origin)
+        return _Places(t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()])
+
+
+class _Places(NamedTuple):
+    """Of all vehicles at one instant."""
+
+    t_s: float
+    places: list[Origin]
 
 
 @dataclass
@@ -76,6 +92,11 @@ class Instruments:
     def here(self) -> Origin:
         """Where the vehicle thinks it is."""
         return self.whereabouts.of(self.row, self.t_s)
+
+    @property
+    def fixed(self) -> Origin:
+        """Where its receiver says it is."""
+        return self.whereabouts.fixed(self.row, self.t_s)
 
     def place(self, ned_m: Array) -> Origin:
         """A point of common local NED on Earth."""

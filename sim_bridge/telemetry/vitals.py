@@ -147,7 +147,7 @@ def _gps_raw(tell: Sources) -> Message:
     if tell.reached(Milestone.FIXED) and instruments.has_fix:
         v_north, v_east = instruments.gnss[3:5].tolist()
         grade = instruments.airframes.grade
-        place = instruments.place(instruments.gnss[:3])
+        place = instruments.fixed
         eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
         fields = {
             "time_usec": instruments.boot_ms * 1000,

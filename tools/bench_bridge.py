@@ -1,0 +1,229 @@
+"""How fast do emulated vehicles fly? Steps, filters and messages of 1, 6, 50 and 200 vehicles on one core.
+
+./tools/run python tools/bench_bridge.py [--vehicles 1 6 50 200] [--autopilot ardupilot] [--profile 6] [--json FILE]
+
+Vehicles of the `field` preset fly a mission on board, each with its filter, and tell forty messages a second of flight,
+each from a port of its own. Nothing waits and nothing sleeps; seconds are those of the processor, so that whatever else
+runs on the machine takes no part. Each size has a process of its own, so that none finds warm what another left behind.
+The profile is of a run of its own: looking costs time, shares are what it is good for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import json
+import math
+import os
+import pstats
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.link.dialect import CopterMode, MavCommand, MessageId
+from gcs.link.items import with_home
+from gcs.link.message import GROUND, Message
+from gcs.mission.model import Home, MissionItem
+from sim_bridge.airframes import CONTROL_PERIOD_S
+from sim_bridge.endpoints.spec import call
+from sim_bridge.personality import by_name
+from sim_bridge.plain import plain_scenario
+from sim_bridge.vehicle import Vehicle
+from sim_bridge.world import World, WorldOptions
+
+ROOT = Path(__file__).resolve().parent.parent
+GOALS = {6: 40.0, 200: 1.0}  # times real time
+WARM_S = 20.0  # of flight, before anything is measured
+SIDE_M = 60.0
+RATES_HZ = {
+    MessageId.ATTITUDE: 10.0,
+    MessageId.LOCAL_POSITION_NED: 10.0,
+    MessageId.GLOBAL_POSITION_INT: 4.0,
+    MessageId.MISSION_CURRENT: 4.0,
+    MessageId.EXTENDED_SYS_STATE: 4.0,
+    MessageId.SYSTEM_TIME: 2.0,
+    MessageId.SYS_STATUS: 2.0,
+    MessageId.GPS_RAW_INT: 2.0,
+    MessageId.EKF_STATUS_REPORT: 2.0,
+}
+
+
+def measure(vehicles: int, autopilot: str, cpu_s: float) -> dict[str, Any]:
+    """One run in this process."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground, under_way(vehicles, autopilot, ground) as world:
+        messages, began_s, began = world.traffic.sent, world.t_s, time.process_time()
+        while time.process_time() - began < cpu_s:
+            for _ in range(10):
+                world.step()
+        took_s, flown_s = time.process_time() - began, world.t_s - began_s
+        assert all(vehicle.autopilot.flying for vehicle in world.vehicles), "somebody has come down"
+        return {
+            "vehicles": vehicles,
+            "steps_per_s": flown_s / CONTROL_PERIOD_S / took_s,
+            "times_real_time": flown_s / took_s,
+            "messages_per_s": (world.traffic.sent - messages) / took_s,
+            "messages_per_vehicle_and_s_of_flight": (world.traffic.sent - messages) / flown_s / vehicles,
+            **filter_costs(world),
+        }
+
+
+def under_way(vehicles: int, autopilot: str, ground: socket.socket) -> World:
+    """Vehicles in the middle of a mission, all of them."""
+    ground.bind(("127.0.0.1", 0))
+    scenario = plain_scenario(vehicles)
+    options = WorldOptions(
+        links=[call(ground.getsockname()[1])], speedup=math.inf, seed=1, personality=by_name(autopilot)
+    )
+    world = World(scenario, options)
+    while not all(vehicle.autopilot.ready for vehicle in world.vehicles):
+        world.step()
+    for row, vehicle in enumerate(world.vehicles):
+        pilot = vehicle.autopilot
+        _ask_for_telemetry(vehicle)
+        pilot.set_mission(_square(world, row, scenario.origin.model_dump()))
+        pilot.set_mode(world.t_s, CopterMode.GUIDED)
+        pilot.arm(world.t_s, world.airframes.estimate[row])
+        pilot.start_mission(world.t_s, world.airframes.estimate[row])
+    end_s = world.t_s + WARM_S
+    while world.t_s < end_s:
+        world.step()
+    return world
+
+
+def filter_costs(world: World) -> dict[str, float]:
+    """Microseconds of one vehicle's filter: carrying its mean on (each step), and one update with a measurement."""
+    estimator, costs = world.airframes.estimator, {"propagate": [0.0, 0], "update": [0.0, 0]}
+
+    def timed(name: str, work: Callable[..., None]) -> Callable[..., None]:
+        def run(*args: Any, **kwargs: Any) -> None:
+            began = time.process_time()
+            work(*args, **kwargs)
+            costs[name][0] += time.process_time() - began
+            costs[name][1] += 1
+
+        return run
+
+    for name in costs:
+        setattr(estimator, name, timed(name, getattr(estimator, name)))
+    for _ in range(400):
+        world.step()
+    for name in costs:
+        delattr(estimator, name)
+    vehicles = len(world.vehicles)
+    return {f"{name}_us": 1e6 * total / count / vehicles for name, (total, count) in costs.items()}
+
+
+def profile(vehicles: int, autopilot: str, lines: int) -> str:
+    """The costliest functions of some seconds of flight, by their own time."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground, under_way(vehicles, autopilot, ground) as world:
+        profiler = cProfile.Profile()
+        profiler.enable()
+        for _ in range(max(200, 6000 // vehicles)):
+            world.step()
+        profiler.disable()
+    stats: Any = pstats.Stats(profiler)
+    total_s, rows = stats.total_tt, []
+    for (file, _, name), (_, calls, own_s, whole_s, _) in stats.stats.items():
+        where = Path(file).name if file.startswith(os.sep) else "built in"
+        rows.append((own_s, whole_s, calls, f"{where}: {name}"))
+    rows.sort(reverse=True)
+    told = [f"{own / total_s:6.1%} {whole / total_s:6.1%} {calls:9d}  {what}" for own, whole, calls, what in rows]
+    return "\n".join([f"{'own':>6} {'whole':>6} {'calls':>9}  function, {vehicles} vehicles", *told[:lines]])
+
+
+def _ask_for_telemetry(vehicle: Vehicle) -> None:
+    for number, rate_hz in RATES_HZ.items():
+        params = {f"param{i}": 0.0 for i in range(1, 8)} | {"param1": float(number), "param2": 1e6 / rate_hz}
+        fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "target_system": vehicle.station.sysid}
+        vehicle.receive(
+            Message("COMMAND_LONG", {**fields, "target_component": 1, "confirmation": 0, **params}, *GROUND), 0.0
+        )
+
+
+def _square(world: World, row: int, origin_fields: dict[str, float]) -> tuple[MissionItem, ...]:
+    """Up, and round a square for an hour."""
+    origin, pad = Origin(**origin_fields), world.airframes.truth[row, :3]
+    corners = [(SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0)]
+    items = [MissionItem(22, 3, (0.0,) * 4, *_place(pad, origin), 5.0)]
+    for north, east in corners * 60:
+        items.append(MissionItem(16, 3, (0.0,) * 4, *_place(pad + np.array([north, east, 0.0]), origin), 10.0))
+    home = Home(*(float(v) for v in ned_to_geodetic(pad, origin)))
+    return with_home(tuple(items), home) if world.vehicles[row].autopilot.helm.progress.first else tuple(items)
+
+
+def _place(ned_m: np.ndarray, origin: Origin) -> tuple[int, int]:
+    lat, lon, _ = ned_to_geodetic(ned_m, origin)
+    return round(float(lat) * 1e7), round(float(lon) * 1e7)
+
+
+def main() -> None:
+    """Run, print, and write what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 6, 50, 200])
+    parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default="ardupilot")
+    parser.add_argument("--seconds", type=float, default=8.0, help="of processor time for each measurement")
+    parser.add_argument("--profile", type=int, default=6, help="vehicles of the profile; 0 for none")
+    parser.add_argument("--lines", type=int, default=16, help="of the profile")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one is not None:
+        print(json.dumps(measure(options.one, options.autopilot, options.seconds)))
+        return
+    rows = [_in_its_own_process(vehicles, options) for vehicles in options.vehicles]
+    _show(rows, options.autopilot)
+    if options.profile:
+        print(profile(options.profile, options.autopilot, options.lines))
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+def _in_its_own_process(vehicles: int, options: argparse.Namespace) -> dict[str, Any]:
+    command = [sys.executable, __file__, "--one", str(vehicles), "--autopilot", options.autopilot]
+    command += ["--seconds", str(options.seconds)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # one core
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment)
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def _show(rows: list[dict[str, Any]], autopilot: str) -> None:
+    table = Table(title=f"emulated vehicles on a mission, {autopilot}, one core")
+    for column in (
+        "vehicles",
+        "steps/s",
+        "times real time",
+        "goal",
+        "filter, a step",
+        "an update",
+        "messages/s",
+        "each",
+    ):
+        table.add_column(column, justify="right")
+    for row in rows:
+        goal = GOALS.get(row["vehicles"])
+        met = "" if goal is None else f"{goal:g}: {'met' if row['times_real_time'] >= goal else 'MISSED'}"
+        table.add_row(
+            str(row["vehicles"]),
+            f"{row['steps_per_s']:,.0f}",
+            f"{row['times_real_time']:.2f}",
+            met,
+            f"{row['propagate_us']:.1f} µs",
+            f"{row['update_us']:.0f} µs",
+            f"{row['messages_per_s']:,.0f}",
+            f"{row['messages_per_vehicle_and_s_of_flight']:.0f}/s",
+        )
+    Console(width=110).print(table)
+
+
+if __name__ == "__main__":
+    main()
