@@ -83,10 +83,7 @@ def read_mission(data: bytes, source: str, firmware: Firmware | None = None) -> 
             source, firmware or file.firmware, file.home, file.items, file.geofence, file.rally, speed, text=text
         )
     # Without a word from the user, a first row that could be home is home.
-    home_first = firmware.home_is_item_0 if firmware else True
-    if firmware is None:
-        first = read_waypoints(data, source, home_first=False).items[:1]
-        home_first = any(i.frame == Frame.GLOBAL and i.command in (Command.NAV_WAYPOINT, 0) for i in first)
+    home_first = _begins_with_home(data) if firmware is None else firmware.home_is_item_0
     table = read_waypoints(data, source, home_first=home_first)
     guessed = Firmware.ARDUPILOT if home_first else Firmware.PX4
     return LoadedMission(
@@ -108,6 +105,13 @@ def _extra(data: bytes, source: str) -> Geofence | tuple[RallyPoint, ...] | None
     if commands & _FENCE:
         return read_fence(data, source)
     return read_rally(data, source) if FenceCommand.RALLY_POINT in commands else None
+
+
+def _begins_with_home(table: bytes) -> bool:
+    """Whether the first row could be home: a waypoint in the absolute frame."""
+    rows = (line.split() for line in table.splitlines()[1:] if line.strip() and not line.lstrip().startswith(b"#"))
+    first = next(rows, [])
+    return first[2:4] in ([b"%d" % Frame.GLOBAL, b"%d" % Command.NAV_WAYPOINT], [b"%d" % Frame.GLOBAL, b"0"])
 
 
 def _is_table(data: bytes) -> bool:
