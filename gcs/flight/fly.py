@@ -213,7 +213,8 @@ class Flight:
                     del pending[sysid]
             self._woken.clear()
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._woken.wait(), _PUMP_S)
+                async with asyncio.timeout(_PUMP_S):  # wait_for may swallow being cancelled
+                    await self._woken.wait()
         await self._until_fleet_time(t0_unix_s + self.plan.phase("landing").start_s)
         await self._each(lambda s: self._set_mode(s, CopterMode.LAND))
         return t0_unix_s
@@ -307,9 +308,11 @@ class Flight:
 
 
 async def _ended(task: asyncio.Future[Any]) -> None:
-    task.cancel()
+    while not task.done():  # a library on the way may swallow being cancelled
+        task.cancel()
+        await asyncio.wait({task}, timeout=1.0)
     with suppress(asyncio.CancelledError, GcsError):
-        await task
+        task.result()
 
 
 def _position_is_known(message: Message) -> bool:

@@ -71,7 +71,8 @@ async def _until_ready(process: asyncio.subprocess.Process, log: Path) -> None:
     line = b""
     if process.stdout is not None:
         try:
-            line = await asyncio.wait_for(process.stdout.readline(), _START_TIMEOUT_S)
+            async with asyncio.timeout(_START_TIMEOUT_S):
+                line = await process.stdout.readline()
         except TimeoutError:
             raise LinkError(f"the simulator did not start within {_START_TIMEOUT_S:g} s.") from None
     if not line:
@@ -85,7 +86,8 @@ async def _stop(process: asyncio.subprocess.Process) -> None:
         with suppress(ProcessLookupError):
             process.send_signal(signal.SIGTERM)
     try:
-        await asyncio.wait_for(process.communicate(), _STOP_TIMEOUT_S)
+        async with asyncio.timeout(_STOP_TIMEOUT_S):
+            await process.communicate()
     except TimeoutError:
         with suppress(ProcessLookupError):
             process.kill()

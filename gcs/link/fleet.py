@@ -99,7 +99,8 @@ class Fleet:
                 return {sysid: self.sessions[sysid] for sysid in sorted(sysids)}
             self._found.clear()
             try:
-                await asyncio.wait_for(self._found.wait(), max(0.0, end_s - self._loop.time()))
+                async with asyncio.timeout_at(end_s):
+                    await self._found.wait()
             except TimeoutError:
                 raise PeerTimeout(
                     f"no heartbeat from {_vehicles(missing)} within {timeout_s:g} s"

@@ -165,7 +165,8 @@ class VehicleSession:
 
         stop = self.subscribe(check)
         try:
-            return await asyncio.wait_for(found, timeout_s)
+            async with asyncio.timeout(timeout_s):
+                return await found
         except TimeoutError:
             raise PeerTimeout(
                 f"vehicle {self.sysid}: {what} did not come within {timeout_s:g} s.",
@@ -272,7 +273,8 @@ class VehicleSession:
                 if deadline_s is None:
                     raise ProtocolMisuse(f"a {type(machine).__name__} waits without a deadline.")
                 try:
-                    await asyncio.wait_for(woken.wait(), max(0.0, deadline_s - self._loop.time()))
+                    async with asyncio.timeout_at(deadline_s):
+                        await woken.wait()
                 except TimeoutError:
                     self._send_all(machine.tick(self._loop.time()))
         if machine.error is not None:
