@@ -14,6 +14,7 @@ import numpy as np
 
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
+from gcs.mission.altitudes import kept_alt_m, written_alt_m
 from gcs.mission.firmware import Firmware
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
@@ -23,8 +24,8 @@ from gcs.scenario.terrain import ground_height_m
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
-# degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards.
-ROUNDING_M = 0.008
+# degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards; ArduPilot's centimetres by 5 mm more.
+ROUNDING_M = 0.0095
 # Speeds ArduCopter 4.5 ignores (WPNAV_WP_SPEED_MIN): slower legs are flown at this one and waited out.
 SPEED_MIN_MPS = 0.2
 # How far a constant-speed leg may be from the plan at the same time, in units of the path tolerance.
@@ -32,7 +33,6 @@ TIME_SHARE = 1.5
 
 _SAMPLE_S = 0.1
 _STILL_M = 0.01
-_ALTITUDE_DECIMALS = 3
 _SPEED_DECIMALS = 4
 _TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
@@ -50,7 +50,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
     """Choose the waypoints' instants for all vehicles of a plan at once.
 
     The start of the run-up, T0 and the arrival are always among them. Raises `ScenarioError` for a tolerance that
-    rounding to degE7 alone would break.
+    rounding alone would break.
     """
     tolerance_m = plan.scenario.mission.tolerance_m
     path_m = tolerance_m - ROUNDING_M
@@ -97,7 +97,7 @@ def build_missions(
             hint="choose relative altitudes or altitudes above mean sea level",
         )
     t_s = (legs or timed_legs(plan)).t_s
-    missions = tuple(_vehicle_mission(plan, row, t_s, altitude) for row in range(len(plan.sysids)))
+    missions = tuple(_vehicle_mission(plan, row, t_s, firmware, altitude) for row in range(len(plan.sysids)))
     longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
     if longest > firmware.items_max:
         raise ScenarioError(
@@ -107,7 +107,7 @@ def build_missions(
     return missions
 
 
-def _vehicle_mission(plan: Plan, row: int, t_s: Array, altitude: Altitude) -> VehicleMission:
+def _vehicle_mission(plan: Plan, row: int, t_s: Array, firmware: Firmware, altitude: Altitude) -> VehicleMission:
     """Items of the vehicle in this row, whose waypoints it passes at times (W,)."""
     takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
     origin = Origin(**plan.scenario.origin.model_dump())
@@ -117,16 +117,16 @@ def _vehicle_mission(plan: Plan, row: int, t_s: Array, altitude: Altitude) -> Ve
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
     home = Home(*places[-1].tolist())
-    # Lengths as written, not as planned: the time of a slow leg depends on its last centimetre.
-    written = _as_written(places[:-2])
-    length_m = np.linalg.norm(
-        np.diff(geodetic_to_ned(written[:, 0], written[:, 1], written[:, 2], origin), axis=0), axis=-1
-    )
-    if altitude is Altitude.RELATIVE:
-        places[:, 2] -= home.alt_amsl_m
-    elif altitude is Altitude.TERRAIN:
+    below_m = np.full(len(places), home.alt_amsl_m if altitude is Altitude.RELATIVE else 0.0)
+    if altitude is Altitude.TERRAIN:
         ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
-        places[:, 2] = -points_ned_m[:, 2] - ground_m
+        below_m = places[:, 2] + points_ned_m[:, 2] + ground_m
+    places[:, 2] = [written_alt_m(alt_m, firmware) for alt_m in (places[:, 2] - below_m).tolist()]
+    # Lengths as kept, not as planned: the time of a slow leg depends on its last centimetre.
+    kept = _as_kept(places, firmware)[:-2]
+    length_m = np.linalg.norm(
+        np.diff(geodetic_to_ned(kept[:, 0], kept[:, 1], kept[:, 2] + below_m[:-2], origin), axis=0), axis=-1
+    )
     last = len(length_m) - 1
 
     draft = _Draft(altitude.frame, [], [])
@@ -164,7 +164,7 @@ class _Draft:
                 (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, _compass_deg(yaw_ned_rad)),
                 to_degE7(lat_deg),
                 to_degE7(lon_deg),
-                round(alt_m, _ALTITUDE_DECIMALS),
+                alt_m,
             )
         )
         self.arrival_s.append(float(at_s))
@@ -181,11 +181,14 @@ class _Draft:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
 
 
-def _as_written(places: Array) -> Array:
-    """Places (N, 3) of lat_deg, lon_deg, alt_m with the angles rounded to degE7."""
-    rounded = places.copy()
-    rounded[:, :2] = [[from_degE7(to_degE7(angle)) for angle in pair] for pair in places[:, :2].tolist()]
-    return rounded
+def _as_kept(places: Array, firmware: Firmware) -> Array:
+    """Places (N, 3) of lat_deg, lon_deg, alt_m as the vehicle will hold them."""
+    return np.array(
+        [
+            (from_degE7(to_degE7(lat_deg)), from_degE7(to_degE7(lon_deg)), kept_alt_m(alt_m, firmware))
+            for lat_deg, lon_deg, alt_m in places.tolist()
+        ]
+    )
 
 
 def _compass_deg(yaw_ned_rad: float) -> float:

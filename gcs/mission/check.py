@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gcs.mission.altitudes import kept_alt_m
 from gcs.mission.check_flights import Lowest, check_ground, check_limits, check_separation
 from gcs.mission.check_items import check_items, found
 from gcs.mission.check_safety import check_rally_apart, check_safety
 from gcs.mission.findings import Finding, Level, Rule, worst
+from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Flight, Surroundings, fly, together
 from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission
@@ -51,7 +53,7 @@ class FleetReport:
 def check_fleet(
     missions: Sequence[LoadedMission], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
 ) -> FleetReport:
-    """Check missions that start together, one per vehicle, as the wire carries them."""
+    """Check missions that start together, one per vehicle, as the vehicles will hold them."""
     missions = [as_on_the_wire(mission) for mission in missions]
     flights = together([fly_one(mission, around) for mission in missions])
     findings: list[Finding] = []
@@ -75,11 +77,11 @@ def check_fleet(
 
 
 def as_on_the_wire(mission: LoadedMission) -> LoadedMission:
-    """Parameters and altitudes as float32; positions are 1e-7 degrees already."""
-    return replace(mission, items=tuple(_single(item) for item in mission.items))
+    """Parameters as float32, altitudes as they are kept; positions are 1e-7 degrees already."""
+    return replace(mission, items=tuple(_kept(item, mission.firmware) for item in mission.items))
 
 
-def _single(item: MissionItem) -> MissionItem:
+def _kept(item: MissionItem, firmware: Firmware) -> MissionItem:
     with np.errstate(over="ignore"):
-        p1, p2, p3, p4, alt = np.array([*item.params, item.alt_m], dtype=np.float32).tolist()
-    return replace(item, params=(p1, p2, p3, p4), alt_m=alt)
+        p1, p2, p3, p4 = np.array(item.params, dtype=np.float32).tolist()
+    return replace(item, params=(p1, p2, p3, p4), alt_m=kept_alt_m(item.alt_m, firmware))

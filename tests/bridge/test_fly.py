@@ -135,7 +135,6 @@ def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) ->
     assert np.abs(np.subtract(errors["8"], errors["max"])).max() < 0.1
 
 
-@pytest.mark.xfail(reason="emulated vehicles pass waypoints up to 25 ms apart: 0.17 m RMS at 5.8 m/s, 0.15 m asked")
 def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None:
     mission = repo_root / "missions" / "simulation1"
     done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=240.0)
