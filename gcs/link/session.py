@@ -65,6 +65,7 @@ class VehicleSession:
         timers: Timers = GROUND_TIMERS,
     ) -> None:
         self.station = heartbeat.source
+        self.sysid = heartbeat.sysid  # the vehicle's number among its fellows: its system id unless mapped
         self.me = me
         self.clock = VehicleClock()
         self.latest: dict[str, Message] = {}  # the last message of each name
@@ -79,11 +80,6 @@ class VehicleSession:
         self._mission_lock = asyncio.Lock()
         self._command_locks: dict[int, asyncio.Lock] = {}
         self.receive(heartbeat, self._loop.time())
-
-    @property
-    def sysid(self) -> int:
-        """The vehicle's MAVLink system id."""
-        return self.station.sysid
 
     @property
     def autopilot(self) -> int:

@@ -70,8 +70,11 @@ class Signing:
         self._now_s = now_s
         return Signature(self._key, self._link_id, self._ticks)
 
-    def believes(self, frame: bytes, now_s: float) -> bool:
-        """Whether to listen to this frame: signed with the key, and newer than all before of its sender."""
+    def believes(self, frame: bytes, now_s: float, *, note: bool = True) -> bool:
+        """Whether to listen to this frame: signed with the key, and newer than all before of its sender.
+
+        With `note` it counts as heard from then on, and its copies as replayed.
+        """
         if not self._key:
             return True
         if not is_signed(frame):
@@ -84,6 +87,8 @@ class Signing:
         sender = (link_id, frame[_SYSID_AT], frame[_COMPID_AT])
         if ticks <= self._heard.get(sender, self._at(now_s) - _STALE_TICKS):
             return False
+        if not note:
+            return True
         self._heard[sender] = ticks
         self._ticks, self._now_s = max(self._at(now_s), ticks), now_s
         return True

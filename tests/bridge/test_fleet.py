@@ -7,10 +7,10 @@ from contextlib import asynccontextmanager
 import pytest
 
 from gcs.errors import PeerError, PeerTimeout
+from gcs.link.addressbook import DuplicateSystemId
 from gcs.link.codec import Codec, Message
 from gcs.link.command import CommandRefused, CommandTimers, command_ack
 from gcs.link.dialect import Autopilot, MavResult, MissionResult
-from gcs.link.endpoint import DuplicateSystemId
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.message import GROUND, Station
