@@ -21,6 +21,7 @@ from gcs.cli.export import export
 from gcs.cli.fly import fly
 from gcs.cli.plan import plan
 from gcs.cli.schema import schema
+from gcs.cli.vehicles import vehicles
 from gcs.cli.verify import verify
 from gcs.errors import GcsError
 
@@ -40,7 +41,7 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (fly, plan, verify, export, check, schema):
+for _command in (fly, plan, verify, export, check, vehicles, schema):
     app.command()(_command)
 
 

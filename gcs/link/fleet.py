@@ -177,7 +177,9 @@ class Fleet:
             self._signing.believes(message.raw, now_s)
             if session is None:
                 self._meet(message)
-            elif message.is_for(self.me):
+                continue
+            session.quality.receive(message.raw)
+            if message.is_for(self.me):
                 session.receive(message, now_s)
 
     def _meet(self, heartbeat: Message) -> None:

@@ -23,6 +23,7 @@ from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers
 from gcs.link.mission_compare import Difference, compare_missions
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
+from gcs.link.quality import LinkQuality
 from gcs.link.statustext import StatusText, StatusTextJoiner
 from gcs.mission.model import MissionItem, VehicleMission
 
@@ -68,6 +69,7 @@ class VehicleSession:
         self.sysid = heartbeat.sysid  # the vehicle's number among its fellows: its system id unless mapped
         self.me = me
         self.clock = VehicleClock()
+        self.quality = LinkQuality()
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
         self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
@@ -199,14 +201,20 @@ class VehicleSession:
         """Asks for a message `rate_hz` times per second of vehicle time. Raises as `command` does."""
         await self.command(MavCommand.SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
-    async def request_message(self, message_id: int, name: str, timeout_s: float = 5.0) -> Message:
-        """Asks for one message and returns it. Raises as `command` and `wait_for` do."""
-        waiting = asyncio.ensure_future(self.wait_for(lambda m: m.name == name, timeout_s, name))
+    async def request_message(
+        self, message_id: int, name: str, timeout_s: float = 5.0, *, timers: CommandTimers = GROUND_COMMAND_TIMERS
+    ) -> Message:
+        """Asks for one message and returns it: the next that comes, at most `timeout_s` after the acknowledgement.
+
+        Raises as `command` and `wait_for` do.
+        """
+        found: list[Message] = []
+        stop = self.subscribe(lambda m: found.append(m) if m.name == name else None)
         try:
-            await self.command(MavCommand.REQUEST_MESSAGE, message_id)
-            return await waiting
+            await self.command(MavCommand.REQUEST_MESSAGE, message_id, timers=timers)
+            return found[-1] if found else await self.wait_for(lambda m: m.name == name, timeout_s, name)
         finally:
-            waiting.cancel()
+            stop()
 
     async def upload(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> MissionSender:
         """Sends items as they are (an empty list clears) and returns the finished machine.

@@ -1,0 +1,97 @@
+"""Options of commands that talk to vehicles, and what they mean.
+
+Knows: how links, system ids and keys are written. Does not know: sockets. Keys come from files and the environment:
+what stands on a command line, everybody on the machine can read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.errors import UsageError
+
+if TYPE_CHECKING:
+    from gcs.link.fleet import Fleet, FrameHook
+
+DEFAULT_LINK = "udpin:127.0.0.1:14550"
+LARGEST_SYSTEM = 254  # 255 is the ground station
+
+LinkOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--link",
+        metavar="LINK",
+        help="Where vehicles are: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD; repeat it "
+        "for several.",
+    ),
+]
+MapOption = Annotated[
+    str | None,
+    typer.Option("--map", metavar="1=7,2=8", help="System ids of vehicles that have others than in the plan."),
+]
+KeyOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--signing-key-file",
+        metavar="FILE",
+        help="Sign with the key in this file, and believe only what is signed with it. Without it the key is that of "
+        "the environment variable SKEIN_SIGNING_KEY, if there is one.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Links, key and names as given on the command line."""
+
+    links: tuple[str, ...]
+    systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles that are called something else
+    key: bytes | None = field(default=None, repr=False)
+
+    @asynccontextmanager
+    async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:
+        """The links, open. Raises `UsageError`, `LinkError`."""
+        import asyncio
+
+        from gcs.link.fleet import Fleet
+        from gcs.link.keys import signing_with
+
+        signing = signing_with(self.key, asyncio.get_running_loop().time())
+        async with Fleet.open(self.links, on_frame=on_frame, signing=signing) as fleet:
+            yield fleet
+
+    def __str__(self) -> str:
+        return ", ".join(self.links)
+
+
+def connection(links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None) -> Connection:
+    """What the three options ask for. Raises `UsageError`."""
+    from gcs.link.endpoint import parse_link_spec
+    from gcs.link.keys import load_key
+
+    chosen = tuple(links or (DEFAULT_LINK,))
+    for number, link in enumerate(chosen):
+        parse_link_spec(link)
+        if link in chosen[:number]:
+            raise UsageError(f"--link {link} is given twice")
+    return Connection(chosen, parse_map(systems), load_key(key_file))
+
+
+def parse_map(text: str | None) -> dict[int, int]:
+    """`1=7,2=8` as {1: 7, 2: 8}. Raises `UsageError` that quotes it."""
+    found: dict[int, int] = {}
+    for part in text.split(",") if text else ():
+        vehicle, equals, system = part.strip().partition("=")
+        numbers = [n for n in (vehicle, system) if n.isascii() and n.isdigit() and 0 < int(n) <= LARGEST_SYSTEM]
+        if not equals or len(numbers) != 2:
+            raise UsageError(f"--map {text!r}: {part!r} is not VEHICLE=SYSTEM", hint="write for example --map 1=7,2=8")
+        if int(vehicle) in found:
+            raise UsageError(f"--map {text!r} names vehicle {vehicle} twice")
+        found[int(vehicle)] = int(system)
+    return found

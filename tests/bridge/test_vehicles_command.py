@@ -1,0 +1,48 @@
+"""`gcs vehicles` over real sockets: what it lists, and what it says when there is nobody."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import pytest
+
+from gcs.cli.main import run
+from sim_bridge.fleet import Fleet
+from tests.fleets import free_port
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "name", "version"), [("ardupilot", "ArduCopter", "4.5.6"), ("px4", "PX4", "1.17")]
+)
+def test_vehicles_are_listed(
+    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], autopilot: str, name: str, version: str
+) -> None:
+    fleet = make_fleet(vehicles=2, one_port=True, autopilot=autopilot, faults=["2:down.loss=0.3"])
+    fleet.wait_until(lambda: fleet.t_s > 6.0)
+    link = f"udpout:{fleet.places[1][0].address}"
+    assert run(["vehicles", "--link", link, "--listen", "2", "--json"]) == 0
+    first, second = json.loads(capsys.readouterr().out)["vehicles"]
+    assert (first["system"], second["system"]) == (1, 2)
+    assert first["autopilot"] == name
+    assert first["version"].startswith(version)
+    assert first["estimate_ok"] is True
+    assert first["prearm_ok"] is True
+    assert first["armed"] is False
+    assert first["battery_share"] > 0.9
+    assert abs(first["home"]["lat_deg"] + 35.363262) < 1e-3
+    assert abs(first["home"]["alt_amsl_m"] - 584.0) < 5.0
+    assert first["timesync"]["round_trip_s"] < 1.0
+    assert first["loss"] < 0.05
+    assert 0.05 < second["loss"] < 0.6
+    assert first["uid"] != second["uid"]
+    assert run(["vehicles", "--link", link, "--listen", "1.5"]) == 0
+    text = capsys.readouterr().out
+    assert "2 vehicles" in text
+    assert name in text
+
+
+def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:
+    port = free_port()
+    assert run(["vehicles", "--link", f"udpin:127.0.0.1:{port}", "--listen", "0.2"]) == 8
+    assert f"no vehicle was heard at udpin:127.0.0.1:{port} within 0.2 s" in capsys.readouterr().err

@@ -1,0 +1,67 @@
+"""Words for modes and versions, and the share of frames that are lost."""
+
+import random
+
+import pytest
+
+from gcs.link.codec import Codec
+from gcs.link.message import Message
+from gcs.link.modes import autopilot_name, mode_name
+from gcs.link.quality import LinkQuality
+from gcs.link.survey import estimate_is_good, version_text
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "custom_mode", "name"),
+    [
+        (3, 4, "GUIDED"),
+        (3, 3, "AUTO"),
+        (3, 99, "mode 99"),
+        (12, 6 << 16, "OFFBOARD"),
+        (12, 4 << 16 | 4 << 24, "MISSION"),
+        (12, 14 << 16, "mode 14.0"),
+        (0, 5, "mode 5"),
+    ],
+)
+def test_modes_have_names(autopilot, custom_mode, name):
+    assert mode_name(autopilot, custom_mode) == name
+
+
+def test_autopilots_have_names():
+    assert [autopilot_name(n) for n in (3, 12, 77)] == ["ArduCopter", "PX4", "autopilot 77"]
+
+
+def test_versions():
+    assert version_text(0x040506FF) == "4.5.6"
+    assert version_text(0x01110040) == "1.17.0-alpha"
+
+
+@pytest.mark.parametrize(("flags", "good"), [(0x33F, True), (0xA7, False), (0x33F | 0x80, False), (0x400, False)])
+def test_ardupilot_filter_flags_as_recorded(flags, good):
+    assert estimate_is_good(Message("EKF_STATUS_REPORT", {"flags": flags})) is good
+
+
+def frames(count):
+    codec = Codec(1, 1)
+    return [codec.encode(Message("MISSION_CURRENT", {"seq": 0})) for _ in range(count)]
+
+
+def test_lost_frames_are_counted_across_the_end_of_numbers():
+    quality = LinkQuality()
+    assert quality.loss is None
+    kept = [frame for n, frame in enumerate(frames(1000)) if n % 4]
+    for frame in kept:
+        quality.receive(frame)
+    assert quality.loss == pytest.approx(0.25, abs=0.002)
+
+
+def test_order_does_not_matter_to_the_share():
+    shuffled, rng = frames(600), random.Random(1)
+    for n in range(0, 600, 10):
+        part = shuffled[n : n + 5]
+        rng.shuffle(part)
+        shuffled[n : n + 5] = part
+    quality = LinkQuality()
+    for frame in shuffled:
+        quality.receive(frame)
+    assert quality.loss == pytest.approx(0.0, abs=0.02)
