@@ -143,9 +143,13 @@ async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) ->
 
 
 def estimate_is_good(message: Message) -> bool:
-    """Whether a filter's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) say that it knows where it is."""
+    """Whether a filter's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) say that it knows where it is.
+
+    PX4 sets "constant position" (0x80) when all is well, too: there it means nothing.
+    """
     flags = int(message.fields["flags"])
-    return flags & _GOOD_FLAGS == _GOOD_FLAGS and not flags & _BAD_FLAGS
+    bad = _BAD_FLAGS if message.name == "EKF_STATUS_REPORT" else 0
+    return flags & _GOOD_FLAGS == _GOOD_FLAGS and not flags & bad
 
 
 def version_text(version: int) -> str:

@@ -41,6 +41,11 @@ def test_ardupilot_filter_flags_as_recorded(flags, good):
     assert estimate_is_good(Message("EKF_STATUS_REPORT", {"flags": flags})) is good
 
 
+@pytest.mark.parametrize(("flags", "good"), [(1023, True), (229, False)])
+def test_px4_filter_flags_as_recorded(flags, good):
+    assert estimate_is_good(Message("ESTIMATOR_STATUS", {"flags": flags})) is good
+
+
 def frames(count):
     codec = Codec(1, 1)
     return [codec.encode(Message("MISSION_CURRENT", {"seq": 0})) for _ in range(count)]
