@@ -1,4 +1,4 @@
-"""What the vehicles believe: dead reckoning with an inertial unit, corrected by one filterpy EKF each.
+"""What the vehicles believe: dead reckoning with an inertial unit, corrected by filterpy's EKF.
 
 Knows: samples, the sensors' error figures, and a contact switch on the landing gear. Does not know: true states,
 forces, wind, motors, references; what pushes a vehicle is what its accelerometer feels.
@@ -14,12 +14,9 @@ coasts, and says how sure it is (`Accuracy`).
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 
 from gcs.quadrotor import Array
 from sim_bridge.error_model import (
@@ -34,7 +31,9 @@ from sim_bridge.error_model import (
     YAW,
     ErrorModel,
 )
+from sim_bridge.fleet_filter import FleetFilter, Residual
 from sim_bridge.motion import Turn
+from sim_bridge.pad_means import PadMeans
 from sim_bridge.plant import Mask
 from sim_bridge.sensors import GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade
 
@@ -44,23 +43,8 @@ GATE_TIMEOUT_S = 5.0
 COASTING_AFTER_S = 1.0
 LOST_SIGMA_M = 5.0  # a vehicle less sure of its place than this is not healthy
 
-Residual = Callable[[Array, Array], Array]
-
 _VELOCITY, _HORIZONTAL, _VERTICAL, _COMPASS, _BARO = range(5)  # columns of the ratios
 _GROUP_OF_FIX = np.array([_HORIZONTAL, _HORIZONTAL, _VERTICAL, _VELOCITY, _VELOCITY, _VELOCITY])
-
-
-def wrapped(angle_rad: Array) -> Array:
-    """Angles in [-π, π)."""
-    return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)
-
-
-class VehicleFilter(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's EKF, whose mean is carried on outside, for all vehicles at once."""
-
-    def predict_x(self, u: Array) -> None:
-        """Take u as the predicted mean (filterpy's hook for a nonlinear model)."""
-        self.x = u
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,23 +73,21 @@ class Estimator:
     """Filters of V vehicles, which begin level on the ground and average ALIGN_S of measurements there.
 
     `aligned` (V,): who has begun. `healthy` (V,): who has, agrees with its sensors and is sure enough of its place.
-    `filters`: filterpy's objects by row, for those who study them.
+    `ekf`: filterpy's object, for those who study it.
     """
 
     def __init__(self, grade: SensorGrade, vehicles: int, gravity_mps2: float) -> None:
         self._model = ErrorModel.of(grade)
-        self._baro = _Scalar(H_BARO, self._model.baro, np.subtract)
-        self._compass = _Scalar(H_COMPASS, self._model.compass, _off_course)
         self._gravity_mps2 = gravity_mps2
         self._state = np.zeros((12, vehicles))
         self._slow = np.zeros((STATES - 9, vehicles))  # biases and slow errors
         self._velocity_before = np.zeros((3, vehicles))  # after the last update
-        self.filters = [VehicleFilter(STATES, 6) for _ in range(vehicles)]
+        self.ekf = FleetFilter(vehicles, STATES)
         self._ratio = np.zeros((vehicles, 5))
         self._refused_s = np.zeros((vehicles, 5))
         self._unaided_s = np.zeros(vehicles)
         self._variance = np.zeros((vehicles, STATES))
-        self._pad = _PadMeans(vehicles)
+        self._pad = PadMeans(vehicles)
         self.aligned: Mask = np.zeros(vehicles, dtype=bool)
         self.healthy: Mask = self.aligned
 
@@ -122,7 +104,7 @@ class Estimator:
     @property
     def covariance(self) -> Array:
         """Covariances (V, 19, 19) after the last update."""
-        return np.array([ekf.P for ekf in self.filters])
+        return np.asarray(self.ekf.P)
 
     @property
     def ratios(self) -> Ratios:
@@ -169,17 +151,17 @@ class Estimator:
             if not self.aligned.any():
                 return
         self._predict(landed)
-        self._take_scalar(_BARO, baro, self._baro)
+        self._take_number(_BARO, baro, H_BARO, self._model.baro)
         if compass is not None:
-            self._take_scalar(_COMPASS, compass, self._compass)
+            self._take_number(_COMPASS, compass, H_COMPASS, self._model.compass, _off_course)
         if gnss is not None:
             self._take_fix(gnss)
-        means = np.array([ekf.x for ekf in self.filters]).T
+        means = self.ekf.means.T
         self._state[:9], self._slow = means[:9], means[9:].copy()
         if landed.any():
             self._state[3:8, landed] = 0.0
         self._velocity_before = means[3:6]
-        self._variance = np.array([ekf.P.diagonal() for ekf in self.filters])
+        self._variance = self.ekf.variances
         sure = self._variance[:, :3].max(axis=1) < LOST_SIGMA_M**2
         self.healthy = self.aligned & sure & (self._ratio < 1.0).all(axis=1)
 
@@ -189,60 +171,52 @@ class Estimator:
         force[2] -= self._gravity_mps2
         transition = self._model.transition(Turn.of(state[6:9]), force, landed)
         self._slow[6:] *= self._model.fading
-        noise = (self._model.flying, self._model.standing)
-        for ekf, f, stands, mean in zip(self.filters, transition, landed.tolist(), self.mean, strict=True):
-            ekf.F, ekf.Q = f, noise[stands]
-            ekf.predict(mean.copy())
+        noise = np.where(landed[:, None, None], self._model.standing, self._model.flying)
+        self.ekf.carry_on(self.mean, transition, noise)
 
     def _take_fix(self, gnss: Array) -> None:
         self._unaided_s += GNSS_PERIOD_S
         there = self.aligned & ~np.isnan(gnss[0])
-        fix, noise = gnss.T.copy(), self._model.gnss
-        means, covariances = np.array([ekf.x for ekf in self.filters]), self.covariance
-        spread = (H_GNSS @ covariances @ H_GNSS.T).diagonal(axis1=1, axis2=2) + noise.diagonal()
-        off = np.abs(fix - means @ H_GNSS.T) / (GATE_SIGMA * np.sqrt(spread))
+        ekf, fix, noise = self.ekf, gnss.T, self._model.gnss
+        spread = ekf.spread(H_GNSS) + noise.diagonal()
+        off = np.abs(fix - ekf.means.dot(H_GNSS.T)) / (GATE_SIGMA * np.sqrt(spread))
         ratio = np.stack((off[:, 3:].max(axis=1), off[:, :2].max(axis=1), off[:, 2]), axis=1)
         ratio[~there] = 0.0  # nothing is refused where there is nothing
         self._ratio[:, :3] = ratio
         refused = ratio > 1.0
         self._refused_s[:, :3] = np.where(refused, self._refused_s[:, :3] + GNSS_PERIOD_S, 0.0)
-        accepted = ~refused[:, _GROUP_OF_FIX]
-        for i in np.flatnonzero(there).tolist():
-            ekf = self.filters[i]
-            if accepted[i].all():
-                ekf.update(fix[i], _jacobian, _expected, noise, (H_GNSS,), (H_GNSS,))
-                self._unaided_s[i] = 0.0
-            elif (self._refused_s[i, :3] >= GATE_TIMEOUT_S).any():
-                self._start_again(ekf, fix[i])
+        agrees = there & ~refused.any(axis=1)
+        ekf.correct(agrees, fix, H_GNSS, noise)
+        self._unaided_s[agrees] = 0.0
+        for i in np.flatnonzero(there & ~agrees).tolist():
+            if (self._refused_s[i, :3] >= GATE_TIMEOUT_S).any():
+                self._start_again(i, fix[i])
                 self._refused_s[i, :3] = self._unaided_s[i] = 0.0
-            elif accepted[i].any():
-                rows = np.flatnonzero(accepted[i])
-                h = H_GNSS[rows]
-                ekf.update(fix[i, rows], _jacobian, _expected, noise[np.ix_(rows, rows)], (h,), (h,))
+            else:
+                rows = np.flatnonzero(~refused[i, _GROUP_OF_FIX])
+                if rows.size:
+                    me = np.arange(len(fix)) == i
+                    ekf.correct(me, fix[:, rows], H_GNSS[rows], noise[np.ix_(rows, rows)])
 
-    def _start_again(self, ekf: VehicleFilter, fix: Array) -> None:
+    def _start_again(self, row: int, fix: Array) -> None:
         """Take place and velocity from a fix. They are then wrong as the fix is, in the opposite sense."""
-        ekf.x[POSITION], ekf.x[VELOCITY] = fix[:3] - ekf.x[GNSS_ERROR], fix[3:]
-        p = ekf.P.copy()
+        mean, p = self.ekf.means[row], np.array(self.ekf.P[row])
+        mean[POSITION], mean[VELOCITY] = fix[:3] - mean[GNSS_ERROR], fix[3:]
         p[VELOCITY], p[:, VELOCITY] = 0.0, 0.0
         p[POSITION] = -p[GNSS_ERROR]
         p[:, POSITION] = -p[:, GNSS_ERROR]
         p[:6, :6] += self._model.gnss
-        ekf.P = p
+        self.ekf.P[row] = p
 
-    def _take_scalar(self, group: int, measured: Array, sensor: _Scalar) -> None:
+    def _take_number(
+        self, group: int, measured: Array, h: Array, noise: Array, residual: Residual = np.subtract
+    ) -> None:
         """Let each filter have its measurement (V,), if that passes the gate."""
-        values, ratio, passed = measured[:, None], self._ratio, self.aligned.tolist()
-        for i, ekf in enumerate(self.filters):
-            if passed[i]:
-                x, p, spread = ekf.x, ekf.P, sensor.variance
-                for row, column, weight in sensor.pairs:
-                    spread += weight * p[row, column]
-                off = sensor.residual(values[i], sensor.h.dot(x))
-                ratio[i, group] = off_gates = abs(off[0]) / (GATE_SIGMA * math.sqrt(spread))
-                if off_gates <= 1.0:
-                    h = (sensor.h,)
-                    ekf.update(values[i], _jacobian, _expected, sensor.noise, h, h, sensor.residual)
+        ekf, value = self.ekf, measured[:, None]
+        sigma = np.sqrt(ekf.spread(h) + noise[0])
+        off = np.abs(residual(value, ekf.means.dot(h.T))) / (GATE_SIGMA * sigma)
+        self._ratio[:, group] = np.where(self.aligned, off[:, 0], self._ratio[:, group])
+        ekf.correct(self.aligned & (off[:, 0] <= 1.0), value, h, noise, residual)
 
     def _align(self, baro: Array, compass: Array | None, gnss: Array | None) -> None:
         """Let those begin who have stood still with a fix for ALIGN_S."""
@@ -262,65 +236,10 @@ class Estimator:
         self._slow[3:6, begin] = force[:, begin] + np.array([[0.0], [0.0], [self._gravity_mps2]])
         self._slow[6, begin] = height[begin] + place[2, begin]
         for i in np.flatnonzero(begin).tolist():
-            self.filters[i].P = self._model.aligned(ALIGN_S)
+            self.ekf.P[i] = self._model.aligned(ALIGN_S)
         self.aligned = self.aligned | begin
 
 
-class _Scalar:
-    """A sensor with one number: its row of the Jacobian, its noise, and how to subtract."""
-
-    def __init__(self, h: Array, noise: Array, residual: Residual) -> None:
-        self.h, self.noise, self.residual = h, noise, residual
-        self.variance = float(noise[0, 0])
-        used = np.flatnonzero(h[0]).tolist()
-        self.pairs = [(a, b, float(h[0, a] * h[0, b])) for a in used for b in used]  # of h P h'
-
-
-class _PadMeans:
-    """Running means of what V vehicles measure while they stand."""
-
-    def __init__(self, vehicles: int) -> None:
-        self.fixes = np.zeros(vehicles)
-        self._inertial, self._place = np.zeros((6, vehicles)), np.zeros((3, vehicles))
-        self._height, self._turned = np.zeros(vehicles), np.zeros(vehicles)
-        self._first_yaw: Array | None = None
-        self._samples = self._heights = self._headings = 0
-
-    def inertial(self, sample: Array) -> None:
-        self._inertial += sample
-        self._samples += 1
-
-    def height(self, sample: Array) -> None:
-        self._height += sample
-        self._heights += 1
-
-    def heading(self, sample: Array) -> None:
-        if self._first_yaw is None:
-            self._first_yaw = sample
-        self._turned += wrapped(sample - self._first_yaw)
-        self._headings += 1
-
-    def place(self, fix: Array) -> None:
-        there = ~np.isnan(fix[0])
-        self._place[:, there] += fix[:3, there]
-        self.fixes += there
-
-    def means(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Place (3, V), heading (V,), height (V,), rates (3, V), specific force (3, V)."""
-        assert self._first_yaw is not None
-        heading = self._first_yaw + self._turned / self._headings
-        inertial = self._inertial / self._samples
-        place = self._place / np.maximum(self.fixes, 1.0)
-        return place, heading, self._height / self._heights, inertial[:3], inertial[3:]
-
-
-def _jacobian(_: Array, h: Array) -> Array:
-    return h
-
-
-def _expected(x: Array, h: Array) -> Array:
-    return np.asarray(h.dot(x))
-
-
 def _off_course(measured: Array, expected: Array) -> Array:
-    return np.array([math.remainder(measured[0] - expected[0], math.tau)])
+    off = measured - expected
+    return np.asarray(off - 2.0 * np.pi * np.rint(off / (2.0 * np.pi)))

@@ -49,12 +49,12 @@ def watched(airframes, seconds):
         airframes.step(flight.at(k, home), motors_on)
         if airframes.landed.any() or round(airframes.t_s / 0.02) % UPDATE_STEPS:
             continue
-        ratios, filters = airframes.innovation, airframes.estimator.filters
+        ratios, ekf = airframes.innovation, airframes.estimator.ekf
         nis["baro"].append(np.mean((GATE_SIGMA * ratios.baro) ** 2))
-        if len(filters[0].y) == 1:
+        if ekf.y.shape[1] == 1:
             nis["compass"].append(np.mean((GATE_SIGMA * ratios.compass) ** 2))
             continue  # the slow error of GNSS is only there when there is a fix
-        nis["fix"].append(np.mean([ekf.mahalanobis**2 for ekf in filters]))
+        nis["fix"].append(np.mean(np.asarray(ekf.y.T.dot(ekf.SI).dot(ekf.y))))
         truth = np.concatenate((airframes.truth[:, :9], airframes.sensors.slow_errors.T), axis=1)
         off = (airframes.estimator.mean - truth)[:, known]
         covariance = airframes.estimator.covariance[:, known[:, None], known]

@@ -1,0 +1,57 @@
+"""Means of what vehicles measure while they stand: where a filter begins.
+
+Knows: samples. Does not know: filters, how many samples are enough.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.quadrotor import Array
+
+
+def wrapped(angle_rad: Array) -> Array:
+    """Angles in [-π, π)."""
+    return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)
+
+
+class PadMeans:
+    """Running sums over the samples of V vehicles; `fixes` (V,) counts those of GNSS."""
+
+    def __init__(self, vehicles: int) -> None:
+        self.fixes = np.zeros(vehicles)
+        self._inertial, self._place = np.zeros((6, vehicles)), np.zeros((3, vehicles))
+        self._height, self._turned = np.zeros(vehicles), np.zeros(vehicles)
+        self._first_yaw: Array | None = None
+        self._samples = self._heights = self._headings = 0
+
+    def inertial(self, sample: Array) -> None:
+        """Take a sample (6, V) of the inertial units."""
+        self._inertial += sample
+        self._samples += 1
+
+    def height(self, sample: Array) -> None:
+        """Take a height (V,) of the barometers."""
+        self._height += sample
+        self._heights += 1
+
+    def heading(self, sample: Array) -> None:
+        """Take a heading (V,) of the compasses."""
+        if self._first_yaw is None:
+            self._first_yaw = sample
+        self._turned += wrapped(sample - self._first_yaw)
+        self._headings += 1
+
+    def place(self, fix: Array) -> None:
+        """Take a fix (6, V), NaN for those who have none."""
+        there = ~np.isnan(fix[0])
+        self._place[:, there] += fix[:3, there]
+        self.fixes += there
+
+    def means(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Place (3, V), heading (V,), height (V,), rates (3, V), specific force (3, V)."""
+        assert self._first_yaw is not None
+        heading = self._first_yaw + self._turned / self._headings
+        inertial = self._inertial / self._samples
+        place = self._place / np.maximum(self.fixes, 1.0)
+        return place, heading, self._height / self._heights, inertial[:3], inertial[3:]
