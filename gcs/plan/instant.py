@@ -7,6 +7,7 @@ Does not know: meshes, time, other instants.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,7 @@ from gcs.plan.formation.coordinates import bent
 from gcs.plan.layout import NU, NX
 from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
+from gcs.plan.smooth_ground import spline
 from gcs.plan.watched import SLOT, Watched
 from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
@@ -55,8 +57,8 @@ def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving
     shares = ca.SX.sym("shares", 2)
     cost = _cost_rate(problem, x, shares)
     slots = ca.SX.sym("slots", SLOT * (near_ground + near_disk * len(problem.scenario.no_fly) + moving))
-    path = ca.vertcat(*_path(problem, z, motion, ca.vertsplit(slots, SLOT), near_ground, near_disk))
-    sigma, costate, multipliers = ca.SX.sym("sigma"), ca.SX.sym("costate", nx), ca.SX.sym("multipliers", path.size1())
+    path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_disk)
+    sigma, costate = ca.SX.sym("sigma"), ca.SX.sym("costate", nx)
 
     def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [output])
@@ -71,9 +73,37 @@ def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving
             [z, shares, sigma, costate],
             ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
         ),
-        path=function("path", [z, slots], path),
-        path_jacobian=function("path_jacobian", [z, slots], ca.jacobian(path, z)),
-        path_hessian=function("path_hessian", [z, slots, multipliers], ca.hessian(ca.dot(multipliers, path), z)[0]),
+        path=path,
+        path_jacobian=path_jacobian,
+        path_hessian=path_hessian,
+    )
+
+
+def _path_functions(
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_disk: int
+) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """The path with its first and second derivatives."""
+    terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
+    places = [(x[0] + n, x[1] + e) for n, e, _ in (_place(problem, x, slot) for slot in each[:near_ground])]
+    if terrain.relief is None:
+        heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
+        return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_disk)))
+    # A spline takes no scalar symbols: around it the path is a function of matrices.
+    ground = ca.SX.sym("ground", near_ground)
+    values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_disk))
+    held = ca.Function("held", [z, slots, ground], [values])
+    where = ca.Function("where", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
+    at, watched = ca.MX.sym("z", z.size1()), ca.MX.sym("slots", slots.size1())
+    under = spline(terrain.relief.envelope)(where(at, watched))
+    return _with_derivatives(at, watched, held(at, watched, under.T))
+
+
+def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+    multipliers = type(path).sym("multipliers", path.size1())
+    return (
+        ca.Function("path", [z, slots], [path]),
+        ca.Function("path_jacobian", [z, slots], [ca.jacobian(path, z)]),
+        ca.Function("path_hessian", [z, slots, multipliers], [ca.hessian(ca.dot(multipliers, path), z)[0]]),
     )
 
 
@@ -127,17 +157,16 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
 
 
 def _path(
-    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], near_ground: int, near_disk: int
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_disk: int
 ) -> list[ca.SX]:
     """Eqs. 17-25 for the watched vehicles, written in the leader's variables; each value >= 0 when held."""
     scenario = problem.scenario
     x = ca.vertsplit(z)
     waiting = iter(slots)
     values: list[ca.SX] = []
-    for _ in range(near_ground):
-        north, east, down = _place(problem, x, next(waiting))
-        ground = ground_envelope_m(scenario.terrain, x[0] + north, x[1] + east, ca)
-        values.append(-(x[2] + down) - ground - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
+    for height in ground:
+        _, _, down = _place(problem, x, next(waiting))
+        values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
     for disk in scenario.no_fly:
         for _ in range(near_disk):
             north, east, _ = _place(problem, x, next(waiting))

@@ -14,10 +14,12 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
+from gcs.frames import Origin
 from gcs.scenario.check import check
 from gcs.scenario.lines import key_lines, line_of
 from gcs.scenario.mistakes import Mistake, from_pydantic
 from gcs.scenario.model import Scenario
+from gcs.scenario.physical import ground_needed
 
 FILE_NAME = "scenario.toml"
 
@@ -33,7 +35,8 @@ def load_scenario(path: Path | str) -> Scenario:
     mistakes: list[Mistake] = []
     try:
         scenario = Scenario.model_validate(data)
-        mistakes += check(scenario)
+        scenario, lacking = _with_relief(scenario, file.parent)
+        mistakes += lacking or check(scenario)
     except ValidationError as error:
         mistakes += from_pydantic(error)
         sound = _sound_tables(data)
@@ -41,6 +44,21 @@ def load_scenario(path: Path | str) -> Scenario:
     if mistakes:
         raise _all_at_once(file, text, mistakes)
     return scenario
+
+
+def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:
+    """The scenario with the heights of its elevation model, or why there are none."""
+    terrain = scenario.terrain
+    if terrain.dem is None or terrain.relief is not None:
+        return scenario, []
+    from gcs.scenario.dem import DemError, read_dem  # noqa: PLC0415 (GDAL takes long to load, and few need it)
+
+    origin = Origin(**scenario.origin.model_dump())
+    try:
+        relief = read_dem(folder / terrain.dem.file, origin, ground_needed(scenario), terrain.dem.unit)
+    except DemError as problem:
+        return scenario, [Mistake(("terrain", "dem", "file"), str(problem), terrain.dem.file)]
+    return scenario.model_copy(update={"terrain": terrain.model_copy(update={"relief": relief})}), []
 
 
 def _parsed(file: Path, text: str) -> dict[str, Any]:

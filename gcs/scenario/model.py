@@ -23,11 +23,13 @@ from gcs.scenario.part import (
     Share,
     Vector,
 )
+from gcs.scenario.relief import Relief
 
 __all__ = [
     "START_SHAPE",
     "Boundary",
     "Change",
+    "Dem",
     "Formation",
     "FormationVehicle",
     "Generator",
@@ -40,6 +42,7 @@ __all__ = [
     "Objective",
     "Origin",
     "Range",
+    "Relief",
     "Ripple",
     "Scenario",
     "Sensors",
@@ -146,11 +149,25 @@ class Mountains(Part):
             yield (), f"lists must be equally long, one entry per mountain; lengths are {found}"
 
 
+class Dem(Part):
+    """An elevation model: heights above mean sea level in a file that GDAL reads, GeoTIFF or SRTM .hgt for example."""
+
+    file: str = Field(description="path of the file, from the folder of this one")
+    unit: Literal["m", "ft"] | None = Field(default=None, description="unit of its heights, where it does not say")
+
+
 class Terrain(Part):
-    """Ground height: the larger of the ripple and the sum of mountains; flat at height 0 without both."""
+    """Ground height: the larger of ripple and sum of mountains, or an elevation model; without any flat at height 0."""
 
     ripple: Ripple | None = Field(default=None, description="Eq. 52; no ripple when left out")
     mountains: Mountains = Field(default=Mountains(), description="Eq. 53; no mountains when left out")
+    dem: Dem | None = Field(default=None, description="an elevation model instead of formulas")
+    relief: Relief | None = Field(default=None, description="what was read of the elevation model; not for writing")
+
+    def disagreements(self) -> Findings:
+        """An elevation model and formulas together."""
+        if self.dem is not None and (self.ripple is not None or self.mountains.height_m):
+            yield ("dem",), "is the ground already: leave out ripple and mountains"
 
 
 class NoFlyDisk(Part):

@@ -9,9 +9,11 @@ import numpy as np
 
 from gcs.quadrotor import Array, Quadrotor
 from gcs.scenario.model import START_SHAPE, Boundary, Scenario
+from gcs.scenario.relief import Region
 from gcs.scenario.shapes import places_up_m
 from gcs.scenario.terrain import ground_height_m
 
+_ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
 
 
@@ -79,6 +81,16 @@ def hover_start_ned_m(scenario: Scenario) -> Array:
         back[:2] = velocity[:2] / horizontal * scenario.ground_phases.run_up_m
     start = np.array(scenario.start.position_m) * NED_FROM_UP
     return np.asarray(start - back + offsets_ned_m(scenario))
+
+
+def ground_needed(scenario: Scenario) -> Region:
+    """What plan, take-off, landing and fence may need the ground of: the box, hovers, ends, and some room."""
+    limits, offsets = scenario.limits, offsets_ned_m(scenario)
+    ends = [np.array(b.position_m) * NED_FROM_UP + offsets for b in (scenario.start, scenario.end)]
+    places = np.concatenate([hover_start_ned_m(scenario), *ends])[:, :2]
+    low = np.minimum(places.min(axis=0), [limits.north_m[0], limits.east_m[0]]) - _ROOM_M
+    high = np.maximum(places.max(axis=0), [limits.north_m[1], limits.east_m[1]]) + _ROOM_M
+    return Region((float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
 
 def pads_ned_m(scenario: Scenario) -> Array:

@@ -1,7 +1,7 @@
-"""Ground height of Eqs. 52 and 53: exact for the verifier, smooth from above for the optimiser.
+"""Ground height, by Eqs. 52, 53 or an elevation model: exact for the verifier, smooth from above for the optimiser.
 
-Knows: the two formulas and an envelope over both. Does not know: vehicles, clearances, CasADi (`xp` supplies
-the functions).
+Knows: the two formulas, the relief, and an envelope over either. Does not know: vehicles, clearances, CasADi (`xp`
+supplies the functions of the formulas; the relief's envelope is a spline that whoever needs symbols makes for himself).
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ ENVELOPE_ROUNDING_M = 0.25
 
 
 def ground_height_m(terrain: Terrain, north_m: Array, east_m: Array) -> Array:
-    """Exact height (...) of the ground above height 0: max(Eq. 52, Eq. 53)."""
+    """Exact height (...) of the ground above height 0: the relief, or max(Eq. 52, Eq. 53)."""
+    if terrain.relief is not None:
+        return terrain.relief.height_m(north_m, east_m)
     mountains = mountain_height_m(terrain.mountains, north_m, east_m)
     if terrain.ripple is None:
         return np.asarray(mountains + np.zeros_like(north_m))
@@ -66,8 +68,10 @@ def ground_envelope_m(terrain: Terrain, north_m: Any, east_m: Any, xp: Any = np)
     """A twice differentiable height that is nowhere below the ground.
 
     Nodes stand metres apart and cannot see a ripple of 6 m wavelength, so the ripple counts with its peak
-    everywhere; the corner between peak and mountain is rounded upwards.
+    everywhere; the corner between peak and mountain is rounded upwards. A relief has its own envelope, for arrays only.
     """
+    if terrain.relief is not None:
+        return terrain.relief.envelope.height_m(north_m, east_m)
     mountains = mountain_height_m(terrain.mountains, north_m, east_m, xp)
     if terrain.ripple is None:
         return mountains

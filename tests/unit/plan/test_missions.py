@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 from gcs.quadrotor import Array
 from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Terrain
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
 SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/*.toml"))
@@ -21,7 +23,7 @@ SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/
 def test_the_missions_are_found() -> None:
     folders = {name.split("/")[0] for name in SCENARIOS}
     assert folders == {file.parent.name for file in MISSIONS.glob("*/README.md")}
-    assert {"changes", "field", "gap", "simulation1", "simulation2", "terminal_weighting"} <= folders
+    assert {"changes", "field", "gap", "ridge", "simulation1", "simulation2", "terminal_weighting"} <= folders
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -98,3 +100,16 @@ def test_changes_come_in_order_at_their_time_or_place(plan_of: Callable[[str], P
     assert extent_m(line.end_s)[1] > room_m
     before, after = (plan.offsets(np.array([t]))[:, 0] for t in (0.0, back.end_s))
     assert sorted(map(tuple, np.round(after, 6) + 0.0)) == sorted(map(tuple, np.round(before, 6) + 0.0))
+
+
+def test_ridge_is_crossed_where_the_elevation_model_is_low(plan_of: Callable[[str], Plan]) -> None:
+    """Planned as if the ground were level, six vehicles fly into the ridge, which stands between two nodes."""
+    plan = plan_of("ridge/scenario.toml")
+    blind = make_plan(plan.scenario.model_copy(update={"terrain": Terrain()}))
+    report = verify(replace(blind, scenario=plan.scenario))
+    (worst,) = (c for c in report.failures if c.name == "clearance above ground" and c.phase == "mission")
+    assert worst.worst < -10.0
+    crossing = plan.states(np.arange(0.0, plan.flight_s, 0.5))[plan.leader]
+    over = crossing[np.argmin(np.abs(crossing[:, 0] - 350.0))]
+    assert 20.0 < over[1] < 100.0  # the pass is 60 m east
+    assert report.clearance_min_m < 0.0 < verify(plan).clearance_min_m

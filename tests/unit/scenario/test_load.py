@@ -145,3 +145,29 @@ def test_a_missing_mission_far_from_any(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(ScenarioError) as caught:
         load_scenario(tmp_path / "a" / "b")
     assert caught.value.hint == "name a folder that holds a scenario.toml, or such a file"
+
+
+def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path: Path, repo_root: Path) -> None:
+    ridge = repo_root / "missions" / "ridge"
+    relief = load_scenario(ridge).terrain.relief
+    assert relief is not None and relief.spacing_m == pytest.approx(10.0, rel=0.001)
+    text = (ridge / "scenario.toml").read_text()
+    (tmp_path / "scenario.toml").write_text(text)
+    with pytest.raises(ScenarioError, match=r'scenario.toml:\d+: terrain.dem.file = "ridge.tif": cannot be read'):
+        load_scenario(tmp_path)
+    (tmp_path / "ridge.tif").write_bytes((ridge / "ridge.tif").read_bytes())
+    (tmp_path / "scenario.toml").write_text(text.replace("north_m = [-20.0, 720.0]", "north_m = [-20.0, 2720.0]"))
+    with pytest.raises(ScenarioError, match=r"too small: it covers .* needs -35 to 2735 m north"):
+        load_scenario(tmp_path)
+
+
+def test_an_elevation_model_and_mountains_disagree(broken: Broken) -> None:
+    told = broken(("[terrain.mountains]", '[terrain.dem]\nfile = "x.tif"\n\n[terrain.mountains]'))
+    assert "terrain.dem: is the ground already: leave out ripple and mountains" in told
+
+
+def test_what_was_read_travels_with_the_scenario(tmp_path: Path, repo_root: Path) -> None:
+    """A plan, or the file that a simulator is given, needs the elevation model no more."""
+    scenario = load_scenario(repo_root / "missions" / "ridge")
+    (tmp_path / "scenario.json").write_text(scenario.model_dump_json())
+    assert load_scenario(tmp_path / "scenario.json") == scenario

@@ -1,0 +1,160 @@
+"""Ground from an elevation model: its heights as they were measured, and a smooth surface that lies above them.
+
+Knows: pixels, where each lies in the local frame, interpolation. Does not know: files, projections (`gcs.scenario.dem`
+turns them into this), vehicles, CasADi. A scenario carries its relief with it: whoever gets a plan needs no other file.
+
+Between four pixel centres the ground is bilinear, which is what the elevation model says and nothing more. The smooth
+surface is a uniform cubic B-spline: its coefficients are raised where it would lie below the ground, and because it is
+a weighted mean of the sixteen around a place, raising all of them by as much as is missing there is enough.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy import ndimage
+
+from gcs.quadrotor import Array
+from gcs.scenario.part import Findings, Number, Part, Point, Positive
+
+TERMS = 10  # of a cubic polynomial of two variables
+ENVELOPE_RESERVE_M = 0.02  # for what is between the samples that the envelope is held against
+_STEP = 0.5  # of the pixels: half of them follow the ground four times as closely
+_SUBSAMPLES = 4  # of a cell of the envelope, each way
+_MARGIN_CELLS = 4
+_CELLS_MAX = 2_000_000
+
+Polynomial = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number, Number]
+
+
+@dataclass(frozen=True)
+class Region:
+    """What the ground is needed of, m north and east of the origin."""
+
+    north_m: tuple[float, float]
+    east_m: tuple[float, float]
+
+
+class Relief(Part):
+    """An elevation model in the local frame; made by reading a file, not by hand."""
+
+    rows: Annotated[int, Field(ge=2)] = Field(description="pixels from one end to the other, first axis")
+    columns: Annotated[int, Field(ge=2)] = Field(description="pixels along the second axis")
+    heights: str = Field(description="m above height 0: float32, little endian, row by row; zlib, base64")
+    centre_m: Point = Field(description="north, east of where the polynomials are expanded, m")
+    reach_m: Positive = Field(description="unit of their variables, m")
+    row: Polynomial = Field(description="row of a place, counted from 0 at the first pixel's centre")
+    column: Polynomial = Field(description="column of a place")
+    spacing_m: Positive = Field(description="distance between two pixels, the smaller one, m")
+    north_m: tuple[Number, Number] = Field(description="[low, high] of what is covered for certain, m")
+    east_m: tuple[Number, Number] = Field(description="[low, high] of what is covered for certain, m")
+
+    def disagreements(self) -> Findings:
+        """Heights that are no table of this size, or no numbers."""
+        try:
+            table = self.pixels_m
+        except ValueError as problem:
+            yield ("heights",), f"cannot be unpacked: {problem}"
+            return
+        if not np.all(np.isfinite(table)):
+            yield ("heights",), "has places without a height"
+
+    def __eq__(self, other: object) -> bool:
+        """The same numbers; what was worked out from them is no matter."""
+        return isinstance(other, Relief) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        """Of the heights, which hardly two have in common."""
+        return hash(self.heights)
+
+    @cached_property
+    def pixels_m(self) -> Array:
+        """Heights (rows, columns) above height 0. Raises ValueError when they cannot be unpacked."""
+        try:
+            raw = zlib.decompress(base64.b64decode(self.heights, validate=True))
+        except zlib.error as problem:
+            raise ValueError(str(problem)) from None
+        return np.frombuffer(raw, dtype="<f4").astype(np.float64).reshape(self.rows, self.columns)
+
+    def height_m(self, north_m: Array, east_m: Array) -> Array:
+        """Bilinear height (...) at places (...); beyond the last pixel the ground goes on level."""
+        north_m, east_m = np.broadcast_arrays(north_m, east_m)
+        terms = terms_of((north_m - self.centre_m[0]) / self.reach_m, (east_m - self.centre_m[1]) / self.reach_m)
+        place = np.stack([np.tensordot(np.array(p), terms, axes=1) for p in (self.row, self.column)])
+        return _interpolated(self.pixels_m, place, order=1)
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """The smooth surface over it."""
+        return _envelope(self)
+
+
+class Envelope:
+    """A uniform bicubic B-spline: twice differentiable, nowhere below the relief it is made for."""
+
+    def __init__(self, first_m: tuple[float, float], step_m: float, coefficients_m: Array) -> None:
+        """Coefficient (i, j) of the table (I, J) stands at `first_m` + (i, j) `step_m`, north and east."""
+        self.first_m, self.step_m, self.coefficients_m = first_m, step_m, coefficients_m
+
+    def height_m(self, north_m: Array, east_m: Array) -> Array:
+        """Height (...) at places (...); beyond the table it goes on level."""
+        places = np.stack(np.broadcast_arrays(north_m, east_m))
+        index = (places - np.reshape(self.first_m, (2, *[1] * (places.ndim - 1)))) / self.step_m
+        last = np.reshape(np.array(self.coefficients_m.shape) - 2.0, (2, *[1] * (places.ndim - 1)))
+        inside = np.clip(index, 1.0, last)
+        return _interpolated(self.coefficients_m, inside, order=3)
+
+
+def terms_of(north: Array, east: Array) -> Array:
+    """The ten terms (10, ...) of a cubic polynomial in two variables, each about one in size."""
+    one = np.ones_like(north)
+    squares = (north * north, north * east, east * east)
+    return np.stack([one, north, east, *squares, *(north * s for s in squares), east * squares[2]])
+
+
+def packed(heights_m: Array) -> str:
+    """A table of heights as a scenario carries it."""
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(heights_m, dtype="<f4").tobytes(), 9)).decode()
+
+
+def _interpolated(table: Array, place: Array, order: int) -> Array:
+    """B-spline of an order with these coefficients, at places (2, ...) in steps of the table."""
+    flat = ndimage.map_coordinates(table, place.reshape(2, -1), order=order, mode="nearest", prefilter=False)
+    return np.asarray(flat.reshape(place.shape[1:]))
+
+
+def _envelope(relief: Relief) -> Envelope:
+    low = np.array([relief.north_m[0], relief.east_m[0]])
+    size = np.array([relief.north_m[1], relief.east_m[1]]) - low
+    step = max(_STEP * relief.spacing_m, float(np.sqrt(size.prod() / _CELLS_MAX)))
+    first = low - _MARGIN_CELLS * step
+    count = np.ceil(size / step).astype(int) + 2 * _MARGIN_CELLS + 1
+    north, east = (first[axis] + step * np.arange(count[axis]) for axis in (0, 1))
+    surface = Envelope(
+        (float(first[0]), float(first[1])), step, relief.height_m(*np.meshgrid(north, east, indexing="ij"))
+    )
+    missing = np.zeros((count[0] - 1, count[1] - 1))
+    shares = np.arange(_SUBSAMPLES + 1) / _SUBSAMPLES * step
+    for down in shares:
+        for across in shares:
+            places = np.meshgrid(north[:-1] + down, east[:-1] + across, indexing="ij")
+            np.maximum(missing, relief.height_m(*places) - surface.height_m(*places), out=missing)
+    missing += ENVELOPE_RESERVE_M
+    # Cell (i, j) is made from coefficients i-1 .. i+2: coefficient i takes part in cells i-2 .. i+1.
+    raised = np.full((count[0], count[1]), ENVELOPE_RESERVE_M)
+    np.maximum(raised, _pushed(missing, count), out=raised)
+    return Envelope(surface.first_m, step, surface.coefficients_m + raised)
+
+
+def _pushed(missing: Array, count: Array) -> Array:
+    """For each coefficient the most that is missing in the sixteen cells it takes part in."""
+    table = np.zeros((count[0] + 3, count[1] + 3))
+    table[2 : 2 + missing.shape[0], 2 : 2 + missing.shape[1]] = missing
+    windows = np.lib.stride_tricks.sliding_window_view(table, (4, 4))
+    return np.asarray(windows.max(axis=(2, 3)))
