@@ -125,17 +125,14 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path: Path) -> None:
             read_dem(tmp_path / name, where, REGION)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 80.0), st.floats(-0.5, 0.5))
-def test_the_smooth_ground_is_above_the_relief(seed: int, rough_m: float, turned: float) -> None:
+def test_the_smooth_ground_is_nowhere_below_the_relief(seed: int, rough_m: float, turned: float) -> None:
     relief = rough_relief(seed, rough_m, turned)
     rng = np.random.default_rng(seed)
     north, east = rng.uniform(0.0, 100.0, 4000), rng.uniform(0.0, 80.0, 4000)
     above = relief.envelope.height_m(north, east) - relief.height_m(north, east)
-    # Heights without any order rise by a little between the places that are looked at; what that leaves, the planner
-    # finds between its nodes.
-    assert above.min() > -0.03 * rough_m
-    assert np.mean(above < 0.0) < 0.01
+    assert above.min() > 0.0
 
 
 def test_the_smooth_ground_of_a_plane_is_the_plane() -> None:
