@@ -100,5 +100,6 @@ def _jacobian(_: Array, h: Array) -> Array:
     return h
 
 
-def _expected(x: Array, h: Array) -> Array:
-    return np.asarray(np.matmul(h, x))
+def _expected(x: Stack, h: Array) -> Stack:
+    expected: Stack = np.matmul(h, x)
+    return expected

@@ -1,6 +1,9 @@
 import math
+import struct
 
+import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
 from gcs.link.codec import Codec, Message, Station, item_from_message, item_to_message
@@ -21,6 +24,30 @@ def test_frames_are_mavlink_2_and_numbered():
     numbers = [codec.encode(POSITION)[4] for _ in range(300)]
     assert max(numbers) == 255
     assert min(numbers) == 0
+
+
+def test_frames_of_numbers_are_the_dialects_own_bit_by_bit():
+    """They are packed by a shorter way than pymavlink's."""
+    rng, checked = np.random.default_rng(1), 0
+    for cls in dialect.mavlink_map.values():
+        if any(cls.array_lengths) or "char" in cls.fieldtypes:
+            continue
+        for zeros in (0.0, 0.7, 1.0):
+            fields = {}
+            for name, kind in zip(cls.fieldnames, cls.fieldtypes, strict=True):
+                bits = 8 * dict(zip(cls.ordered_fieldnames, _sizes(cls), strict=True))[name]
+                low = 0 if kind.startswith("uint") else -(2 ** (bits - 1))
+                value = rng.uniform(-1e3, 1e3) if kind in ("float", "double") else int(rng.integers(0, 2 ** (bits - 1)))
+                fields[name] = 0 if rng.random() < zeros else value if kind in ("float", "double") else value + low
+            theirs, ours = dialect.MAVLink(None, 7, 1), Codec(7, 1)
+            theirs.seq = 0
+            assert ours.encode(Message(cls.msgname, fields)) == cls(**fields).pack(theirs), cls.msgname
+            checked += 1
+    assert checked > 300
+
+
+def _sizes(cls):
+    return [struct.calcsize("<" + letter) for letter in cls.native_format.decode()[1:]]
 
 
 def test_what_is_encoded_is_decoded_with_its_source_and_raw_frame():
