@@ -19,8 +19,10 @@ from gcs.cli.check import check
 from gcs.cli.console import Screen
 from gcs.cli.export import export
 from gcs.cli.fly import fly
+from gcs.cli.new import new
 from gcs.cli.plan import plan
 from gcs.cli.schema import schema
+from gcs.cli.show import show
 from gcs.cli.vehicles import vehicles
 from gcs.cli.verify import verify
 from gcs.errors import GcsError
@@ -28,6 +30,8 @@ from gcs.errors import GcsError
 STOPPED = 130
 BUG = 70
 EXAMPLES = """Examples:
+
+gcs new missions/first
 
 gcs fly missions/simulation1 --sim
 
@@ -41,7 +45,7 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (fly, plan, verify, export, check, vehicles, schema):
+for _command in (new, show, plan, verify, export, check, fly, vehicles, schema):
     app.command()(_command)
 
 

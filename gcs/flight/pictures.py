@@ -21,8 +21,10 @@ from matplotlib.colors import LightSource
 from matplotlib.patches import Circle
 
 _COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
-_DPI = 110
+DPI = 110
 _GRID = 141
+_LEVEL_M = 0.1
+_NAMED = 12  # vehicles that a legend has room for
 _CLOSE_UP_S = 6.0
 
 
@@ -36,7 +38,7 @@ def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned
     paths = []
     for name, figure in pictures.items():
         path = folder / name
-        figure.savefig(path, dpi=_DPI)
+        figure.savefig(path, dpi=DPI)
         plt.close(figure)
         paths.append(path)
     return paths
@@ -82,20 +84,27 @@ def _colours(sysids: tuple[int, ...]) -> list[str]:
 
 def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -> Any:
     """Plan view, north up, with contour lines, no-fly disks and the box of Eq. 51."""
-    north, east, height = _ground(scenario, tracks_ned_m)
     figure, axes = plt.subplots(figsize=(7.2, 6.6), layout="constrained")
-    filled = axes.contourf(east, north, height, levels=24, cmap="YlOrBr", alpha=0.8)
-    axes.contour(east, north, height, levels=(5, 10, 15, 20, 30, 40, 50), colors="saddlebrown", linewidths=0.5)
-    figure.colorbar(filled, label="ground height, m", shrink=0.85)
+    draw_map_on(axes, scenario, sysids, tracks_ned_m)
+    return figure
+
+
+def draw_map_on(axes: Any, scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array, style: str = "-") -> None:
+    """The same on axes that are there."""
+    north, east, height = _ground(scenario, tracks_ned_m)
+    if np.ptp(height) > _LEVEL_M:
+        filled = axes.contourf(east, north, height, levels=24, cmap="YlOrBr", alpha=0.8)
+        axes.contour(east, north, height, levels=(5, 10, 15, 20, 30, 40, 50), colors="saddlebrown", linewidths=0.5)
+        axes.figure.colorbar(filled, ax=axes, label="ground height, m", shrink=0.85)
     for disk in scenario.no_fly:
         axes.add_patch(Circle((disk.east_m, disk.north_m), disk.radius_m, color="red", alpha=0.35))
     for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
-        axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, label=f"vehicle {sysid}")
+        axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, ls=style, label=f"vehicle {sysid}")
     axes.plot(tracks_ned_m[:, 0, 1], tracks_ned_m[:, 0, 0], "k^", ms=5, label="take-off")
     axes.plot(tracks_ned_m[:, -1, 1], tracks_ned_m[:, -1, 0], "ks", ms=5, label="landing")
     axes.set(xlabel="east, m", ylabel="north, m", title=f"{scenario.name}: from above", aspect="equal")
-    axes.legend(fontsize=8, loc="lower right")
-    return figure
+    if len(sysids) <= _NAMED:
+        axes.legend(fontsize=8, loc="lower right")
 
 
 def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:

@@ -1,6 +1,6 @@
 """What the tables of a scenario must agree on before anyone plans it.
 
-Knows: rules about speeds, times, thrust and attitudes, and the key to change; where to find the other rules.
+Knows: rules about speeds, times and attitudes, and the key to change; where to find the other rules.
 Does not know: the way between start and end. Only what no plan could mend is refused; whether there is a plan is
 for the planner to say.
 """
@@ -12,10 +12,9 @@ from collections.abc import Collection
 import numpy as np
 
 from gcs.quadrotor import Array
-from gcs.scenario import check_ends, check_formation
+from gcs.scenario import check_ends, check_formation, check_vehicle
 from gcs.scenario.mistakes import Mistake
 from gcs.scenario.model import Scenario
-from gcs.scenario.physical import quadrotor
 from gcs.scenario.rules import Mistakes, Rules
 
 RULES = Rules()
@@ -23,7 +22,7 @@ RULES = Rules()
 
 def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
     """All disagreements between those `tables` of the scenario that are valid in themselves."""
-    books = (RULES, check_ends.RULES, check_formation.RULES)
+    books = (RULES, check_vehicle.RULES, check_ends.RULES, check_formation.RULES)
     return [mistake for rules in books for mistake in rules.broken(scenario, tables)]
 
 
@@ -65,25 +64,6 @@ def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
     if any(scenario.end.velocity_mps):
         text = "must be [0, 0, 0]: every flight ends in a hover and lands from it"
         yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps)
-
-
-@RULES.needs("vehicle", "limits")
-def _vehicle_hovers(scenario: Scenario) -> Mistakes:
-    model = quadrotor(scenario)
-    low, high = scenario.limits.thrust_N
-    if not low < model.weight_N < high:
-        text = (
-            f"cannot hover: the weight is {model.weight_N:.2f} N (vehicle.mass_kg = {model.mass_kg:g}), "
-            "and thrust must be free to go below and above it"
-        )
-        yield Mistake(("limits", "thrust_N"), text, (low, high))
-    from_rotors = 4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2
-    if from_rotors < high:
-        text = (
-            f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N promises {high:g} N "
-            f"and needs {np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
-        )
-        yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
 
 
 @RULES.needs("start", "end", "time", "limits")

@@ -16,10 +16,12 @@ from pydantic import TypeAdapter, ValidationError
 from gcs.errors import ScenarioError
 from gcs.frames import Origin
 from gcs.scenario.check import check
+from gcs.scenario.check_vehicle import RULES
 from gcs.scenario.lines import key_lines, line_of
 from gcs.scenario.mistakes import Mistake, from_pydantic
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import ground_needed
+from gcs.scenario.vehicle_file import KEY, VehicleFile, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
 
@@ -32,6 +34,8 @@ def load_scenario(path: Path | str) -> Scenario:
     file = scenario_file(Path(path))
     text = _read(file)
     data = _parsed(file, text)
+    if isinstance(wanted := data.get(KEY), str):
+        data = with_vehicle(data, load_vehicle(vehicle_file(wanted, file.parent)))
     mistakes: list[Mistake] = []
     try:
         scenario = Scenario.model_validate(data)
@@ -44,6 +48,25 @@ def load_scenario(path: Path | str) -> Scenario:
     if mistakes:
         raise _all_at_once(file, text, mistakes)
     return scenario
+
+
+def load_vehicle(file: Path) -> VehicleFile:
+    """A vehicle file, checked for physical sense. Raises ScenarioError like `load_scenario`."""
+    if not file.is_file():
+        known = ", ".join(presets())
+        raise ScenarioError(
+            f"there is no vehicle type {file.name}: no file {file}",
+            hint=f"presets are {known}; the path of a vehicle file is taken from the scenario's folder",
+        )
+    text = _read(file)
+    try:
+        kind = VehicleFile.model_validate(_parsed(file, text))
+    except ValidationError as error:
+        raise _all_at_once(file, text, from_pydantic(error, VehicleFile)) from None
+    alone = Scenario.model_construct(None, vehicle=kind.vehicle, limits=kind.limits)
+    if mistakes := RULES.broken(alone, ("vehicle", "limits")):
+        raise _all_at_once(file, text, mistakes)
+    return kind
 
 
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from gcs.scenario.lines import Key
@@ -57,9 +57,9 @@ def toml(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def from_pydantic(error: ValidationError) -> list[Mistake]:
+def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario) -> list[Mistake]:
     """Every finding of the model, in words."""
-    schema = Scenario.model_json_schema()
+    schema = model.model_json_schema()
     return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, schema)]
 
 

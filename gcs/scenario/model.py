@@ -41,6 +41,7 @@ __all__ = [
     "NoFlyDisk",
     "Objective",
     "Origin",
+    "Performance",
     "Range",
     "Relief",
     "Ripple",
@@ -96,12 +97,9 @@ class Vehicle(Part):
     rotor_max_radps: Positive = Field(description="fastest a rotor turns, rad/s")
 
 
-class Limits(Part):
-    """Eq. 51 and the limits the paper names without a value; they hold for every vehicle."""
+class Performance(Part):
+    """What a type of vehicle can do, or may be asked to."""
 
-    north_m: Range = Field(description="[low, high], m north of the origin")
-    east_m: Range = Field(description="[low, high], m east of the origin")
-    height_m: Range = Field(description="[low, high], m above height 0")
     speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
     roll_pitch_yaw_deg: tuple[
         Annotated[Number, Field(gt=0, le=180)],
@@ -113,11 +111,19 @@ class Limits(Part):
         description="U_1, [low, high], N"
     )
     torque: PositiveVector = Field(description="largest |U_2|, |U_3| (N, on the arm) and |U_4| (N m)")
-    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
     load_factor_max: Positive = Field(description="n_max of Eq. 17, lateral acceleration in units of g")
     accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
-    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
     control_margin: Share = Field(default=0.0, description="share of each control the plan keeps for feedback")
+
+
+class Limits(Performance):
+    """Eq. 51 and the limits the paper names without a value; they hold for every vehicle."""
+
+    north_m: Range = Field(description="[low, high], m north of the origin")
+    east_m: Range = Field(description="[low, high], m east of the origin")
+    height_m: Range = Field(description="[low, high], m above height 0")
+    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
+    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
 
 
 class Ripple(Part):

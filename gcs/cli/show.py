@@ -1,0 +1,89 @@
+"""`gcs show`: what a scenario or a plan contains, in a page and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory import Plan
+    from gcs.scenario.model import Scenario
+
+STEP_S = 0.2
+
+
+def show(
+    mission: MissionArgument,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", "-p", metavar="FILE", help="Draw a map with ground, zones, tracks and clearances."),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show what a scenario or plan contains: who flies, where, from what to what, under which limits.
+
+    Example: gcs show plans/simulation1.skein --picture map.png
+    """
+    screen = Screen(json=json)
+    from gcs.plan.store import SUFFIX, load_plan
+    from gcs.scenario.load import load_scenario
+
+    plan = load_plan(mission)[0] if mission.suffix == SUFFIX else None
+    scenario = plan.scenario if plan else load_scenario(mission)
+    found = {**_scenario(scenario), **(_plan(plan) if plan else {})}
+    screen.say(scenario.title or scenario.name)
+    width = max(map(len, found))
+    for name, text in found.items():
+        screen.say(f"  {name:<{width}}  {text}")
+    if picture is not None:
+        from gcs.flight.overview import save_overview
+
+        save_overview(scenario, plan, picture)
+        screen.say(f"picture: {picture}")
+    screen.result({"name": scenario.name, **found, **({"picture": picture} if picture else {})})
+
+
+def _scenario(scenario: Scenario) -> dict[str, Any]:
+    from gcs.scenario.check_vehicle import hover_share
+    from gcs.scenario.physical import quadrotor, sysids
+
+    origin, limits, terrain, body = scenario.origin, scenario.limits, scenario.terrain, quadrotor(scenario)
+    ids = sysids(scenario)
+    ends = (" ".join(f"{x:g}" for x in b.position_m) for b in (scenario.start, scenario.end))
+    ground = "level"
+    if terrain.relief is not None and terrain.dem is not None:
+        ground = f"{terrain.dem.file}, pixels of {terrain.relief.spacing_m:.1f} m"
+    elif terrain.ripple or terrain.mountains.height_m:
+        ground = f"{len(terrain.mountains.height_m)} mountains{', ripple' if terrain.ripple else ''}"
+    changes = [f"{change.kind}{' (auto)' if change.auto else ''}" for change in scenario.formation.change]
+    return {
+        "vehicles": f"{len(ids)}, {scenario.vehicle.name}, {body.mass_kg:g} kg, hover at "
+        f"{100.0 * hover_share(body):.0f} % of their thrust; leader {scenario.formation.leader}",
+        "origin": f"{origin.lat_deg:.6f}, {origin.lon_deg:.6f}, {origin.alt_amsl_m:g} m above the sea",
+        "way": "{} to {} (north east height, m) in {:g} s".format(*ends, scenario.time.flight_s),
+        "box": f"north {limits.north_m[0]:g} to {limits.north_m[1]:g}, east {limits.east_m[0]:g} to "
+        f"{limits.east_m[1]:g}, height {limits.height_m[0]:g} to {limits.height_m[1]:g} m",
+        "ground": f"{ground}; clearance at least {limits.clearance_min_m:g} m",
+        "closed": f"{len(scenario.no_fly)} areas",
+        "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
+        "changes": ", ".join(changes) or "none: the formation is rigid",
+        "autopilot": scenario.mission.autopilot,
+    }
+
+
+def _plan(plan: Plan) -> dict[str, Any]:
+    """What the plan adds; the verdict is worked out anew."""
+    from gcs.plan.verify import verify
+
+    report = verify(plan)
+    separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
+    return {
+        "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
+        "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
+    }

@@ -1,0 +1,60 @@
+"""Whether a vehicle makes physical sense: it can hover, and its rotors give the torques that are promised.
+
+Knows: weight, rotors, Eq. 2. Does not know: missions; a vehicle file is asked the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.quadrotor import Quadrotor, control_from_rotors, rotors_from_control
+from gcs.scenario.mistakes import Mistake
+from gcs.scenario.model import Scenario
+from gcs.scenario.physical import quadrotor
+from gcs.scenario.rules import Mistakes, Rules
+
+_REACHED = 1.0 - 1e-6
+_TORQUES = ("U2, rolling", "U3, pitching", "U4, yawing")
+
+RULES = Rules()
+
+
+def hover_share(model: Quadrotor) -> float:
+    """Share of the rotors' full thrust that carries the weight."""
+    return model.weight_N / (4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2)
+
+
+@RULES.needs("vehicle", "limits")
+def _vehicle_hovers(scenario: Scenario) -> Mistakes:
+    model = quadrotor(scenario)
+    low, high = scenario.limits.thrust_N
+    if not low < model.weight_N < high:
+        text = (
+            f"cannot hover: the weight is {model.weight_N:.2f} N (vehicle.mass_kg = {model.mass_kg:g}), "
+            "and thrust must be free to go below and above it"
+        )
+        yield Mistake(("limits", "thrust_N"), text, (low, high))
+    from_rotors = 4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2
+    if from_rotors < high:
+        text = (
+            f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N promises {high:g} N "
+            f"and needs {np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
+        )
+        yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
+
+
+@RULES.needs("vehicle", "limits")
+def _rotors_give_the_torques(scenario: Scenario) -> Mistakes:
+    model = quadrotor(scenario)
+    if hover_share(model) >= 1.0:
+        return  # the other rule's mistake
+    for axis, most in enumerate(scenario.limits.torque):
+        wanted = np.array([model.weight_N, 0.0, 0.0, 0.0])
+        wanted[axis + 1] = most
+        got = float(control_from_rotors(rotors_from_control(wanted, model), model)[axis + 1])
+        if got < _REACHED * most:
+            text = (
+                f"more than the rotors give: while they carry the weight, {_TORQUES[axis]}, reaches {got:.3g} "
+                f"(Eq. 2, rotor_max_radps = {model.rotor_max_radps:g})"
+            )
+            yield Mistake(("limits", "torque", axis), text, most)

@@ -1,0 +1,56 @@
+"""Types of vehicle in files of their own: `vehicle_type = "quad500"`, or the path of such a file, in a scenario.
+
+Knows: what a vehicle file holds, the presets, and that a scenario's own keys go before. Does not know: missions.
+A vehicle file has the tables [vehicle] and [limits] of a scenario, the latter with what the type can do, and may name
+its autopilot. What is wrong with it is told with its own lines.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from gcs.scenario.model import Performance, Vehicle
+from gcs.scenario.part import Part
+
+KEY = "vehicle_type"
+_PRESETS = files("gcs.scenario") / "presets"
+
+
+class VehicleFile(Part):
+    """One type of vehicle: its body, what it can do, and what flies it."""
+
+    vehicle: Vehicle
+    limits: Performance
+    autopilot: Literal["ardupilot", "px4"] | None = Field(default=None, description="whose dialect it speaks")
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the types that come with the program."""
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name[0] != "_"))
+
+
+def preset_file(name: str) -> Path:
+    """File of a preset."""
+    return Path(str(_PRESETS / f"{name}.toml"))
+
+
+def vehicle_file(wanted: str, folder: Path) -> Path:
+    """The preset of this name, else the file of this path, from the scenario's folder."""
+    return preset_file(wanted) if wanted in presets() else folder / wanted
+
+
+def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
+    """A scenario's tables with those of its vehicle type where it says nothing itself."""
+    found = {name: value for name, value in data.items() if name != KEY}
+    given = kind.model_dump(mode="json", exclude_none=True)
+    for table in ("vehicle", "limits"):
+        if isinstance(found.get(table, {}), dict):
+            found[table] = {**given[table], **found.get(table, {})}
+    mission = found.get("mission")
+    if kind.autopilot is not None and isinstance(mission, dict):
+        found["mission"] = {"autopilot": kind.autopilot, **mission}
+    return found

@@ -1,0 +1,58 @@
+"""`gcs new` writes what plans at once; `gcs show` tells what is in a scenario or plan, and draws it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+from gcs.cli import main
+
+
+def gcs(*arguments: object) -> int:
+    return main.run([str(argument) for argument in arguments])
+
+
+def is_drawn(path: Path) -> bool:
+    return bool(np.ptp(image.imread(path)[..., :3]) > 0.5)
+
+
+def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new", tmp_path / "first", "--at", "-33.4", "-70.6", "740") == 0
+    assert f"next: gcs plan {tmp_path / 'first'}" in capsys.readouterr().out
+    assert gcs("plan", tmp_path / "first", "--out", tmp_path / "first.skein", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["ok"]
+    assert gcs("show", tmp_path / "first", "--picture", tmp_path / "scenario.png") == 0
+    text = capsys.readouterr().out
+    assert "first: six quadrotors in a vee" in text
+    assert "-33.400000, -70.600000, 740 m above the sea" in text
+    assert "hover at 50 % of their thrust" in text
+    assert gcs("show", tmp_path / "first.skein", "--picture", tmp_path / "plan.png", "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["verified"].startswith("yes: clearance 15.0")
+    assert is_drawn(tmp_path / "scenario.png")
+    assert is_drawn(tmp_path / "plan.png")
+
+
+def test_nothing_is_overwritten_and_bad_names_and_places_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert gcs("new", tmp_path / "first") == 0
+    before = (tmp_path / "first" / "scenario.toml").read_text()
+    for arguments, told in (
+        ((tmp_path / "first",), "exists already"),
+        ((tmp_path / "My Flight",), '"My Flight" cannot be the name'),
+        ((tmp_path / "second", "--at", "95", "0", "0"), "there is no place at 95, 0, 0 m"),
+    ):
+        assert gcs("new", *arguments) == 2
+        assert told in capsys.readouterr().err
+    assert (tmp_path / "first" / "scenario.toml").read_text() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["first"]
+
+
+def test_an_elevation_model_is_shown(repo_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("show", repo_root / "missions" / "ridge") == 0
+    assert "ridge.tif, pixels of 10.0 m; clearance at least 6 m" in capsys.readouterr().out
