@@ -275,7 +275,7 @@ class Autopilot:
         if passed.landing and self.mode.intent is Intent.RETURN:
             self.voice.say(Note.RETURN_LANDS)
         if passed.ended and self.mode.intent is Intent.TAKEOFF and self.flying:
-            self.helm.progress.finished = True
+            self.helm.progress.manoeuvred(self.mode.intent)
             self._enter(self.personality.modes.of(Intent.HOLD))
         if self.armed:
             self._watch(t_s, contact)
@@ -286,7 +286,7 @@ class Autopilot:
         guide = self.helm.guide
         new = self.readiness.step(t_s, healthy, guide.origin.alt_amsl_m - float(guide.home_ned_m[2]))
         if Milestone.RUNNING in new and self.personality.boot.restarts_mode:
-            self.mode = self._numbered(self.personality.modes.at_boot)
+            self._enter(self._numbered(self.personality.modes.at_boot))
 
     def _watch(self, t_s: float, contact: bool) -> None:
         if not self.flying:

@@ -67,7 +67,6 @@ class Commands:
         self._replies = autopilot.personality.replies
         self._memory = CommandMemory()
         self._task: _Task | None = None
-        self._again: list[Message] = []  # acknowledgements that come a second time
         self._handlers: dict[int, Callable[[Request, float], Answer]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.NAV_TAKEOFF: self._take_off,
@@ -102,28 +101,27 @@ class Commands:
             answer = handler(request, t_s) if handler is not None else Answer(MavResult.UNSUPPORTED)
         ack = command_ack(message, answer.result)
         self._memory.answered(message, ack, now_s)
-        if request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED:
-            self._again += [ack] * (self._replies.mode_acks - 1)
+        changed = request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED
+        acks = [ack] * (self._replies.mode_acks if changed else 1)
         if self._replies.message_first or request.command in _TELLS_FIRST:
-            return [*answer.messages, ack]
-        return [ack, *answer.messages]
+            return [*answer.messages, *acks]
+        return [*acks, *answer.messages]
 
     def step(self, t_s: float) -> list[Message]:
         """What has yet to be said of earlier commands."""
-        messages, self._again = self._again, []
         task = self._task
         if task is None or t_s < task.say_s:
-            return messages
+            return []
         if t_s >= task.end_s:
             self._task = None
-            return [*messages, command_ack(task.command, MavResult.ACCEPTED, progress=100)]
+            return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
         task.say_s = min(t_s + _SAY_S, task.end_s)
-        return [*messages, self._progress(task, t_s)]
+        return [self._progress(task, t_s)]
 
     @property
     def busy(self) -> bool:
         """Whether `step` has something to say, now or later."""
-        return self._task is not None or bool(self._again)
+        return self._task is not None
 
     def _arm(self, request: Request, t_s: float) -> Answer:
         arm, force = request.params[0], request.params[1] == _FORCE

@@ -5,6 +5,7 @@ Knows: how manoeuvres follow one another. Does not know: modes, arming, clocks, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,7 @@ from gcs.mission.model import MissionItem
 from gcs.mission.navigator.orders import Navigator
 from gcs.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, brake, descend, transfer
+from sim_bridge.guidance.manoeuvres import Descent, brake, descend, rise, transfer
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.mission_course import MissionCourse, is_navigation
 from sim_bridge.stretch import Course, Mark
@@ -23,6 +24,7 @@ from sim_bridge.stretch import Course, Mark
 __all__ = ["Course", "Guide", "Mark", "is_navigation"]
 
 _MOVED_M = 0.05  # less is no reason to fly anywhere
+_FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,9 @@ class Guide:
     descend_mps: float
     rtl_height_m: float
     epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
+    climb_mps: float = math.inf
+    takeoff_mps: float = math.inf
+    floats_s: float = 0.0  # just off the ground, before a take-off climbs
     return_wait_s: float = 0.0  # over home, before it descends
     slow_below_m: float = 10.0  # above home: there it descends at `land_mps`
     crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
@@ -48,10 +53,22 @@ class Guide:
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
         """Straight up to `height_m` above home."""
-        target = flat[0].copy()
-        target[2] = self.home_ned_m[2] - height_m
-        piece = transfer(t_s, flat, target, self.limits)
-        return Course((piece,), climbing_until_s=piece.end_s)
+        pieces = self.climb_out(t_s, flat, self.home_ned_m[2] - height_m)
+        return Course(tuple(pieces), climbing_until_s=pieces[-1].end_s)
+
+    def climb_out(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
+        """Off the ground and straight up to `down_m`."""
+        if self.floats_s <= 0.0:
+            return self.climb(t_s, flat, down_m)
+        off = transfer(t_s, flat, flat[0] - _FLOAT_M, self.limits)
+        now = off.at(off.end_s)
+        float_s = max(t_s + self.floats_s, off.end_s)
+        floating = Piece(off.end_s, float_s, hold(off.end_s, now).coefficients)
+        return [off, floating, *self.climb(float_s, now, down_m)]
+
+    def climb(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
+        """Straight up to `down_m`, as fast as in a take-off."""
+        return rise(t_s, flat, down_m, self.takeoff_mps, self.limits)
 
     def stop(self, t_s: float, flat: Array) -> Course:
         """Brake and stand."""
@@ -77,11 +94,13 @@ class Guide:
         top_ned_m = self.home_ned_m[2] - self.rtl_height_m
         over = pieces[-1].at(pieces[-1].end_s)[0].copy()
         over[2] = min(over[2], top_ned_m)
-        for north_east in (over[:2].copy(), self.home_ned_m[:2]):
-            over[:2] = north_east
-            now = pieces[-1].at(pieces[-1].end_s)
-            if np.linalg.norm(now[0] - over) > _MOVED_M:
-                pieces.append(transfer(pieces[-1].end_s, now, over.copy(), self.limits))
+        now = pieces[-1].at(pieces[-1].end_s)
+        if now[0, 2] - over[2] > _MOVED_M:
+            pieces += rise(pieces[-1].end_s, now, over[2], self.climb_mps, self.limits)
+        over[:2] = self.home_ned_m[:2]
+        now = pieces[-1].at(pieces[-1].end_s)
+        if np.linalg.norm(now[0] - over) > _MOVED_M:
+            pieces.append(transfer(pieces[-1].end_s, now, over, self.limits))
         if self.return_wait_s > 0.0:
             start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)
             pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))

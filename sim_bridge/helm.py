@@ -39,16 +39,18 @@ class Helm:
         self, personality: Personality, guide: Guide, yaw_ned_rad: float, arming: Arming, voice: Voice
     ) -> None:
         self.guide = guide
-        self.path = Flightpath(np.append(guide.home_ned_m, yaw_ned_rad), guide.stop)
+        self.path = Flightpath(np.append(guide.home_ned_m, yaw_ned_rad), self._end_stream)
         self.ground = GroundWatch(personality.flight.landed_after_s)
         self.progress = Progress(personality.reports, personality.missions.home_is_item_0, voice)
         self.takeoff_m = math.nan  # above home, as last asked for
         self._habits = personality.flight
         self._from_ground = personality.streaming.from_ground
         self._coasts_s = personality.streaming.coasts_s
+        self._comes_back = personality.streaming.comes_back
         self._arming = arming
         self._voice = voice
         self._least_takeoff_m = 0.0
+        self._intent = Intent.HOLD
         self._lift_off: Callable[[float], Course] | None = None  # waits for the motors
 
     @property
@@ -67,6 +69,9 @@ class Helm:
             descend_mps=settings[Setting.DESCEND_MPS],
             land_mps=settings[Setting.LAND_MPS],
             rtl_height_m=settings[Setting.RETURN_HEIGHT_M],
+            climb_mps=settings[Setting.CLIMB_MPS],
+            takeoff_mps=self._habits.takeoff_share * settings.get(Setting.TAKEOFF_MPS, settings[Setting.CLIMB_MPS]),
+            floats_s=self._habits.floats_s,
             slow_below_m=self._habits.slow_below_m,
             crawl_below_m=self._habits.crawl_below_m,
             crawl_mps=settings.get(Setting.CRAWL_MPS, 0.0),
@@ -93,6 +98,7 @@ class Helm:
     def begin(self, t_s: float, intent: Intent) -> None:
         """Fly, in the air or about to be, what a mode for `intent` is there for."""
         flat = self.path.piece.at(t_s)
+        self._intent = intent
         self.progress.running, self._lift_off = False, None
         if intent is Intent.MISSION:
             self._fly_mission(t_s)
@@ -157,7 +163,7 @@ class Helm:
         if left:
             self._voice.say(Note.LIFTED_OFF)
         if landed:
-            self.progress.land()
+            self.progress.land(self._intent)
             self._voice.say(Note.LANDED)
             self.stand(t_s, self.path.piece.at(t_s)[0])
         return landed
@@ -167,10 +173,15 @@ class Helm:
         """MAV_LANDED_STATE."""
         if not self.ground.aloft:
             return LandedState.ON_GROUND
-        if self.path.landing:
+        if self.path.landing and self._intent is not Intent.MANUAL:
             return LandedState.LANDING
         climbing = self.path.piece.start_s < self.path.course.climbing_until_s
         return LandedState.TAKEOFF if climbing else LandedState.IN_AIR
+
+    def _end_stream(self, t_s: float, flat: Array) -> Course:
+        if self._comes_back:
+            return self.guide.go_to(t_s, flat, flat[0])
+        return self.guide.stop(t_s, flat)
 
     def _fly_mission(self, t_s: float) -> None:
         self.progress.begin()

@@ -172,7 +172,10 @@ class MissionCourse:
         target = self._flat[0].copy()
         target[2] = min(down_m, target[2])
         if self._flat[0, 2] - target[2] > _MOVED_M:
-            self._follow(transfer(self._t_s, self._flat, target, self._guide.limits))
+            grounded = self._t_s == self._airborne_from_s
+            climb = self._guide.climb_out if grounded else self._guide.climb
+            for piece in climb(self._t_s, self._flat, float(target[2])):
+                self._follow(piece)
             self._climbing_until_s = self._t_s
         self._completed(seq, self._t_s)
 

@@ -20,6 +20,7 @@ from sim_bridge.events import Reached, Voice
 from sim_bridge.personality import Intent, Note
 from sim_bridge.personality.habits import Reports
 
+_MANOEUVRES = frozenset({Intent.TAKEOFF, Intent.LAND})
 _PLACEHOLDER = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0,) * 4, 0, 0, 0.0)
 
 
@@ -118,11 +119,17 @@ class Progress:
         if self.running and self._reports.tells_landing:
             self.reached(self.seq)
 
-    def land(self) -> None:
-        """On the ground; the mission is over."""
+    def manoeuvred(self, intent: Intent) -> None:
+        """A take-off or a landing by itself is over."""
+        if self._reports.counts_manoeuvres and intent in _MANOEUVRES:
+            self.finished = True
+
+    def land(self, intent: Intent) -> None:
+        """On the ground; the mission, or what was flown for `intent`, is over."""
         if self.running:
             self._voice.say(Note.MISSION_ENDS)
             self.running, self.finished = False, True
+        self.manoeuvred(intent)
 
     def start_over(self) -> None:
         """After the landing the first item is current again, where that is the habit."""
@@ -151,16 +158,17 @@ class Progress:
             self._repeats_left -= 1
             self._voice.tell(self._repeated)
 
-    def state(self, intent: Intent) -> tuple[MissionState, int]:
+    def state(self, intent: Intent, *, flying: bool) -> tuple[MissionState, int]:
         """MISSION_CURRENT's mission_state and mission_mode in a mode for `intent`."""
         reports = self._reports
-        takeoff = intent is Intent.TAKEOFF and reports.takeoff_finishes
-        here = intent is Intent.MISSION or takeoff
+        manoeuvre = intent in _MANOEUVRES and reports.counts_manoeuvres
+        here = intent is Intent.MISSION or manoeuvre
+        underway = manoeuvre and (flying or intent is Intent.TAKEOFF)
         mode = 1 if here else reports.mode_elsewhere
         complete = self.finished and not reports.starts_over
         if len(self.items) <= self.first:
             return MissionState.NO_MISSION, mode
-        if takeoff or (here and not complete and (self._begun or not reports.starts_over)):
+        if underway or (here and not complete and (self._begun or not reports.starts_over)):
             return MissionState.ACTIVE, mode
         if complete:
             return MissionState.COMPLETE, mode

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from gcs.link.dialect import Severity
-from sim_bridge.events import ModeChanged, Placed, Said, Voice
+from sim_bridge.events import Placed, Said, Voice
 from sim_bridge.personality import Boot, Milestone
 
 _NOTHING: frozenset[Milestone] = frozenset()
@@ -51,8 +51,6 @@ class Readiness:
             new |= stage.milestones
             self._reached |= stage.milestones
             self.faults = self.faults if stage.faults is None else stage.faults
-            if Milestone.RUNNING in stage.milestones:
-                self._voice.tell(ModeChanged())
             if Milestone.PLACED in stage.milestones:
                 self._voice.tell(Placed())
             self._voice.tell(*(Said(Severity.INFO, text.format(alt_m=ground_alt_m)) for text in stage.texts))

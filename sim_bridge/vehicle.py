@@ -17,13 +17,13 @@ from gcs.link.signing import Signature
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands
-from sim_bridge.events import ModeChanged, Placed, Reached, Said
+from sim_bridge.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.failsafe import Failsafe
 from sim_bridge.missions.fence import shapes
 from sim_bridge.missions.keep import flyable
 from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.params import Params
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Milestone, Personality
 from sim_bridge.setpoints import SETPOINTS, setpoint_in
 from sim_bridge.telemetry import Instruments, Sources, Telemetry, heartbeat
 from sim_bridge.texts import Texts
@@ -162,9 +162,11 @@ class Vehicle:
 
     def _tell(self) -> list[Message]:
         messages: list[Message] = []
-        replies = self._personality.replies
+        replies, unsaid = self._personality.replies, list[Event]()
         for event in self.autopilot.events:
             match event:
+                case Said() if not self._telemetry.sources.reached(Milestone.SPEAKING):
+                    unsaid.append(event)
                 case Said(severity, text):
                     messages += self._texts.messages(severity, text)
                 case Reached(seq):
@@ -175,7 +177,7 @@ class Vehicle:
                     self._shelf.move_home(self._instruments.place(self.autopilot.guide.home_ned_m))
                     both = (MessageId.GPS_GLOBAL_ORIGIN, MessageId.HOME_POSITION) if replies.announces_home else ()
                     messages += [m for m in map(self._telemetry.build, both) if m is not None]
-        self.autopilot.events.clear()
+        self.autopilot.events[:] = unsaid
         return messages if self._heard else [m for m in messages if m.name == "HEARTBEAT"]
 
     def _take_setpoint(self, message: Message) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from tools.replay.compare import compare
 from tools.replay.meant import MEANT, Meant, streams_of, why
@@ -27,6 +28,7 @@ from tools.replay.recording import AUTOPILOTS, SCENES, TRACES, find, read
 from tools.replay.verdict import Verdict
 
 VEHICLE = Path(__file__).resolve().parent.parent / "missions" / "field"
+SPEEDS_MPS = (12.0, 12.0, 3.2)  # what the recorded vehicles can, whatever our mission allows itself
 
 
 @dataclass
@@ -62,8 +64,12 @@ def replay(autopilot: str, scene: str, folder: Path = TRACES) -> Scene | None:
         return None
     recording = read(path)
     streams = streams_of(autopilot)
-    played = play(recording, personality_of(autopilot), load_scenario(VEHICLE), streams)
+    played = play(recording, personality_of(autopilot), _able(load_scenario(VEHICLE)), streams)
     return Scene(autopilot, scene, compare(recording, played, streams))
+
+
+def _able(scenario: Scenario) -> Scenario:
+    return scenario.model_copy(update={"limits": scenario.limits.model_copy(update={"speed_ned_mps": SPEEDS_MPS})})
 
 
 def replay_all(autopilots: Iterable[str], scenes: Iterable[str], folder: Path = TRACES) -> Iterator[Scene]:

@@ -114,6 +114,25 @@ def _integral(position: Array, velocity: Array) -> Array:
     return c
 
 
+def rise(start_s: float, flat: Array, down_m: float, climb_mps: float, limits: MotionLimits) -> list[Piece]:
+    """From rest straight up to rest at `down_m`, no faster than `climb_mps` for the most part."""
+    target = flat[0].copy()
+    target[2] = down_m
+    speed = min(climb_mps, limits.vertical_mps)
+    cruise_m = flat[0, 2] - down_m - 2.0 * _change_m(0.0, speed, limits)
+    at_once = transfer(start_s, flat, target, limits)
+    if cruise_m <= 0.0 or np.any(flat[1:3]):
+        slowest_s = _SEPTIC_PEAKS[0] * abs(flat[0, 2] - down_m) / speed
+        if at_once.end_s - start_s >= slowest_s or np.any(flat[1:3]):
+            return [at_once]
+        end = np.zeros((4, 4))
+        end[0] = target
+        return [Piece(start_s, start_s + slowest_s, _polynomial(_SEPTIC, flat[:4], end, slowest_s))]
+    quicken = _change_descent(start_s, flat[0], (0.0, -speed), limits)
+    cruise = _sink(quicken.end_s, _end(quicken), -speed, cruise_m / speed)
+    return [quicken, cruise, _change_descent(cruise.end_s, _end(cruise), (-speed, 0.0), limits)]
+
+
 @dataclass(frozen=True)
 class Descent:
     """How to come down: at `fast_mps`, then from each of `slower` (down, m; m/s) on at its speed."""
@@ -151,7 +170,7 @@ def _change_s(before_mps: float, after_mps: float, limits: MotionLimits) -> floa
 
 
 def _change_m(before_mps: float, after_mps: float, limits: MotionLimits) -> float:
-    return 0.5 * (before_mps + after_mps) * _change_s(before_mps, after_mps, limits)
+    return 0.5 * abs(before_mps + after_mps) * _change_s(before_mps, after_mps, limits)
 
 
 def _change_descent(start_s: float, place: Array, down_mps: tuple[float, float], limits: MotionLimits) -> Piece:

@@ -50,6 +50,7 @@ _BOOT = Boot(
     stages=(
         Stage(
             0.0,
+            frozenset({Milestone.SPEAKING}),
             faults=(
                 "Gyros not healthy",
                 "EKF attitude is bad",
@@ -154,6 +155,7 @@ _STREAMS = Streams(
     unasked_hz={MessageId.HEARTBEAT: 1.0},
     default_hz=0.0,
     fixed=frozenset(),
+    mute=frozenset(),
     unsent=frozenset({MessageId.ATTITUDE_TARGET, MessageId.ALTITUDE, MessageId.ESTIMATOR_STATUS}),
     groups={
         2: frozenset(
@@ -208,8 +210,10 @@ ARDUPILOT = Personality(
     flight=Flight(
         slow_below_m=10.0,
         crawl_below_m=0.0,
-        landed_after_s=1.6,
-        disarm_after_s=0.45,
+        landed_after_s=1.75,
+        disarm_after_s=0.3,
+        takeoff_share=0.8,
+        floats_s=0.0,
         takeoff_above_sea=False,
         takeoff_in_guided=True,
         mission_start_arms=False,
@@ -217,7 +221,7 @@ ARDUPILOT = Personality(
         reposition_in=Intent.GUIDED,
         sinks_without_sticks=False,
     ),
-    streaming=Streaming(from_ground=False, proof_s=0.0, coasts_s=None),
+    streaming=Streaming(from_ground=False, proof_s=0.0, coasts_s=None, comes_back=True),
     reports=Reports(
         repeats=0,
         repeat_s=1.0,
@@ -226,7 +230,7 @@ ARDUPILOT = Personality(
         empty_total=0,
         counts_home=False,
         mode_elsewhere=0,
-        takeoff_finishes=False,
+        counts_manoeuvres=False,
         item_names={16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay", 178: "ChangeSpeed"},
     ),
     replies=Replies(

@@ -15,6 +15,7 @@ class Milestone(Enum):
     """What a vehicle can do from some stage on."""
 
     RUNNING = auto()  # set up: HEARTBEAT says so
+    SPEAKING = auto()  # what it has to say goes out; until then it is kept
     FIXED = auto()  # its receiver has a fix: it tells positions
     PLACED = auto()  # origin and home are known
     LOCATED = auto()  # it knows where it is

@@ -21,6 +21,7 @@ class Setting(Enum):
     CRUISE_MPS = auto()
     CLIMB_MPS = auto()
     DESCEND_MPS = auto()
+    TAKEOFF_MPS = auto()  # where it has a speed of its own
     LAND_MPS = auto()
     CRAWL_MPS = auto()  # right above the ground
     RETURN_HEIGHT_M = auto()

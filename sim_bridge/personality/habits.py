@@ -31,6 +31,8 @@ class Flight:
     crawl_below_m: float  # ... and there at CRAWL_MPS
     landed_after_s: float  # contact with the ground before it counts as landed
     disarm_after_s: float  # landed before the motors stop
+    takeoff_share: float  # of the speed for climbing that a take-off makes use of
+    floats_s: float  # just off the ground, before a take-off climbs
     takeoff_above_sea: bool  # NAV_TAKEOFF's height is AMSL, not above home
     takeoff_in_guided: bool  # NAV_TAKEOFF wants an armed vehicle in a guided mode; else it is a mode of its own
     mission_start_arms: bool  # MISSION_START arms, too
@@ -46,6 +48,7 @@ class Streaming:
     from_ground: bool  # a setpoint in the air lifts a vehicle that stands armed
     proof_s: float  # a stream runs for so long before it is believed; 0 where none is asked for
     coasts_s: float | None  # the last setpoint is flown on for so long; None: as STREAM_TIMEOUT_S says
+    comes_back: bool  # ... and then it stands where it was when that time was over, which it first overshoots
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Reports:
     empty_total: int  # MISSION_CURRENT.total without a mission
     counts_home: bool
     mode_elsewhere: int  # MISSION_CURRENT.mission_mode outside missions
-    takeoff_finishes: bool  # a take-off counts as a mission that was flown to its end
+    counts_manoeuvres: bool  # a take-off, a landing counts as a mission that is flown to its end
     item_names: Mapping[int, str]
 
 
@@ -91,6 +94,7 @@ class Streams:
     default_hz: float  # what an interval of 0 asks for; 0: nothing
     fixed: frozenset[int]  # whose rate cannot be changed
     unsent: frozenset[int]  # not of this autopilot
+    mute: frozenset[int]  # ... although it takes a rate for them
     groups: Mapping[int, frozenset[int]]  # REQUEST_DATA_STREAM's groups
     fast_share: float  # of a rate above 5 Hz that is asked for and really given
     local_from: Milestone  # when LOCAL_POSITION_NED begins

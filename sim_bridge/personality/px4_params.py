@@ -59,6 +59,7 @@ PARAMS = (
     Param("MPC_LAND_CRWL", 0.3, _REAL32, 0.1, 1.0, Setting.CRAWL_MPS),
     Param("MPC_LAND_SPEED", 0.7, _REAL32, 0.6, 12.0, Setting.LAND_MPS),
     Param("MPC_TILTMAX_AIR", 45.0, _REAL32),
+    Param("MPC_TKO_SPEED", 1.5, _REAL32, 1.0, 5.0, Setting.TAKEOFF_MPS),
     Param("MPC_XY_CRUISE", 5.0, _REAL32, 3.0, 20.0, Setting.CRUISE_MPS),
     Param("MPC_XY_TRAJ_P", 0.5, _REAL32),
     Param("MPC_XY_VEL_MAX", 12.0, _REAL32),

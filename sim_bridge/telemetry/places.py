@@ -20,7 +20,7 @@ _UID_BYTES = 18
 
 def _mission_current(tell: Sources) -> Message:
     progress = tell.autopilot.helm.progress
-    state, mode = progress.state(tell.autopilot.mode.intent)
+    state, mode = progress.state(tell.autopilot.mode.intent, flying=tell.autopilot.flying)
     return Message(
         "MISSION_CURRENT",
         {"seq": progress.seq, "total": progress.counted, "mission_state": int(state), "mission_mode": mode},

@@ -40,7 +40,7 @@ class Telemetry:
         for number, due_s in self._due_s.items():
             if due_s <= t_s + _SAME_S:
                 self._due_s[number] = max(due_s + self._given_s(self._interval_s[number]), t_s)
-                message = self._known[number](self.sources)
+                message = self._known[number](self.sources) if number not in self._streams.mute else None
                 if message is not None:
                     messages.append(message)
         self._next_s = min(self._due_s.values(), default=_LATER_S)

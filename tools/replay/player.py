@@ -20,6 +20,7 @@ from sim_bridge.personality import Personality
 from tools.replay.recording import Recording, Row, Step
 from tools.replay.saying import BY_THE_WAY, STANDING, TALK, saying
 from tools.replay.stage import Stage, Told
+from tools.replay.talk import STREAM_S
 
 TIMERS_MAY_DIFFER = 0.2
 _REACTION_S = 0.03  # what came no longer ago is what the ground station had waited for
@@ -27,6 +28,7 @@ _PATIENCE_S = 0.15
 _SHORT_S = 1.0  # a step so short is not worth making shorter
 _TURN_S = 1.01 * CONTROL_PERIOD_S
 _FROM_POWER_ON = {"connect", "arm_refusals"}
+_Key = tuple[str, tuple[object, ...], tuple[object, ...]]  # a saying's name, which one it is, how things stand
 
 
 @dataclass
@@ -60,22 +62,26 @@ def play(recording: Recording, personality: Personality, scenario: Scenario, str
         for row in step.streamed:
             stage.run_until(row.t_s + late_s)
             stage.receive(row.frame, row.t_s + late_s)
-        clock_s = _let_pass(step, stage, begin, clock_s, awaited[step.number])
+        stands = {t.message.name: t.message for t in stage.told[:begin] if t.message.name in STANDING}
+        known = {_key(name, message) for name, message in stands.items()}
+        clock_s = _let_pass(step, stage, begin, clock_s, awaited[step.number] - known)
         played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
         begin = len(stage.told)
     return played
 
 
-def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set[object]) -> float:
+def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set[_Key]) -> float:
     """Let the step's time pass; until the vehicle has said what is awaited, within what its timers may differ."""
     length_s = step.end_s - step.t_s
     slack_s = TIMERS_MAY_DIFFER * length_s + _PATIENCE_S
+    news = any(name in STANDING for name, *_ in awaited)
+    patience_s = TIMERS_MAY_DIFFER * length_s + STREAM_S if news else slack_s
     clock_s = start_s + (length_s - slack_s if awaited and length_s > _SHORT_S else length_s)
     if step.streamed:
         clock_s = max(clock_s, step.streamed[-1].t_s - step.t_s + start_s)
     stage.run_until(clock_s)
     said = {_key(t.message.name, t.message) for t in stage.told[begin:]}
-    while not awaited <= said and clock_s < start_s + length_s + slack_s:
+    while not awaited <= said and clock_s < start_s + length_s + patience_s:
         heard = len(stage.told)
         clock_s += _TURN_S
         stage.run_until(clock_s)
@@ -83,12 +89,12 @@ def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set
     return clock_s
 
 
-def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[object]]:
+def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[_Key]]:
     """What the ground station had waited for at the end of each step: answers, and news of how things stand."""
     standing: dict[str, object] = {}
-    awaited: list[set[object]] = []
+    awaited: list[set[_Key]] = []
     for step in recording.steps:
-        wanted = set[object]()
+        wanted = set[_Key]()
         for row in step.heard:
             key = _key(row.name, row.message)
             new = row.name in STANDING and standing.get(row.name) not in (None, key)
@@ -105,7 +111,7 @@ def _asks_time(row: Row) -> bool:
     return row.name == "TIMESYNC" and row.message is not None and row.message.fields["tc1"] == 0
 
 
-def _key(name: str, message: Message | None) -> object:
+def _key(name: str, message: Message | None) -> _Key:
     said = saying(0.0, 0, name, message)
     news = tuple(said.fields.get(field) for field in STANDING.get(name, ()))
     return said.name, said.which, news

@@ -52,6 +52,7 @@ class Talk:
     matched: bool = False
     first: bool = False
     brief: bool = False
+    spare: int = 0  # times that nothing recorded answers to yet
 
 
 def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozenset[str]) -> list[Talk]:

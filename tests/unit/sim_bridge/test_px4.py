@@ -77,7 +77,7 @@ def test_takeoff_is_a_mode_that_waits_for_arming_and_ends_in_hold():
     body = body_of()
     assert body.pilot.take_off(body.t_s, 4.0) == OK
     assert body.pilot.mode.number == px4_mode(4, 2)
-    assert body.pilot.helm.progress.state(body.intent) == (MissionState.NO_MISSION, 1)
+    assert body.pilot.helm.progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NO_MISSION, 1)
     body.run(3.0)
     assert not body.pilot.armed
     assert body.arm() == OK
@@ -127,9 +127,9 @@ def test_arming_in_mission_mode_starts_the_mission_which_is_told_as_px4_does():
     body = body_of()
     body.pilot.set_mission(mission(PX4))
     progress = body.pilot.helm.progress
-    assert progress.state(body.intent) == (MissionState.NOT_STARTED, 2)
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NOT_STARTED, 2)
     assert body.mode(Intent.MISSION) == OK
-    assert progress.state(body.intent) == (MissionState.ACTIVE, 1)
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.ACTIVE, 1)
     assert body.arm() == OK
     body.run_until(lambda: body.pilot.landed_state == L.LANDING)
     assert body.reached()[-1] == 6
@@ -150,7 +150,7 @@ def test_arming_in_mission_mode_starts_the_mission_which_is_told_as_px4_does():
         "Disarmed by landing\t",
     ]
     assert body.pilot.mode.number == PX4_MISSION
-    assert progress.state(body.intent) == (MissionState.COMPLETE, 1)
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.COMPLETE, 1)
 
 
 def test_mission_start_arms_and_flies_and_is_refused_without_a_mission():
