@@ -16,7 +16,7 @@ from gcs.mission.model import MissionItem
 from gcs.mission.navigator.orders import Navigator
 from gcs.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, brake, descend, rise, transfer
+from sim_bridge.guidance.manoeuvres import Descent, brake, descend, descend_towards, rise, transfer
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.mission_course import MissionCourse, is_navigation
 from sim_bridge.stretch import Course, Mark
@@ -24,6 +24,8 @@ from sim_bridge.stretch import Course, Mark
 __all__ = ["Course", "Guide", "Mark", "is_navigation"]
 
 _MOVED_M = 0.05  # less is no reason to fly anywhere
+_LEVEL_MPS = 0.05
+_LOOKS = 101  # for when it comes near
 _FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
 
 
@@ -49,6 +51,7 @@ class Guide:
     slow_below_m: float = 10.0  # above home: there it descends at `land_mps`
     crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
     crawl_mps: float = 0.0
+    arrive_m: float = 0.0  # nearer than that counts as over the place where it lands
     navigator: Navigator | None = None
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
@@ -81,12 +84,29 @@ class Guide:
     def land(self, t_s: float, flat: Array) -> Course:
         """Brake, then straight down."""
         stop = brake(t_s, flat, self.limits)
+        down = self._descend(stop.end_s, stop.at(stop.end_s))
+        return Course((stop, *down), landing_from_s=t_s)
+
+    def land_at(self, t_s: float, flat: Array, target: Array) -> Course:
+        """Over `target` (4,) at its height, then down; the last bit of the way while it comes down."""
+        way = transfer(t_s, flat, target, self.limits)
+        near = (
+            s for s in np.linspace(t_s, way.end_s, _LOOKS) if math.dist(way.at(s)[0, :2], target[:2]) <= self.arrive_m
+        )
+        from_s = float(next(near, way.end_s))
+        if self.arrive_m <= 0.0 or abs(way.at(from_s)[1, 2]) > _LEVEL_MPS:
+            down = self.land(way.end_s, way.at(way.end_s))
+            return Course((way, *down.pieces), landing_from_s=down.landing_from_s)
+        straight = self._descend(from_s, hold(from_s, way.at(from_s)).at(from_s))
+        first = Piece(t_s, from_s, way.coefficients)
+        return Course((first, *descend_towards(way, straight)), landing_from_s=from_s)
+
+    def _descend(self, t_s: float, flat: Array) -> list[Piece]:
         slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
         if self.crawl_below_m > 0.0:
             slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
         way = Descent(self.descend_mps, tuple(slower))
-        down = descend(stop.end_s, stop.at(stop.end_s), way, self.limits)
-        return Course((stop, *down), landing_from_s=t_s)
+        return descend(t_s, flat, way, self.limits)
 
     def return_home(self, t_s: float, flat: Array) -> Course:
         """Up to the return height, over home, down."""
@@ -99,7 +119,11 @@ class Guide:
             pieces += rise(pieces[-1].end_s, now, over[2], self.climb_mps, self.limits)
         over[:2] = self.home_ned_m[:2]
         now = pieces[-1].at(pieces[-1].end_s)
-        if np.linalg.norm(now[0] - over) > _MOVED_M:
+        away = np.linalg.norm(now[0] - over) > _MOVED_M
+        if away and self.return_wait_s <= 0.0:
+            home = self.land_at(pieces[-1].end_s, now, over)
+            return Course((*pieces, *home.pieces), landing_from_s=home.landing_from_s)
+        if away:
             pieces.append(transfer(pieces[-1].end_s, now, over, self.limits))
         if self.return_wait_s > 0.0:
             start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)

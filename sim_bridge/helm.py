@@ -69,6 +69,7 @@ class Helm:
             descend_mps=settings[Setting.DESCEND_MPS],
             land_mps=settings[Setting.LAND_MPS],
             rtl_height_m=settings[Setting.RETURN_HEIGHT_M],
+            arrive_m=settings.get(Setting.ARRIVE_M, 0.0),
             climb_mps=settings[Setting.CLIMB_MPS],
             takeoff_mps=self._habits.takeoff_share * settings.get(Setting.TAKEOFF_MPS, settings[Setting.CLIMB_MPS]),
             floats_s=self._habits.floats_s,

@@ -23,7 +23,7 @@ from gcs.mission.navigator.orders import Navigator, Orders, vector
 from gcs.quadrotor import Array
 from sim_bridge.guidance.follow import follow, motion
 from sim_bridge.guidance.legs import Leg, fly_legs
-from sim_bridge.guidance.manoeuvres import brake, transfer
+from sim_bridge.guidance.manoeuvres import brake
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.stretch import Course, Mark
 
@@ -184,7 +184,8 @@ class MissionCourse:
             target = self._flat[0].copy()
             target[:2] = self._place(item)[:2]
             if np.linalg.norm(target - self._flat[0]) > _MOVED_M:
-                self._follow(transfer(self._t_s, self._flat, target, self._guide.limits))
+                self._take_over(self._guide.land_at(self._t_s, self._flat, target))
+                return
         self._take_over(self._guide.land(self._t_s, self._flat))
 
     def _take_over(self, course: Course) -> None:

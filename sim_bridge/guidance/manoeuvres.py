@@ -6,13 +6,15 @@ Knows: polynomials that meet position, velocity, acceleration and jerk at their 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from gcs.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.piece import TERMS, Piece
+from sim_bridge.guidance.piece import TERMS, Piece, hold
 
 # Peaks of the rest-to-rest polynomial of degree 7 over unit time and distance: velocity to snap.
 _SEPTIC_PEAKS = (2.1875, 7.5132, 52.5, 840.0)
@@ -163,6 +165,27 @@ def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> 
         pieces.append(_change_descent(now_s, place, (speed, speeds[-1]), limits))
     pieces.append(_sink(pieces[-1].end_s, _end(pieces[-1]), speeds[-1], math.inf))
     return pieces
+
+
+def descend_towards(way: Piece, down: Sequence[Piece]) -> list[Piece]:
+    """A descent straight `down` and, at the same time, what is left of a level `way`; then straight down."""
+    stand = hold(way.end_s, way.at(way.end_s))
+    ends = {way.end_s, *(piece.start_s for piece in down), *(piece.end_s for piece in down)}
+    pieces, ahead = [], list(down)
+    for start_s, end_s in pairwise(sorted(edge for edge in ends if edge >= down[0].start_s)):
+        while ahead[0].end_s <= start_s:
+            del ahead[0]
+        c = _shifted(way if start_s < way.end_s else stand, start_s)
+        c[:, 2] = _shifted(ahead[0], start_s)[:, 2]
+        pieces.append(Piece(start_s, end_s, c))
+    return pieces
+
+
+def _shifted(piece: Piece, start_s: float) -> Array:
+    """Coefficients (TERMS, 4) of the same polynomial in the time since `start_s`."""
+    late_s = start_s - piece.start_s
+    shift = [[math.comb(k, j) * late_s ** (k - j) if k >= j else 0.0 for k in range(TERMS)] for j in range(TERMS)]
+    return np.asarray(np.array(shift) @ piece.coefficients)
 
 
 def _change_s(before_mps: float, after_mps: float, limits: MotionLimits) -> float:

@@ -25,6 +25,7 @@ class Setting(Enum):
     LAND_MPS = auto()
     CRAWL_MPS = auto()  # right above the ground
     RETURN_HEIGHT_M = auto()
+    ARRIVE_M = auto()  # nearer than that counts as over the place where it lands
     RETURN_WAIT_S = auto()
     TAKEOFF_HEIGHT_M = auto()
     AUTO_OPTIONS = auto()  # bits: 1 can be armed in a mission mode, 2 takes off then without more ado

@@ -66,7 +66,7 @@ PARAMS = (
     Param("MPC_YAW_MODE", 0.0, _INT32),
     Param("MPC_Z_V_AUTO_DN", 1.5, _REAL32, 0.5, 4.0, Setting.DESCEND_MPS),
     Param("MPC_Z_V_AUTO_UP", 3.0, _REAL32, 0.5, 8.0, Setting.CLIMB_MPS),
-    Param("NAV_ACC_RAD", 2.0, _REAL32),
+    Param("NAV_ACC_RAD", 2.0, _REAL32, 0.05, 200.0, Setting.ARRIVE_M),
     Param("NAV_DLL_ACT", 0.0, _INT32, 0.0, 6.0, Setting.LINK_LOSS_ACTION),
     Param("NAV_MC_ALT_RAD", 0.8, _REAL32),
     Param("RTL_LAND_DELAY", 0.0, _REAL32, -1.0, 300.0, Setting.RETURN_WAIT_S),

@@ -11,14 +11,6 @@ from tools.replay.recording import AUTOPILOTS, SCENES, find
 from tools.replay_traces import Scene, replay, stale
 
 STEPS = {"arducopter-4.5.6": 854, "arducopter-4.7dev": 853, "px4-1.17dev": 811}
-# Steps that differ and should not: to be worked off, never to be added to.
-OPEN = {
-    "connect": 3,
-    "params": 5,  # when words about the estimator come
-    "arm_refusals": 19,
-    "auto_flight": 9,
-    "guided_flight": 6,
-}
 
 
 @lru_cache
@@ -35,7 +27,7 @@ def played(autopilot: str, scene: str) -> Scene:
 def test_every_step_is_the_same_or_meant(autopilot: str, scene: str) -> None:
     outcome = played(autopilot, scene)
     told = [f"{verdict.t_s:.2f} {verdict.title}: {line}" for verdict, lines in outcome.unlisted for line in lines]
-    assert outcome.counts["different"] <= OPEN.get(scene, 0), "\n".join(told)
+    assert not told, "\n".join(told)
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)

@@ -11,7 +11,7 @@ from gcs.link.codec import Codec
 from gcs.link.message import Message, Station
 from tools.replay import meant
 from tools.replay.compare import compare
-from tools.replay.player import Played
+from tools.replay.player import Begun, Played
 from tools.replay.recording import Recording, Row, Step, read
 from tools.replay.stage import Told
 
@@ -54,7 +54,9 @@ def scene(*steps, length_s: float = 1.0, sent: dict[int, Row] | None = None) -> 
         step.heard = [Row(start_s + t, what[0], over_the_wire(*what)) for t, what in recorded]
         made.append(step)
         told.append([Told(start_s + t, over_the_wire(*what), signed=False) for t, what in here])
-    return Recording("arducopter-4.5.6", "made up", tuple(made), VEHICLE), Played(told)
+    begun = [Begun(step.t_s, by_stream=False) for step in made]
+    ends_s = [made[-1].end_s] * len(made)
+    return Recording("arducopter-4.5.6", "made up", tuple(made), VEHICLE), Played(told, begun, ends_s)
 
 
 def found(*steps, **kwargs) -> list[str]:
@@ -98,6 +100,32 @@ def test_order_counts_but_not_for_what_is_said_by_the_way():
 def test_timers_may_differ_by_a_fifth(t_s, good):
     differences = found(([(8.0, ack(15))], [(t_s, ack(15))]), SILENT, length_s=20.0)
     assert (differences == []) == good
+
+
+@pytest.mark.parametrize(("t_s", "good"), [(1.1, True), (3.0, False)])
+@pytest.mark.parametrize("began", [Begun(0.0, by_stream=False), Begun(20.0, by_stream=True)])
+def test_timers_count_from_what_was_done_last_and_no_finer_than_the_stream_that_was_waited_for(t_s, good, began):
+    recording, played = scene(SILENT, ([(0.0, ack(15))], [(t_s, ack(15))]), SILENT, length_s=20.0)
+    played.begun[1] = Begun(14.0, by_stream=False) if not began.by_stream else began
+    assert ([d for v in compare(recording, played, NO_STREAMS) for d in v.differences] == []) == good
+
+
+def test_what_is_said_twice_at_once_answers_to_what_was_said_again_a_little_later():
+    twice = ([(0.1, ack())], [(0.1, ack()), (0.1, ack())])
+    assert found(twice, ([(0.0, ack())], []), SILENT, length_s=0.2) == []
+    assert found(twice, ([(0.0, ack(3))], []), SILENT, length_s=0.2) == ["missing MISSION_ACK 255 0"]
+    assert found(([(0.1, ack())], [(0.1, ack())]), ([(0.0, ack())], []), SILENT, length_s=0.2) == [
+        "missing MISSION_ACK 255 0"
+    ]
+
+
+@pytest.mark.parametrize(("times", "good"), [(9, True), (11, True), (4, False)])
+def test_items_reached_are_counted_over_all_steps(times, good):
+    def reached(count: int) -> list:
+        return [(1.0 * n, ("MISSION_ITEM_REACHED", {"seq": 2})) for n in range(count)]
+
+    recorded, here = reached(10), reached(times)
+    assert (found((recorded[:1], here[:1]), (recorded[1:], here[1:]), SILENT, length_s=15.0) == []) == good
 
 
 @pytest.mark.parametrize(("times", "good"), [(20, True), (17, True), (24, True), (15, False), (25, False)])

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tools.replay.player import TIMERS_MAY_DIFFER, Played
+from tools.replay.player import TIMERS_MAY_DIFFER, Begun, Played
 from tools.replay.rates import compare_rates
-from tools.replay.recording import Recording, Step
+from tools.replay.recording import Recording
 from tools.replay.saying import BY_THE_WAY, STANDING, TALK, differences, equal
 from tools.replay.talk import STREAM_S, Talk, heard, said_here, talk_of
 from tools.replay.verdict import Verdict
@@ -27,15 +27,16 @@ def compare(recording: Recording, played: Played, streams: frozenset[str]) -> li
     verdicts = [Verdict(step.title, step.t_s) for step in recording.steps]
     recorded = talk_of([heard(step) for step in recording.steps], recording.steps, streams)
     here = talk_of([said_here(told) for told in played.told], recording.steps, streams)
-    _match(recorded, here, recording.steps, verdicts)
+    _match(recorded, here, played, verdicts)
     _signatures(recording, played, verdicts)
     return verdicts + compare_rates(recording, played, streams)
 
 
-def _match(recorded: list[Talk], here: list[Talk], steps: Sequence[Step], verdicts: list[Verdict]) -> None:
+def _match(recorded: list[Talk], here: list[Talk], played: Played, verdicts: list[Verdict]) -> None:
     reached = -1  # the last of ours that was matched, in its order
+    elsewhere = {(one.said.name, one.said.which) for one in recorded}
     for wanted in recorded:
-        found = _find(wanted, here, steps)
+        found = _find(wanted, here, played.begun, elsewhere)
         report = verdicts[wanted.said.step].differences
         if found is None and (wanted.brief or _said_in_one_go(wanted, here)):
             continue
@@ -54,9 +55,10 @@ def _match(recorded: list[Talk], here: list[Talk], steps: Sequence[Step], verdic
         if found < reached and not _by_the_way(wanted, here[reached]):
             report.append(f"order: {wanted.said} after {here[reached].said}")
         reached = max(reached, found)
-    end_s = steps[-1].end_s
     for one in here:
-        cut_off = end_s - one.said.t_s < _LATENCY_S  # the recorded vehicle had no time left to say it
+        cut_off = (
+            played.ends_s[one.said.step] - one.said.t_s < _LATENCY_S
+        )  # the recorded vehicle had no time left to say it
         thinned = one.said.name not in TALK and one.said.name not in STANDING
         if not (one.matched or cut_off or thinned or one.brief):
             verdicts[one.said.step].differences.append(f"extra {one.said}")
@@ -64,20 +66,21 @@ def _match(recorded: list[Talk], here: list[Talk], steps: Sequence[Step], verdic
 
 def _said_in_one_go(wanted: Talk, here: list[Talk]) -> bool:
     """Whether it was said just before, together with one that is matched already; then that is used up."""
+    missing = wanted.times
     for one in here:
         near = 0.0 <= wanted.said.t_s - one.said.t_s <= _LATENCY_S
         same = one.said.name == wanted.said.name and one.said.which == wanted.said.which
-        if one.matched and one.spare >= wanted.times and near and same and equal(wanted.said, one.said):
-            one.spare -= wanted.times
-            return True
-    return False
+        if one.matched and one.spare > 0 and near and same and equal(wanted.said, one.said):
+            used = min(one.spare, missing)
+            one.spare, missing = one.spare - used, missing - used
+    return missing == 0
 
 
-def _find(wanted: Talk, here: list[Talk], steps: Sequence[Step]) -> int | None:
-    """Which of ours answers to it; failing that, which was said in its place."""
+def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: set[object]) -> int | None:
+    """Which of ours answers to it; failing that, which was said in its place, unless it answers to one `elsewhere`."""
     best: tuple[int, int] | None = None
     for number, one in enumerate(here):
-        if one.matched or not _could_be(one, wanted, steps):
+        if one.matched or not _could_be(one, wanted, begun):
             continue
         then, now = one.said.step, wanted.said.step
         same = one.said.which == wanted.said.which
@@ -87,7 +90,7 @@ def _find(wanted: Talk, here: list[Talk], steps: Sequence[Step]) -> int | None:
             same and then == now,
             same and then < now,
             same and then > now and equal(wanted.said, one.said),
-            then == now and wanted.said.name != "PARAM_VALUE",
+            then == now and wanted.said.name != "PARAM_VALUE" and (one.said.name, one.said.which) not in elsewhere,
         )
         if wanted.said.name in STANDING:
             lasting = not wanted.brief and not one.brief
@@ -98,14 +101,15 @@ def _find(wanted: Talk, here: list[Talk], steps: Sequence[Step]) -> int | None:
     return best[1] if best is not None else None
 
 
-def _could_be(one: Talk, wanted: Talk, steps: Sequence[Step]) -> bool:
+def _could_be(one: Talk, wanted: Talk, begun: Sequence[Begun]) -> bool:
     if one.said.name != wanted.said.name:
         return False
     if one.first or wanted.first:  # was so before anyone was there to hear it
         sooner, later = (one, wanted) if one.first else (wanted, one)
         return (one.first and wanted.first) or later.said.t_s <= sooner.said.t_s + STREAM_S
-    latency_s = STREAM_S if one.said.name in STANDING else _LATENCY_S
-    since_s = max(wanted.said.t_s - steps[min(one.said.step, wanted.said.step)].t_s, 0.0)
+    since = begun[min(one.said.step, wanted.said.step)]
+    latency_s = STREAM_S if one.said.name in STANDING or since.by_stream else _LATENCY_S
+    since_s = max(wanted.said.t_s - since.t_s, 0.0)
     return abs(one.said.t_s - wanted.said.t_s) <= latency_s + TIMERS_MAY_DIFFER * since_s
 
 

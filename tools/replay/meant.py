@@ -160,7 +160,66 @@ MEANT: Sequence[Meant] = (
         r"COMMAND_ACK 512 result: 0 -> [24]",
         "as after any request of a message that it does not have",
     ),
+    Meant(
+        "arducopter-4.7dev",
+        "arm_refusals",
+        r"extra COMMAND_ACK 11",
+        "4.5.6 acknowledges SET_MODE, as they do; this version does not",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "*",
+        r"HEARTBEAT (base_mode: \d+ -> \d+|system_status: 1 -> [34])|missing HEARTBEAT",
+        "4.5.6 tells of a position in base_mode by mode alone and has no BOOT state; this version corrects base_mode a "
+        "second after a change of mode, one HEARTBEAT more",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "arm_refusals",
+        r"HEARTBEAT custom_mode: (0 -> 3|3 -> 6)",
+        "of its two HEARTBEATs for each mode (see above) one has nothing to answer to",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "arm_refusals",
+        r"(STATUSTEXT Arm: System not initialised -> |extra )STATUSTEXT Arm: .*",
+        "4.5.6 names every part that is not ready, as they do; this version says one sentence for all",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "*",
+        r"(missing )?STATUSTEXT GPS 1: (probing for|detected) u-blox.*",
+        "4.5.6's words for a receiver it has found",
+    ),
+    Meant(
+        "arducopter-4.7dev",
+        "arm_refusals",
+        r"(missing|extra) STATUSTEXT PreArm: Mode requires mission",
+        "checks look once a second, counted from the boot, which takes this version a third of a second longer",
+    ),
+    # How they fly
+    Meant(
+        "arducopter-*",
+        "arm_refusals",
+        r"missing (HEARTBEAT|STATUSTEXT Disarming motors)",
+        "the recorded vehicle's throttle stick stood at its bottom: in LOITER it sank at 2.4 m/s and was on the ground "
+        "when LAND came. Here sticks stand in the middle, and a landing from 4 m outlasts the scene",
+    ),
+    Meant(
+        "px4-*",
+        "guided_flight",
+        r"(missing|extra) STATUSTEXT RTL: start return at 49\d m \(4 m above destination\)",
+        "metres above the sea as its barometer has them, half a metre off",
+    ),
     # Telemetry
+    Meant(
+        "px4-*",
+        "*",
+        r"rate of (ATTITUDE\w*|LOCAL_POSITION_NED|GLOBAL_POSITION_INT|POSITION_TARGET_LOCAL_NED|SERVO_OUTPUT_RAW): "
+        r"[\d.]+ -> [\d.]+ Hz",
+        "50 Hz over a link without limits there, 10 Hz here for whoever does not ask: at ten times real time that many "
+        "messages of many vehicles drown a ground station. Whoever asks gets 50 Hz",
+    ),
     Meant(
         "px4-*",
         "*",

@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from gcs.frames import Origin, from_degE7
-from gcs.link.dialect import MavCommand
+from gcs.link.dialect import MavCommand, ModeFlag
 from gcs.link.message import Message
 from gcs.scenario.model import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
@@ -31,11 +31,21 @@ _FROM_POWER_ON = {"connect", "arm_refusals"}
 _Key = tuple[str, tuple[object, ...], tuple[object, ...]]  # a saying's name, which one it is, how things stand
 
 
+@dataclass(frozen=True)
+class Begun:
+    """What a step's timers count from: when that was, and whether a stream's news were waited for."""
+
+    t_s: float
+    by_stream: bool
+
+
 @dataclass
 class Played:
     """What the vehicle said in each step; times are those of the recording."""
 
     told: list[list[Told]] = field(default_factory=list)
+    begun: list[Begun] = field(default_factory=list)
+    ends_s: list[float] = field(default_factory=list)  # the end of the scene, dated as what was said in each step
 
 
 def play(recording: Recording, personality: Personality, scenario: Scenario, streams: frozenset[str]) -> Played:
@@ -53,32 +63,43 @@ def play(recording: Recording, personality: Personality, scenario: Scenario, str
     if boots_s is None:
         stage.prepare(_mode(recording), _left_over(recording), keep=TALK | STANDING.keys())
     played = Played()
-    clock_s, begin = recording.steps[0].t_s, 0
-    awaited = _awaited(recording, streams)
+    clock_s, before, begin = recording.steps[0].t_s, 0, 0
+    awaited, lates_s = _awaited(recording, streams), list[float]()
     for step in recording.steps:
         late_s = clock_s - step.t_s
         if step.sent is not None:
             stage.receive(step.sent.frame, clock_s)
-        for row in step.streamed:
+        streamed = _streamed(step, bool(awaited[step.number]))
+        for row in streamed:
             stage.run_until(row.t_s + late_s)
             stage.receive(row.frame, row.t_s + late_s)
         stands = {t.message.name: t.message for t in stage.told[:begin] if t.message.name in STANDING}
         known = {_key(name, message) for name, message in stands.items()}
-        clock_s = _let_pass(step, stage, begin, clock_s, awaited[step.number] - known)
+        known |= {_key(t.message.name, t.message) for t in _acks(stage.told[before:begin], clock_s)}
+        clock_s = max(clock_s, streamed[-1].t_s + late_s if streamed else clock_s)
+        clock_s = _let_pass(step, stage, begin, (step.t_s + late_s, clock_s), awaited[step.number] - known)
+        answer = step.sent is not None and step.sent.name == "TIMESYNC" and not _asks_time(step.sent)
+        came = awaited[step.number - 1] if step.number else set()
+        if (step.sent is not None and not answer) or came or not played.begun:
+            begun = Begun(step.t_s, any(name in STANDING for name, *_ in came))
+        played.begun.append(begun)
         played.told.append([Told(t.t_s - late_s, t.message, t.signed) for t in stage.told[begin:]])
-        begin = len(stage.told)
+        before, begin = begin, len(stage.told)
+        lates_s.append(late_s)
+    played.ends_s = [clock_s - late_s for late_s in lates_s]
     return played
 
 
-def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set[_Key]) -> float:
-    """Let the step's time pass; until the vehicle has said what is awaited, within what its timers may differ."""
-    length_s = step.end_s - step.t_s
-    slack_s = TIMERS_MAY_DIFFER * length_s + _PATIENCE_S
+def _let_pass(step: Step, stage: Stage, begin: int, clock: tuple[float, float], awaited: set[_Key]) -> float:
+    """Let a step's time pass, until the vehicle has said what is awaited, within what its timers may differ.
+
+    `clock` is when the step began, and now.
+    """
+    length_s, slack_s = step.end_s - step.t_s, _slack_s(step)
+    start_s, now_s = clock
     news = any(name in STANDING for name, *_ in awaited)
     patience_s = TIMERS_MAY_DIFFER * length_s + STREAM_S if news else slack_s
-    clock_s = start_s + (length_s - slack_s if awaited and length_s > _SHORT_S else length_s)
-    if step.streamed:
-        clock_s = max(clock_s, step.streamed[-1].t_s - step.t_s + start_s)
+    clock_s = max(start_s + (length_s - slack_s if awaited and length_s > _SHORT_S else length_s), now_s)
     stage.run_until(clock_s)
     said = {_key(t.message.name, t.message) for t in stage.told[begin:]}
     while not awaited <= said and clock_s < start_s + length_s + patience_s:
@@ -87,6 +108,18 @@ def _let_pass(step: Step, stage: Stage, begin: int, start_s: float, awaited: set
         stage.run_until(clock_s)
         said |= {_key(t.message.name, t.message) for t in stage.told[heard:]}
     return clock_s
+
+
+def _slack_s(step: Step) -> float:
+    return TIMERS_MAY_DIFFER * (step.end_s - step.t_s) + _PATIENCE_S
+
+
+def _streamed(step: Step, awaits: bool) -> list[Row]:
+    """What is streamed to the vehicle; heartbeats at the end of a step that may be shorter here are left out."""
+    if not awaits or step.end_s - step.t_s <= _SHORT_S:
+        return step.streamed
+    until_s = step.end_s - _slack_s(step)
+    return [row for row in step.streamed if row.name != "HEARTBEAT" or row.t_s <= until_s]
 
 
 def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[_Key]]:
@@ -107,6 +140,11 @@ def _awaited(recording: Recording, streams: frozenset[str]) -> list[set[_Key]]:
     return awaited
 
 
+def _acks(told: list[Told], now_s: float) -> list[Told]:
+    """Acknowledgements just now: where the recorded vehicle sent one twice, the second came later."""
+    return [one for one in told if one.message.name == "COMMAND_ACK" and now_s - one.t_s <= _PATIENCE_S]
+
+
 def _asks_time(row: Row) -> bool:
     return row.name == "TIMESYNC" and row.message is not None and row.message.fields["tc1"] == 0
 
@@ -114,6 +152,8 @@ def _asks_time(row: Row) -> bool:
 def _key(name: str, message: Message | None) -> _Key:
     said = saying(0.0, 0, name, message)
     news = tuple(said.fields.get(field) for field in STANDING.get(name, ()))
+    if name == "HEARTBEAT":  # scripts wait for modes, and for motors
+        news = said.fields.get("custom_mode"), int(said.fields.get("base_mode", 0)) & ModeFlag.ARMED
     return said.name, said.which, news
 
 

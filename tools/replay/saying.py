@@ -40,6 +40,9 @@ TALK = frozenset(
 # These come when they come: just before or just after an answer, on the originals too.
 BY_THE_WAY = frozenset({"STATUSTEXT", "PARAM_VALUE", "UNKNOWN_410", "HEARTBEAT"})
 
+# These are said again and again, whatever the ground station does meanwhile.
+REPEATED = frozenset({"MISSION_ITEM_REACHED"})
+
 # Of these streams only what is new is talk: they say how things stand.
 STANDING: dict[str, tuple[str, ...]] = {
     "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode", "system_status"),

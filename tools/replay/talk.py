@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from gcs.link.dialect import MavCommand, MessageId
 from gcs.link.message import Message
 from tools.replay.recording import Step
-from tools.replay.saying import STANDING, TALK, Saying, equal, saying
+from tools.replay.saying import REPEATED, STANDING, TALK, Saying, equal, saying
 from tools.replay.stage import Told
 
 STREAM_S = 1.2  # until a stream of 1 Hz tells what is new
@@ -59,6 +59,7 @@ def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozen
     """The talk among what was uttered in each step. `streams` names talk that is sent like telemetry."""
     talk: list[Talk] = []
     standing: dict[str, tuple[object, ...]] = {}
+    on_a_timer: dict[object, Talk] = {}
     for step, utterances in zip(steps, uttered, strict=True):
         asked = _asked(step)
         repeated: dict[object, Talk] = {}
@@ -74,12 +75,14 @@ def talk_of(uttered: list[list[Uttered]], steps: Sequence[Step], streams: frozen
                 continue
             said = saying(one.t_s, step.number, one.name, one.message)
             key = (said.name, said.which, repr(one.message.fields) if one.message is not None else "")
-            known = repeated.get(key)
+            known = repeated.get(key) or on_a_timer.get(key)
             if known is not None and one.name not in STANDING:
                 known.times += 1
             else:
                 repeated[key] = Talk(said, first=first)
                 talk.append(repeated[key])
+                if one.name in REPEATED:
+                    on_a_timer[key] = repeated[key]
     _mark_brief(talk)
     return talk
 

@@ -340,3 +340,16 @@ def test_a_failsafe_acts_in_the_air_and_disarms_on_the_ground():
 def test_a_longer_start_takes_as_long_as_the_original():
     body = Body(replace(Body().pilot.personality).booting_for_real(), ready=False)
     assert body.run_until(lambda: body.pilot.ready) == pytest.approx(41.4, abs=0.1)
+
+
+def test_when_a_stream_ran_out_it_comes_back_to_where_that_was():
+    body = Body()
+    body.fly()
+    flat = body.pilot.piece.at(body.t_s)[:3].copy()
+    flat[1, 0] = 1.0
+    body.pilot.follow(body.t_s, Setpoint(body.t_s, flat, stamped=False))
+    body.run(3.0)
+    place = body.pilot.piece.at(body.t_s)[0].copy()
+    body.run_until(lambda: body.pilot.piece.at(body.t_s)[0, 0] > place[0] + 0.2)
+    body.run_until(lambda: body.speed_mps < 1e-6)
+    np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], place, atol=0.05)

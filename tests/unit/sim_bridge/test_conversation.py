@@ -136,3 +136,25 @@ def test_others_vehicles_keys_are_not_taken(repo_root: Path):
     fields = {"target_system": 9, "target_component": 1, "secret_key": list(KEY), "initial_timestamp": NOON}
     line.say(Message("SETUP_SIGNING", fields))
     assert ask_version(line)
+
+
+def command(number: int, *params: float) -> dict:
+    values = (*params, *(0.0,) * (7 - len(params)))
+    return {"command": number, "confirmation": 0} | {f"param{n}": v for n, v in enumerate(values, start=1)}
+
+
+def test_px4_acknowledges_a_mode_twice_and_keeps_its_first_words_until_it_speaks(repo_root: Path):
+    line = Line(PX4, repo_root)
+    heard = line.ask("COMMAND_LONG", **command(176, 1.0, 4.0, 3.0))
+    assert [f["command"] for f in named(heard, "COMMAND_ACK")] == [176, 176]
+    heard = line.ask("COMMAND_LONG", **command(400, 1.0))
+    assert [f["result"] for f in named(heard, "COMMAND_ACK")] == [1]
+    assert named(heard, "STATUSTEXT") == []
+    while not named(heard, "STATUSTEXT"):
+        heard = line.ask("COMMAND_LONG", **command(512, 1.0))
+        assert line.now_s < 3.0
+    assert line.now_s == pytest.approx(2.4, abs=0.1)
+    assert (
+        "".join(f["text"] for f in named(heard, "STATUSTEXT"))
+        == "Arming denied: Resolve system health failures first\t"
+    )

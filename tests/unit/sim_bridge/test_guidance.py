@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sim_bridge.guidance.legs import Leg, fly_legs
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, brake, descend, transfer
+from sim_bridge.guidance.manoeuvres import Descent, brake, descend, descend_towards, rise, transfer
 from sim_bridge.guidance.piece import TERMS, Piece, PieceBatch, hold
 
 LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)
@@ -160,3 +160,29 @@ def test_waypoints_on_the_spot_take_no_time():
     pieces, passed = fly_legs(7.0, start, [Leg(start[:3], 0.0)], LIMITS)
     assert pieces == []
     assert passed == [7.0]
+
+
+@given(st.floats(0.1, 60.0), st.floats(0.3, 1.6))
+def test_a_rise_is_smooth_and_no_faster_than_asked(height_m, climb_mps):
+    pieces = rise(2.0, REST, REST[0, 2] - height_m, climb_mps, LIMITS)
+    for before, after in itertools.pairwise(pieces):
+        np.testing.assert_allclose(before.at(before.end_s)[:3], after.at(after.start_s)[:3], atol=1e-6)
+    assert max(-sampled(piece)[:, 1, 2].min() for piece in pieces) <= climb_mps * 1.001
+    end = pieces[-1].at(pieces[-1].end_s)
+    np.testing.assert_allclose(end[0], REST[0] - [0.0, 0.0, height_m, 0.0], atol=1e-6)
+    np.testing.assert_allclose(end[1:3], 0.0, atol=1e-6)
+
+
+def test_a_descent_on_the_way_takes_both_parts_over_exactly():
+    way = transfer(0.0, REST, REST[0] + [3.0, 1.0, 0.0, 0.2], LIMITS)
+    from_s = 0.6 * way.end_s
+    down = descend(from_s, hold(from_s, way.at(from_s)).at(from_s), Descent(1.2, ((0.0, 0.4),)), LIMITS)
+    pieces = descend_towards(way, down)
+    assert pieces[0].start_s == from_s
+    assert math.isinf(pieces[-1].end_s)
+    for piece in pieces:
+        for t_s in np.linspace(piece.start_s, min(piece.end_s, piece.start_s + 5.0), 7):
+            flat = piece.at(t_s)
+            sinking = next(p for p in reversed(down) if p.start_s <= t_s + 1e-9)
+            np.testing.assert_allclose(flat[:3, 2], sinking.at(t_s)[:3, 2], atol=1e-6)
+            np.testing.assert_allclose(flat[0, :2], way.at(min(t_s, way.end_s))[0, :2], atol=1e-6)

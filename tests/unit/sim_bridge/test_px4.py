@@ -40,7 +40,7 @@ def test_it_is_ready_after_four_seconds_and_says_one_sentence_until_then():
     body.step()
     assert body.arm() == REJECTED
     assert body.texts() == ["Arming denied: Resolve system health failures first\t"]
-    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(3.8, abs=0.1)
+    assert body.run_until(lambda: body.pilot.ready) == pytest.approx(4.0, abs=0.1)
     assert body.arm() == OK
 
 
@@ -305,3 +305,38 @@ def test_it_repositions_in_hold():
     body.run(20.0)
     assert body.pilot.mode.number == PX4_HOLD
     np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], target, atol=1e-9)
+
+
+def test_a_takeoff_is_told_at_once_and_floats_before_it_climbs():
+    body = body_of()
+    body.pilot.take_off(body.t_s, 4.0)
+    body.arm()
+    body.run_until(lambda: "Takeoff detected\t" in body.texts())
+    assert body.t_s - 5.0 == pytest.approx(1.8, abs=0.5)
+    assert 2.0 < body.run_until(lambda: body.height_m > 0.1) < 4.5
+    assert body.pilot.landed_state == L.TAKEOFF
+
+
+def test_a_landing_counts_as_a_mission_that_is_flown_to_its_end():
+    body = body_of()
+    body.pilot.set_mission(mission(PX4))
+    progress = body.pilot.helm.progress
+    body.fly()
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.COMPLETE, 2)
+    body.mode(Intent.LAND)
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.ACTIVE, 1)
+    body.run_until(lambda: not body.pilot.flying)
+    assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.COMPLETE, 1)
+
+
+def test_close_to_home_it_comes_down_while_it_still_flies_there():
+    body = body_of()
+    body.fly()
+    body.pilot.reposition(body.t_s, np.append(np.add(HOME, [1.5, 0.0, -6.0]), YAW), change_mode=True)
+    body.run(30.0)
+    body.mode(Intent.RETURN)
+    body.run_until(lambda: "RTL: land at destination\t" in body.texts())
+    away_m = np.linalg.norm(body.pilot.piece.at(body.t_s)[0, :2] - HOME[:2])
+    assert 1.0 < away_m < 2.0
+    body.run_until(lambda: not body.pilot.armed)
+    assert np.linalg.norm(body.pilot.piece.at(body.t_s)[0, :2] - HOME[:2]) < 0.01
