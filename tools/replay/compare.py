@@ -9,7 +9,7 @@ saying repeated by a timer counts as one with a number of repetitions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 from tools.replay.player import TIMERS_MAY_DIFFER, Begun, Played
 from tools.replay.rates import compare_rates
@@ -76,7 +76,7 @@ def _said_in_one_go(wanted: Talk, here: list[Talk]) -> bool:
     return missing == 0
 
 
-def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: set[object]) -> int | None:
+def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: Set[object]) -> int | None:
     """Which of ours answers to it; failing that, which was said in its place, unless it answers to one `elsewhere`."""
     best: tuple[int, int] | None = None
     for number, one in enumerate(here):
