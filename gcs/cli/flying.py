@@ -19,12 +19,12 @@ from rich.table import Table
 from gcs.cli.console import Screen
 from gcs.cli.planning import Stopwatch
 from gcs.errors import JudgementError
-from gcs.flight.fly import Flight, FlightTimes
+from gcs.flight.fly import Flight
 from gcs.flight.journal import TelemetryLog, asked, new_folder, report_data, write_report
 from gcs.flight.judge import Verdict, judge
-from gcs.flight.monitor import Snapshot
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.simulator import SimulatorOptions, simulator
+from gcs.flight.stages import FlightTimes, Snapshot
 from gcs.flight.truth import Truth, load_truth
 from gcs.link.fleet import Direction, Fleet
 from gcs.mission.build import build_missions

@@ -15,8 +15,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from gcs.files import atomic_write
-from gcs.flight.fly import FlightTimes
 from gcs.flight.judge import Criterion, Verdict
+from gcs.flight.stages import FlightTimes
 from gcs.link.fleet import Direction
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
-from gcs.flight.fly import FlightTimes
+from gcs.flight.stages import FlightTimes
 from gcs.flight.truth import Truth
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY, Array

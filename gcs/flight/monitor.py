@@ -28,20 +28,6 @@ class VehicleView:
     error_m: float = math.nan  # distance to the plan at the same instant
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """The flight at one moment, for people."""
-
-    phase: str
-    progress: float  # of the whole flight, 0..1
-    plan_time_s: float | None
-    errors_m: dict[int, float]
-    link_age_s: dict[int, float]
-    armed: dict[int, bool]
-    separation_m: float
-    formation_error_m: float  # Definition 1: how far the shape is off, wherever it flies
-
-
 class Monitor:
     """Takes in positions, gives out errors and separations."""
 

@@ -1,90 +1,83 @@
-"""All vehicles' setpoints from one clock: what is due to whom at this moment.
+"""Setpoints on their way: what is due, as messages in each vehicle's own frame and clock.
 
-Knows: plan time, each vehicle's frame (its own pad) and its boot clock. Does not know: sockets, event loops.
-Whoever stalls catches up with the newest point only: a stale setpoint is worse than none, a burst of them no better.
+Knows: schedule, courses, pads (origin of each vehicle's frame), boot clocks. Does not know: sockets, event loops.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import numpy as np
-
+from gcs.flight.courses import Course, Values
+from gcs.flight.schedule import Scheduler
 from gcs.link.clock import VehicleClock
 from gcs.link.dialect import SetpointMask, WireFrame
 from gcs.link.message import Message, Station
-from gcs.mission.model import SetpointStream
 from gcs.quadrotor import Array
-
-_STALE_S = 0.5
 
 
 @dataclass
-class VehicleStream:
-    """One vehicle's share of the stream. `due` is called as often as one likes."""
+class Streamed:
+    """One vehicle that is told where to fly. Its `course` may be exchanged at any time."""
 
-    stream: SetpointStream
-    row: int
-    pad_ned_m: Array  # (3,) origin of the vehicle's own local frame
-    t0_unix_s: float
     station: Station
-    sent: int = 0
-    skipped: int = 0
-
-    def __post_init__(self) -> None:
-        position = self.stream.position_ned_m[self.row] - self.pad_ned_m
-        velocity, acceleration = self.stream.velocity_ned_mps[self.row], self.stream.acceleration_ned_mps2[self.row]
-        yaw = self.stream.yaw_ned_rad[self.row][:, None]
-        self._rows = np.hstack([position, velocity, acceleration, yaw]).tolist()
-        self._times_s = self.stream.t_s.tolist()
-        self._next = 0
+    clock: VehicleClock
+    pad_ned_m: Array  # (3,) origin of its own local frame
+    course: Course
 
     @property
-    def finished(self) -> bool:
-        """Everything was sent, the point at rest included."""
-        return self._next >= len(self._times_s)
+    def sysid(self) -> int:
+        """Its MAVLink system id."""
+        return self.station.sysid
 
-    @property
-    def last_t_s(self) -> float:
-        """Plan time of the last setpoint sent; -inf before the first."""
-        return self._times_s[self._next - 1] if self._next else -math.inf
 
-    def due(self, vehicle_unix_s: float, clock: VehicleClock, lead_s: float) -> list[Message]:
-        """Messages for every point not later than `lead_s` ahead of the vehicle's time."""
-        horizon_s = vehicle_unix_s - self.t0_unix_s + lead_s
-        messages: list[Message] = []
-        while not self.finished and self._times_s[self._next] <= horizon_s:
-            stale = self._times_s[self._next] < horizon_s - lead_s - _STALE_S
-            if stale and self._next + 1 < len(self._times_s):
-                self.skipped += 1
-            else:
-                messages.append(self._message(self._next, clock))
-            self._next += 1
-        self.sent += len(messages)
-        return messages
+def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[Message]:
+    """What this vehicle is to be sent at local time `now_s`."""
+    vehicle_unix_s = vehicle.clock.now_unix_s(now_s)
+    if vehicle_unix_s is None:
+        return []
+    messages = []
+    for k in scheduler.due(vehicle.sysid, vehicle_unix_s):
+        t_s = scheduler.grid.at(k)
+        values = vehicle.course.at(k, t_s)
+        if values is not None:
+            stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
+            messages.append(setpoint_message(vehicle.station, stamp_ms, vehicle.pad_ned_m, values))
+    return messages
 
-    def _message(self, index: int, clock: VehicleClock) -> Message:
-        x, y, z, vx, vy, vz, ax, ay, az, yaw = self._rows[index]
-        stamp_ms = clock.boot_ms(self.t0_unix_s + self._times_s[index])
-        return Message(
-            "SET_POSITION_TARGET_LOCAL_NED",
-            {
-                "time_boot_ms": stamp_ms or 0,
-                "target_system": self.station.sysid,
-                "target_component": self.station.compid,
-                "coordinate_frame": int(WireFrame.LOCAL_NED),
-                "type_mask": int(SetpointMask.POSITION_VELOCITY_ACCELERATION_YAW),
-                "x": x,
-                "y": y,
-                "z": z,
-                "vx": vx,
-                "vy": vy,
-                "vz": vz,
-                "afx": ax,
-                "afy": ay,
-                "afz": az,
-                "yaw": yaw,
-                "yaw_rate": 0.0,
-            },
-        )
+
+def wait_s(scheduler: Scheduler, vehicles: list[Streamed], now_s: float, longest_s: float) -> float:
+    """Local seconds until something is next due to anybody, `longest_s` at most."""
+    least_s = longest_s
+    for vehicle in vehicles:
+        unix_s = vehicle.clock.now_unix_s(now_s)
+        if unix_s is not None:
+            due_s = (scheduler.next_unix_s(vehicle.sysid) - unix_s) / max(vehicle.clock.rate, 1e-3)
+            least_s = min(least_s, due_s)
+    return max(least_s, 0.0)
+
+
+def setpoint_message(station: Station, time_boot_ms: int, pad_ned_m: Array, values: Values) -> Message:
+    """SET_POSITION_TARGET_LOCAL_NED with position, velocity, acceleration and yaw."""
+    x, y, z, vx, vy, vz, ax, ay, az, yaw = values
+    north_m, east_m, down_m = pad_ned_m
+    return Message(
+        "SET_POSITION_TARGET_LOCAL_NED",
+        {
+            "time_boot_ms": time_boot_ms,
+            "target_system": station.sysid,
+            "target_component": station.compid,
+            "coordinate_frame": int(WireFrame.LOCAL_NED),
+            "type_mask": int(SetpointMask.POSITION_VELOCITY_ACCELERATION_YAW),
+            "x": x - float(north_m),
+            "y": y - float(east_m),
+            "z": z - float(down_m),
+            "vx": vx,
+            "vy": vy,
+            "vz": vz,
+            "afx": ax,
+            "afy": ay,
+            "afz": az,
+            "yaw": yaw,
+            "yaw_rate": 0.0,
+        },
+    )

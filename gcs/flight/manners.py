@@ -1,0 +1,130 @@
+"""What differs between the autopilots in flight: one row of modes, readiness and habits for each.
+
+Knows: their numbers, with the reason where one surprises. Does not know: sending, waiting, plans. What differs in
+missions stands in `gcs.mission.firmware`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gcs.errors import PeerError
+from gcs.link.dialect import (
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_MISSION,
+    PX4_OFFBOARD,
+    PX4_RTL,
+    CopterMode,
+    EkfFlag,
+    MessageId,
+    ModeFlag,
+)
+from gcs.link.message import Message
+from gcs.mission.firmware import Firmware
+
+
+@dataclass(frozen=True)
+class Manners:
+    """How one autopilot wants to be flown. Modes are values of HEARTBEAT.custom_mode."""
+
+    firmware: Firmware
+    guided: int  # obeys setpoints
+    mission: int
+    hold: int
+    land: int
+    returning: int
+    armed_in: int  # the mode it is armed and takes off in
+    two_part_modes: bool  # DO_SET_MODE takes main and sub mode apart
+    takeoff_above_sea: bool  # NAV_TAKEOFF's height
+    # Setpoints that must have come before the guided mode is switched to, and for how long beyond that the stream
+    # repeats its first point while the switch is asked for and believed; 0 where there is no need.
+    stream_first_s: float
+    switch_s: float
+    waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
+    estimator: tuple[str, int, int]  # message that tells readiness, flags it must have, flags it must not have
+    estimator_id: int
+    mode_names: dict[int, str]
+
+    def mode_parameters(self, mode: int) -> tuple[float, ...]:
+        """Parameters of DO_SET_MODE."""
+        if self.two_part_modes:
+            return float(ModeFlag.CUSTOM), float(mode >> 16 & 0xFF), float(mode >> 24 & 0xFF)
+        return float(ModeFlag.CUSTOM), float(mode)
+
+    def mode_name(self, mode: int) -> str:
+        """A mode in the autopilot's own words."""
+        return self.mode_names.get(mode, f"mode {mode}")
+
+    def position_is_known(self, message: Message) -> bool:
+        """Whether this message says that the vehicle knows where it is, well enough to fly by."""
+        name, wanted, unwanted = self.estimator
+        if message.name != name:
+            return False
+        flags = message.fields["flags"]
+        return flags & wanted == wanted and not flags & unwanted
+
+    def takeoff_parameters(self, height_m: float, home_amsl_m: float) -> tuple[float, ...]:
+        """Parameters of NAV_TAKEOFF for a climb of `height_m`, straight up."""
+        top_m = home_amsl_m + height_m if self.takeoff_above_sea else height_m
+        place = math.nan if self.takeoff_above_sea else 0.0
+        return 0.0, 0.0, 0.0, math.nan, place, place, top_m
+
+
+ARDUPILOT = Manners(
+    firmware=Firmware.ARDUPILOT,
+    guided=CopterMode.GUIDED,
+    mission=CopterMode.AUTO,
+    hold=CopterMode.LOITER,
+    land=CopterMode.LAND,
+    returning=CopterMode.RTL,
+    armed_in=CopterMode.GUIDED,
+    two_part_modes=False,
+    takeoff_above_sea=False,
+    stream_first_s=0.0,
+    switch_s=0.0,
+    waits_for_time_of_day=True,
+    # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed.
+    estimator=("EKF_STATUS_REPORT", EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE),
+    estimator_id=MessageId.EKF_STATUS_REPORT,
+    mode_names={int(mode): mode.name for mode in CopterMode},
+)
+
+PX4 = Manners(
+    firmware=Firmware.PX4,
+    guided=PX4_OFFBOARD,
+    mission=PX4_MISSION,
+    hold=PX4_HOLD,
+    land=PX4_LAND,
+    returning=PX4_RTL,
+    armed_in=PX4_HOLD,
+    two_part_modes=True,
+    takeoff_above_sea=True,
+    stream_first_s=1.5,
+    switch_s=4.0,
+    waits_for_time_of_day=False,
+    # It shows all ten flags once it is ready, CONST_POS_MODE among them.
+    estimator=("ESTIMATOR_STATUS", EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0),
+    estimator_id=MessageId.ESTIMATOR_STATUS,
+    mode_names={
+        PX4_OFFBOARD: "Offboard",
+        PX4_MISSION: "Mission",
+        PX4_HOLD: "Hold",
+        PX4_LAND: "Land",
+        PX4_RTL: "Return",
+    },
+)
+
+_BY_FIRMWARE = {Firmware.ARDUPILOT: ARDUPILOT, Firmware.PX4: PX4}
+
+
+def manners_of(sysid: int, autopilot: int) -> Manners:
+    """The manners of MAV_AUTOPILOT `autopilot`; raises PeerError for one that nobody here knows how to fly."""
+    try:
+        return _BY_FIRMWARE[Firmware(autopilot)]
+    except ValueError:
+        raise PeerError(
+            f"vehicle {sysid} runs autopilot number {autopilot}; only ArduCopter and PX4 can be flown.",
+            hint="export the missions with `gcs export` and fly them with its own ground station",
+        ) from None

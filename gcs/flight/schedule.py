@@ -1,0 +1,116 @@
+"""When which setpoint is due to whom: one grid of instants for all vehicles, absolute deadlines for each.
+
+Knows: the grid in plan time, T0, who was sent what. Does not know: clocks (time is an argument), what setpoints say,
+messages, sockets.
+
+Deadlines are k-th instants of the grid, never "the last one plus a period", so nothing drifts. Whoever comes late is
+told the newest point only: a stale setpoint is worse than none, a burst of them no better. Time that does not pass
+makes nothing due: where the clock of the plan stands, the stream stops.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from gcs.quadrotor import Array
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Instants of plan time by number: those of a stream (0 <= k < N), going on before and after with its period."""
+
+    t_s: tuple[float, ...]
+    period_s: float
+
+    @classmethod
+    def of(cls, t_s: Array, rate_hz: float) -> Grid:
+        """The grid of a stream's instants (N,)."""
+        return cls(tuple(t_s.tolist()), 1.0 / rate_hz)
+
+    def at(self, k: int) -> float:
+        """Instant number `k`."""
+        last = len(self.t_s) - 1
+        if k < 0:
+            return self.t_s[0] + k * self.period_s
+        return self.t_s[k] if k <= last else self.t_s[last] + (k - last) * self.period_s
+
+    def ahead_of(self, t_s: float) -> int:
+        """Number of the first instant after `t_s`."""
+        k = math.floor((t_s - self.t_s[0]) / self.period_s)
+        while self.at(k) > t_s:
+            k -= 1
+        while self.at(k) <= t_s:
+            k += 1
+        return k
+
+
+@dataclass
+class Progress:
+    """How far one vehicle's stream has come. `late_s` are the last delays behind the deadline."""
+
+    next: int
+    end: int | None  # first number that is not sent; None: on and on
+    sent: int = 0
+    skipped: int = 0
+    late_s: list[float] = field(default_factory=list)
+
+    @property
+    def finished(self) -> bool:
+        """Everything was sent, the point at rest included."""
+        return self.end is not None and self.next >= self.end
+
+
+class Scheduler:
+    """Says which numbers of the grid are due. Times are of the vehicle's own clock.
+
+    `lead_s`: how far ahead of its instant a setpoint is sent. `keep_s`: how long after its instant one is still worth
+    sending beside newer ones: 0 for those who act on arrival, more for those who go by the stamp.
+    """
+
+    def __init__(self, grid: Grid, t0_unix_s: float, *, lead_s: float = 0.0, keep_s: float = 0.0) -> None:
+        self.grid = grid
+        self.t0_unix_s = t0_unix_s
+        self.streams: dict[int, Progress] = {}
+        self._lead_s = lead_s
+        self._keep_s = keep_s
+
+    def start(self, sysid: int, first: int, end: int | None) -> None:
+        """From number `first` on; `end` as in `Progress`."""
+        self.streams[sysid] = Progress(first, end)
+
+    def stop(self, sysid: int) -> None:
+        """Nothing is due to it any more."""
+        self.streams.pop(sysid, None)
+
+    @property
+    def finished(self) -> bool:
+        """Whether everybody was sent everything."""
+        return all(stream.finished for stream in self.streams.values())
+
+    def next_unix_s(self, sysid: int) -> float:
+        """When something is next due to a vehicle, by its own clock; inf for never."""
+        stream = self.streams.get(sysid)
+        if stream is None or stream.finished:
+            return math.inf
+        return self.t0_unix_s + self.grid.at(stream.next) - self._lead_s
+
+    def due(self, sysid: int, vehicle_unix_s: float) -> list[int]:
+        """Numbers to send now, oldest first; each is due once."""
+        stream = self.streams.get(sysid)
+        if stream is None:
+            return []
+        horizon_s = vehicle_unix_s - self.t0_unix_s + self._lead_s
+        numbers = []
+        while not stream.finished and self.grid.at(stream.next) <= horizon_s:
+            numbers.append(stream.next)
+            stream.next += 1
+        if not numbers:
+            return []
+        fresh_s = horizon_s - self._lead_s - self._keep_s
+        kept = [k for k in numbers[:-1] if self._keep_s > 0.0 and self.grid.at(k) >= fresh_s]
+        kept.append(numbers[-1])
+        stream.sent += len(kept)
+        stream.skipped += len(numbers) - len(kept)
+        stream.late_s.append(horizon_s - self.grid.at(numbers[-1]))
+        return kept

@@ -1,0 +1,67 @@
+"""The same with all vehicles at once, and waiting that ends.
+
+Knows: tasks. Does not know: vehicles.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
+from contextlib import asynccontextmanager, suppress
+from typing import Any, TypeVar
+
+from gcs.errors import GcsError, PeerTimeout
+
+T = TypeVar("T")
+LOOK_S = 0.05
+
+
+async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) -> None:
+    """Do it with all at once; the first failure ends the others' waiting and is raised."""
+    tasks = [asyncio.ensure_future(action(thing)) for thing in things]
+    try:
+        await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            await ended(task)
+
+
+async def ended(task: asyncio.Future[Any]) -> None:
+    """Cancel a task and wait until it has ended; what it failed with is somebody else's to say."""
+    task.cancel()
+    with suppress(asyncio.CancelledError, GcsError):
+        await task
+
+
+@asynccontextmanager
+async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """Endless work that goes on as long as the block; if it fails, the block is ended with its failure."""
+    block = asyncio.current_task()
+    task = asyncio.ensure_future(work)
+
+    def stop_block(done: asyncio.Future[None]) -> None:
+        if block is not None and not done.cancelled() and done.exception() is not None:
+            block.cancel()
+
+    task.add_done_callback(stop_block)
+    try:
+        yield
+    except asyncio.CancelledError:
+        if task.done() and not task.cancelled() and (failure := task.exception()) is not None:
+            if block is not None:
+                block.uncancel()
+            raise failure from None
+        raise
+    finally:
+        task.remove_done_callback(stop_block)
+        await ended(task)
+
+
+async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+    """Look again and again. Raises PeerTimeout: "`what` was not reached within ..."."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + timeout_s
+    while not condition():
+        if loop.time() > end_s:
+            raise PeerTimeout(f"{what} was not reached within {timeout_s:g} s.")
+        await asyncio.sleep(LOOK_S)
