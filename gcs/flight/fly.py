@@ -139,9 +139,9 @@ class Flight:
 
     async def _fly_stream(self) -> float:
         """Send every vehicle its setpoints, all timed from one T0; returns T0."""
-        t0_unix_s = self.pilot.choose_t0()
-        self.monitor.t0_unix_s = t0_unix_s
-        async with alongside(self.pilot.fly(t0_unix_s)):
+        async with alongside(self.pilot.run()):
+            t0_unix_s = await self.pilot.begin()
+            self.monitor.t0_unix_s = t0_unix_s
             await self.time.until(t0_unix_s + self.plan.phase("landing").start_s)
             await self._each(lambda crew: set_mode(crew, crew.manners.land))
         return t0_unix_s

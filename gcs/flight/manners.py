@@ -38,10 +38,7 @@ class Manners:
     armed_in: int  # the mode it is armed and takes off in
     two_part_modes: bool  # DO_SET_MODE takes main and sub mode apart
     takeoff_above_sea: bool  # NAV_TAKEOFF's height
-    # Setpoints that must have come before the guided mode is switched to, and for how long beyond that the stream
-    # repeats its first point while the switch is asked for and believed; 0 where there is no need.
-    stream_first_s: float
-    switch_s: float
+    stream_first_s: float  # setpoints must have come for so long before the guided mode, and must not end in it
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     estimator: tuple[str, int, int]  # message that tells readiness, flags it must have, flags it must not have
     estimator_id: int
@@ -83,7 +80,6 @@ ARDUPILOT = Manners(
     two_part_modes=False,
     takeoff_above_sea=False,
     stream_first_s=0.0,
-    switch_s=0.0,
     waits_for_time_of_day=True,
     # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed.
     estimator=("EKF_STATUS_REPORT", EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE),
@@ -102,7 +98,6 @@ PX4 = Manners(
     two_part_modes=True,
     takeoff_above_sea=True,
     stream_first_s=1.5,
-    switch_s=4.0,
     waits_for_time_of_day=False,
     # It shows all ten flags once it is ready, CONST_POS_MODE among them.
     estimator=("ESTIMATOR_STATUS", EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0),

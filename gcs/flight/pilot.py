@@ -6,6 +6,7 @@ Knows: schedule, courses, sessions, the event loop. Does not know: take-off, lan
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -15,7 +16,8 @@ from gcs.flight.options import FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, due_messages, wait_s
-from gcs.flight.together import each, ended
+from gcs.flight.together import each
+from gcs.link.command import CommandRefused
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory import Plan
 
@@ -23,6 +25,7 @@ _LONGEST_WAIT_S = 0.05
 # Emulated time at any speed may have run on since it was last heard of: look often, and send what it may still need.
 _EMULATED_WAIT_S, _EMULATED_KEEP_S = 0.002, 0.5
 _AHEAD_S = 0.5  # between the decision to start and the first setpoint
+_NEVER_S = 1e6
 
 
 class Pilot:
@@ -57,41 +60,48 @@ class Pilot:
         if self._emulated:
             self._woken.set()
 
-    def choose_t0(self) -> float:
-        """T0 in whole seconds, near enough that nobody waits and far enough for everybody to be told."""
-        first_s = max(self._first_s(crew) for crew in self._crews.values())
-        begin_s = self._time.sure_s() + self._options.lead_s + _AHEAD_S
-        return float(-(-(begin_s + first_s) // 1)) - float(self._stream.t_s[0])
+    async def run(self) -> None:
+        """Send what is due until cancelled."""
+        while True:
+            if self.scheduler is None:
+                await asyncio.sleep(_LONGEST_WAIT_S)
+            else:
+                await self._turn(self.scheduler)
 
-    async def fly(self, t0_unix_s: float) -> None:
-        """Stream until cancelled, at rest once the plan is over. Raises as switching modes does."""
+    async def begin(self) -> float:
+        """Have everybody obey setpoints, and let the plan's stream begin for all at once; returns T0.
+
+        T0 is chosen when the last one has said that it obeys, so nobody can be late. `run` must go on beside it.
+        Raises PeerError.
+        """
+        if any(crew.manners.stream_first_s for crew in self._crews.values()):
+            self._schedule(self._time.sure_s() + _NEVER_S, ends=False)
+        await each(self._crews.values(), self._switch)
+        first_s = float(self._stream.t_s[0])
+        t0_unix_s = math.ceil(self._time.sure_s() + self._options.lead_s + _AHEAD_S) - first_s
+        self._schedule(t0_unix_s, ends=True)
+        return t0_unix_s
+
+    def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
+        """Stream from now on: points before the first one are the first one, at rest."""
         grid = Grid.of(self._stream.t_s, self._plan.scenario.mission.setpoint_rate_hz)
         keep_s = _EMULATED_KEEP_S if self._emulated else 0.0
         self.scheduler = Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s)
         for crew in self._crews.values():
-            before = round(self._first_s(crew) / grid.period_s)
-            # Who needs a stream to stay in its mode gets one until it lands.
-            end = None if crew.manners.stream_first_s else len(grid.t_s)
-            self.scheduler.start(crew.sysid, -before, end)
-        switching = asyncio.ensure_future(each(self._crews.values(), self._switch))
-        try:
-            while True:
-                if switching.done():
-                    switching.result()
-                await self._turn()
-        finally:
-            await ended(switching)
+            if crew.manners.stream_first_s:  # it needs a stream to stay in its mode, until it lands
+                self.scheduler.start(crew.sysid, grid.ahead_of(self._time.sure_s() - t0_unix_s), None)
+            elif ends:
+                self.scheduler.start(crew.sysid, 0, len(grid.t_s))
 
-    async def _turn(self) -> None:
+    async def _turn(self, scheduler: Scheduler) -> None:
         """Send what is due, and wait for what is next."""
-        assert self.scheduler is not None
         now_s = self._loop.time()
         for sysid, vehicle in self.vehicles.items():
             session = self._crews[sysid].session
-            for message in due_messages(self.scheduler, vehicle, now_s):
+            for message in due_messages(scheduler, vehicle, now_s):
                 session.send(message)
         longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
-        pause_s = wait_s(self.scheduler, list(self.vehicles.values()), self._loop.time(), longest_s)
+        pause_s = wait_s(scheduler, list(self.vehicles.values()), self._loop.time(), longest_s)
         if not self._emulated:
             await asyncio.sleep(pause_s)
             return
@@ -99,16 +109,16 @@ class Pilot:
         with suppress(TimeoutError):
             await asyncio.wait_for(self._woken.wait(), pause_s)
 
-    def _first_s(self, crew: Crew) -> float:
-        """How long its first point is repeated before the stream begins."""
-        return crew.manners.stream_first_s + crew.manners.switch_s
-
     async def _switch(self, crew: Crew) -> None:
-        """To the mode that obeys setpoints, once they have come for long enough."""
-        assert self.scheduler is not None
-        manners, session = crew.manners, crew.session
-        if session.custom_mode == manners.guided:
+        """To the mode that obeys setpoints, where need be once they have come for long enough."""
+        if crew.session.custom_mode == crew.manners.guided:
             return
-        began_s = self.scheduler.t0_unix_s + float(self._stream.t_s[0]) - self._first_s(crew)
-        await self._time.until(began_s + manners.stream_first_s)
-        await set_mode(crew, manners.guided)
+        end_s = self._loop.time() + crew.options.phase_timeout_s
+        while True:
+            await self._time.until(self._time.sure_s() + crew.manners.stream_first_s)
+            try:
+                await set_mode(crew, crew.manners.guided)
+                return
+            except CommandRefused:  # a gap in the stream
+                if self._loop.time() > end_s:
+                    raise

@@ -163,6 +163,26 @@ def test_a_fault_ends_in_one_sentence(
     assert simulators_running_under(tmp_path) == []
 
 
+def test_px4_is_flown_as_well(short_mission: Path, tmp_path: Path) -> None:
+    data = json.loads(short_mission.read_text())
+    data["mission"]["autopilot"] = "px4"
+    mission = tmp_path / "scenario.json"
+    mission.write_text(json.dumps(data))
+    done = fly(mission, "--sim", "--speedup", "max", "--json", "--to", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    folder = Path(json.loads(done.stdout)["folder"])
+    log = mavutil.mavlink_connection(str(folder / "telemetry.tlog"))
+    streamed: set[int] = set()
+    obeying: set[int] = set()
+    while (message := log.recv_match(type=["SET_POSITION_TARGET_LOCAL_NED", "HEARTBEAT"])) is not None:
+        if message.get_type() != "HEARTBEAT":
+            streamed.add(message.target_system)
+        elif message.custom_mode == 6 << 16:
+            obeying.add(message.get_srcSystem())
+            assert message.get_srcSystem() in streamed
+    assert obeying == {1, 2, 3, 4, 5, 6}
+
+
 def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
