@@ -15,9 +15,10 @@ from gcs.flight.fleet_time import FleetTime
 from gcs.flight.options import FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
-from gcs.flight.stream import Streamed, due_messages, wait_s
-from gcs.flight.together import each
+from gcs.flight.stream import Streamed, send_due, wait_s
+from gcs.flight.together import each, sleep_sharply
 from gcs.link.command import CommandRefused
+from gcs.link.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory import Plan
 
@@ -95,19 +96,19 @@ class Pilot:
 
     async def _turn(self, scheduler: Scheduler) -> None:
         """Send what is due, and wait for what is next."""
-        now_s = self._loop.time()
-        for sysid, vehicle in self.vehicles.items():
-            session = self._crews[sysid].session
-            for message in due_messages(scheduler, vehicle, now_s):
-                session.send(message)
+        send_due(scheduler, self.vehicles.values(), self._send, self._loop.time())
         longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
-        pause_s = wait_s(scheduler, list(self.vehicles.values()), self._loop.time(), longest_s)
+        pause_s = wait_s(scheduler, self.vehicles.values(), self._loop.time(), longest_s)
         if not self._emulated:
-            await asyncio.sleep(pause_s)
+            await sleep_sharply(pause_s)
             return
         self._woken.clear()
         with suppress(TimeoutError):
-            await asyncio.wait_for(self._woken.wait(), pause_s)
+            async with asyncio.timeout(pause_s):  # wait_for may swallow being cancelled
+                await self._woken.wait()
+
+    def _send(self, sysid: int, message: Message) -> None:
+        self._crews[sysid].session.send(message)
 
     async def _switch(self, crew: Crew) -> None:
         """To the mode that obeys setpoints, where need be once they have come for long enough."""

@@ -5,6 +5,7 @@ Knows: schedule, courses, pads (origin of each vehicle's frame), boot clocks. Do
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from gcs.flight.courses import Course, Values
@@ -45,7 +46,16 @@ def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[
     return messages
 
 
-def wait_s(scheduler: Scheduler, vehicles: list[Streamed], now_s: float, longest_s: float) -> float:
+def send_due(
+    scheduler: Scheduler, vehicles: Iterable[Streamed], send: Callable[[int, Message], None], now_s: float
+) -> None:
+    """Give everybody's messages of `now_s` to `send`, with the system id they are for."""
+    for vehicle in vehicles:
+        for message in due_messages(scheduler, vehicle, now_s):
+            send(vehicle.sysid, message)
+
+
+def wait_s(scheduler: Scheduler, vehicles: Iterable[Streamed], now_s: float, longest_s: float) -> float:
     """Local seconds until something is next due to anybody, `longest_s` at most."""
     least_s = longest_s
     for vehicle in vehicles:

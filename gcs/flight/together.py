@@ -14,6 +14,7 @@ from gcs.errors import GcsError, PeerTimeout
 
 T = TypeVar("T")
 LOOK_S = 0.05
+_COARSE_S = 1e-3  # the event loop's timers come up to so much late
 
 
 async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) -> None:
@@ -28,9 +29,11 @@ async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) ->
 
 async def ended(task: asyncio.Future[Any]) -> None:
     """Cancel a task and wait until it has ended; what it failed with is somebody else's to say."""
-    task.cancel()
+    while not task.done():  # a library on the way may swallow being cancelled
+        task.cancel()
+        await asyncio.wait({task}, timeout=1.0)
     with suppress(asyncio.CancelledError, GcsError):
-        await task
+        task.result()
 
 
 @asynccontextmanager
@@ -65,3 +68,13 @@ async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> N
         if loop.time() > end_s:
             raise PeerTimeout(f"{what} was not reached within {timeout_s:g} s.")
         await asyncio.sleep(LOOK_S)
+
+
+async def sleep_sharply(seconds: float) -> None:
+    """Sleep to a fraction of a millisecond; the last one is spent looking at the links again and again."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + seconds
+    if seconds > _COARSE_S:
+        await asyncio.sleep(seconds - _COARSE_S)
+    while loop.time() < end_s:
+        await asyncio.sleep(0)
