@@ -223,8 +223,8 @@ def figures(
 def main() -> None:
     """Run the cases asked for and show a table."""
     if sys.argv[1:2] == ["--vehicles"]:
-        count, port, seconds, out = sys.argv[2:6]
-        vehicles(int(count), int(port), float(seconds), Path(out))
+        vehicle_count, port, run_s, out = sys.argv[2:6]
+        vehicles(int(vehicle_count), int(port), float(run_s), Path(out))
         return
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)

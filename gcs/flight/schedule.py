@@ -11,6 +11,7 @@ makes nothing due: where the clock of the plan stands, the stream stops.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 from gcs.quadrotor import Array
@@ -53,7 +54,7 @@ class Progress:
     end: int | None  # first number that is not sent; None: on and on
     sent: int = 0
     skipped: int = 0
-    late_s: list[float] = field(default_factory=list)
+    late_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
     @property
     def finished(self) -> bool:
@@ -93,24 +94,27 @@ class Scheduler:
         stream = self.streams.get(sysid)
         if stream is None or stream.finished:
             return math.inf
-        return self.t0_unix_s + self.grid.at(stream.next) - self._lead_s
+        return self._deadline_s(stream.next)
 
     def due(self, sysid: int, vehicle_unix_s: float) -> list[int]:
         """Numbers to send now, oldest first; each is due once."""
         stream = self.streams.get(sysid)
         if stream is None:
             return []
-        horizon_s = vehicle_unix_s - self.t0_unix_s + self._lead_s
         numbers = []
-        while not stream.finished and self.grid.at(stream.next) <= horizon_s:
+        while not stream.finished and self._deadline_s(stream.next) <= vehicle_unix_s:
             numbers.append(stream.next)
             stream.next += 1
         if not numbers:
             return []
-        fresh_s = horizon_s - self._lead_s - self._keep_s
+        fresh_s = vehicle_unix_s - self.t0_unix_s - self._keep_s
         kept = [k for k in numbers[:-1] if self._keep_s > 0.0 and self.grid.at(k) >= fresh_s]
         kept.append(numbers[-1])
         stream.sent += len(kept)
         stream.skipped += len(numbers) - len(kept)
-        stream.late_s.append(horizon_s - self.grid.at(numbers[-1]))
+        stream.late_s.append(vehicle_unix_s - self._deadline_s(numbers[-1]))
         return kept
+
+    def _deadline_s(self, k: int) -> float:
+        """The one expression for it: what `next_unix_s` says is due then, to the last bit."""
+        return self.t0_unix_s + self.grid.at(k) - self._lead_s

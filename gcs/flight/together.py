@@ -74,7 +74,6 @@ async def sleep_sharply(seconds: float) -> None:
     """Sleep to a fraction of a millisecond; the last one is spent looking at the links again and again."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + seconds
-    if seconds > _COARSE_S:
-        await asyncio.sleep(seconds - _COARSE_S)
+    await asyncio.sleep(max(seconds - _COARSE_S, 0.0))  # others get a turn in any case
     while loop.time() < end_s:
         await asyncio.sleep(0)

@@ -46,7 +46,15 @@ def test_every_deadline_is_absolute() -> None:
         assert ours.due(1, due_s + 0.013) == [k]
     assert ours.finished
     assert ours.next_unix_s(1) == math.inf
-    assert ours.streams[1].late_s == pytest.approx([0.013] * len(GRID.t_s), abs=1e-6)
+    assert list(ours.streams[1].late_s) == pytest.approx([0.013] * len(GRID.t_s), abs=1e-6)
+
+
+@given(st.integers(0, LAST), st.floats(0.0, 0.5), st.floats(0.0, 1e9))
+def test_what_is_said_to_be_due_is_due(k: int, lead_s: float, t0_unix_s: float) -> None:
+    """To the last bit, or somebody who waits for it waits for nothing, again and again."""
+    ours = Scheduler(GRID, t0_unix_s, lead_s=lead_s)
+    ours.start(1, k, None)
+    assert ours.due(1, ours.next_unix_s(1)) == [k]
 
 
 def test_after_a_stall_the_newest_point_alone_is_sent() -> None:
