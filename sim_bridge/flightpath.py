@@ -90,7 +90,8 @@ class Flightpath:
 
     def awaits_setpoint(self, t_s: float) -> bool:
         """Whether it flies a stamped stream and has to guess how it goes on from `t_s`."""
-        return self.streaming and self._stream is not None and self._stream.awaits_more(t_s)
+        stream = self._stream
+        return stream is not None and (self.streaming or stream.next_s <= t_s) and stream.awaits_more(t_s)
 
     def step(self, t_s: float) -> Passed:
         """Go on to `t_s`."""

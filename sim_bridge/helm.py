@@ -117,8 +117,10 @@ class Helm:
         self._lift(t_s, lambda t_s: self.guide.take_off(t_s, self.path.piece.at(t_s), height_m))
 
     def go_to(self, t_s: float, target: Array) -> None:
-        """Fly to `target` (4,) and stand there."""
-        self.path.start(t_s, self.guide.go_to(t_s, self.path.piece.at(t_s), target), target)
+        """Fly to `target` (4,) and stand there, turning the shorter way."""
+        flat, target = self.path.piece.at(t_s), target.copy()
+        target[3] = flat[0, 3] + math.remainder(target[3] - flat[0, 3], math.tau)
+        self.path.start(t_s, self.guide.go_to(t_s, flat, target), target)
 
     def follow(self, t_s: float, setpoint: Setpoint, *, to_rest: bool) -> None:
         """Fly a setpoint of a stream, or to one; on the ground it lifts the vehicle where setpoints do that."""

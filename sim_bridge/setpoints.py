@@ -55,7 +55,6 @@ def setpoint_in(
         flat[1, 3] = fields["yaw_rate"]
     if not np.abs(flat).max() < _FAR:  # neither NaN nor nonsense
         return None
-    flat[0, 3] = yaw_rad + math.remainder(flat[0, 3] - yaw_rad, math.tau)
     t_s = instruments.t_s
     if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
         return Setpoint(t_s, flat, stamped=False), True

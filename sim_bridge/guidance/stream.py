@@ -56,9 +56,12 @@ class SetpointFollower:
         return self._ahead[-1] if self._ahead else self._current
 
     def awaits_more(self, t_s: float) -> bool:
-        """Whether a stamped stream is under way whose next setpoint is needed to fly on from `t_s`."""
-        now = self._current
-        return now is not None and not self._ahead and now.stamped and now.t_s <= t_s
+        """Whether a stamped stream is under way whose next setpoint is needed to fly on from `t_s`.
+
+        The one that comes into force at `t_s` does not do: how it is flown depends on the next.
+        """
+        newest = self.newest
+        return newest is not None and newest.stamped and newest.t_s <= t_s
 
     def add(self, setpoint: Setpoint) -> None:
         """Take in a setpoint: one for a known instant replaces it, one older than that in force is dropped."""
