@@ -162,6 +162,12 @@ class CommandSender:
         self._next_s = now_s + self._timers.reply_s
         return [self._message()]
 
+    def cancel(self) -> list[Message]:
+        """Stops waiting; the vehicle may have obeyed. There is nothing to tell it."""
+        if not self.done:
+            self._fail(PeerTimeout(f"{self.peer} was not waited for to acknowledge {command_name(self.command)}."))
+        return []
+
     def _fail(self, error: GcsError) -> None:
         self.error = error
         self.state = CommandState.FAILED

@@ -18,6 +18,9 @@ Rules
 4.  Both kinds of request and both kinds of item are understood.
 5.  What got no answer is said again: `reply_s` after a list, a count, or the last item; `item_s` after a
     request for an item; `retries` times. Between items the sender is silent: asking is the receiver's part.
+    A machine that is given a `RoundTrip` asks again as soon as that says, until `give_up_s`; and a sender then says
+    the item it was asked for last once more, and the next one with it: whichever of item and request was lost, one of
+    the two is what the receiver waits for, and it takes no other.
 6.  A new MISSION_COUNT starts the receiver afresh: items of two missions never mix.
 7.  The receiver ends the transfer with MISSION_ACK. It repeats it when the last item comes once more, since
     that means the first one was lost.
@@ -26,7 +29,9 @@ Rules
     had arrived and the transfer goes on (PX4: "busy"). ERROR after a repeated last item says that the transfer was
     over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`.
 9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
-10. Arrival of the last item without a MISSION_ACK is no proof of anything: `MissionSender.all_sent` tells the
+10. With a `window` a receiver asks for several items at a time, where the peer keeps no track of what it was asked
+    for (ArduPilot); items are taken in any order.
+11. Arrival of the last item without a MISSION_ACK is no proof of anything: `MissionSender.all_sent` tells the
     caller that it pays to read the mission back.
 """
 

@@ -10,14 +10,15 @@ Knows and does not know: see `gcs.link.mission`, whose rules the numbers below r
     PULLING    the item asked for                          PULLING    request for the next            (1, 4)
     PULLING    ... and it was the last                     DONE       MISSION_ACK ACCEPTED            (7)
     PULLING    ... and `check` or `capacity` refuses it    FAILED     MISSION_ACK of refusal
-    PULLING    MISSION_COUNT                               PULLING    request 0                       (6)
+    PULLING    MISSION_COUNT, other than we asked for      PULLING    request 0                       (6)
     PULLING    item_s passed                               PULLING    the same request                (5)
+    PULLING    an item of the window, not the next one     PULLING    request for one more            (10)
     DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
     any        retries used up, or give_up_s               FAILED     MISSION_ACK OPERATION_CANCELLED (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
 
-MISSION_COUNT 0 leads straight to DONE. Items other than the one asked for are repeats and are ignored.
+MISSION_COUNT 0 leads straight to DONE. Items that were not asked for, or came before, are ignored.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from gcs.link.dialect import MissionResult, MissionType, mission_result_words
 from gcs.link.items import item_from_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack, mission_type_of
+from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
 ItemCheck = Callable[[int, MissionItem], MissionResult]
@@ -55,7 +57,8 @@ class MissionReceiver:
 
     A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it
     that message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
-    `int_requests=False` asks the way ArduPilot does. `items` is the mission once `done` and `error` is None.
+    `int_requests=False` asks the way ArduPilot does. With a `round_trip` it is quick to ask again, and learns how
+    quick; `window` items are asked for at a time. `items` is the mission once `done` and `error` is None.
     """
 
     def __init__(
@@ -68,6 +71,8 @@ class MissionReceiver:
         capacity: int = 0xFFFF,
         check: ItemCheck = _accept_any,
         int_requests: bool = True,
+        round_trip: RoundTrip | None = None,
+        window: int = 1,
     ) -> None:
         self.peer = peer
         self.me = me
@@ -79,7 +84,13 @@ class MissionReceiver:
         self._capacity = capacity
         self._check = check
         self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
-        self._items: list[MissionItem] = []
+        self._round_trip = round_trip
+        self._window = window
+        self._items: list[MissionItem] = []  # in order, up to the first that is missing
+        self._early: dict[int, MissionItem] = {}  # behind it
+        self._asked: dict[int, float | None] = {}  # items under way: when asked for, None if more than once
+        self._listed = False  # we asked for the list; else the peer offered it
+        self._listed_s: float | None = None  # when, if once
         self._repeats = 0
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -99,7 +110,7 @@ class MissionReceiver:
 
     @property
     def progress(self) -> int:
-        """How many items have arrived."""
+        """How many items have arrived, up to the first that is missing."""
         return len(self._items)
 
     @property
@@ -115,6 +126,7 @@ class MissionReceiver:
             raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
         self.state = ReceiverState.LISTED
         self._end_s = now_s + self._timers.give_up_s * 2
+        self._listed, self._listed_s = True, now_s
         self._progressed(now_s, self._timers.reply_s)
         return [self._request_list()]
 
@@ -128,7 +140,8 @@ class MissionReceiver:
         if self.state is ReceiverState.FAILED:
             return []
         if message.name == "MISSION_COUNT":
-            return self._begin(message.fields["count"], now_s)
+            copy = self._listed and self.state is ReceiverState.PULLING and message.fields["count"] == self.count
+            return [] if copy else self._begin(message.fields["count"], now_s)
         if self.state is ReceiverState.PULLING and message.name in _ITEMS:
             return self._take(message, now_s)
         if message.name == "MISSION_ACK" and self.state is not ReceiverState.IDLE:
@@ -140,16 +153,18 @@ class MissionReceiver:
         deadline_s = self.deadline_s
         if deadline_s is None or now_s < deadline_s:
             return []
-        used_up = self._repeats >= self._timers.retries
+        used_up = self._round_trip is None and self._repeats >= self._timers.retries
         if used_up or self._end_s is None or now_s >= min(self._give_up_s, self._end_s):
             self._fail(PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
             return [self._ack(MissionResult.OPERATION_CANCELLED)]
         self._repeats += 1
         if self.state is ReceiverState.LISTED:
-            self._resend_s = now_s + self._timers.reply_s
+            self._listed_s = None
+            self._resend_s = now_s + self._wait_s(self._timers.reply_s)
             return [self._request_list()]
-        self._resend_s = now_s + self._timers.item_s
-        return [self._request()]
+        self._resend_s = now_s + self._wait_s(self._timers.item_s)
+        self._asked = dict.fromkeys(self._asked)
+        return [self._request(seq) for seq in sorted(self._asked)]
 
     def cancel(self) -> list[Message]:
         """Ends the transfer from our side. The caller knows why; the error says just that."""
@@ -166,16 +181,20 @@ class MissionReceiver:
     def _begin(self, count: int, now_s: float) -> list[Message]:
         if self.state is not ReceiverState.PULLING:  # a restart does not buy the peer more time
             self._end_s = now_s + self._timers.give_up_s * (count + 2)
+            if self._round_trip is not None and self._listed_s is not None:
+                self._round_trip.learn(now_s - self._listed_s)
         self.state = ReceiverState.PULLING
         self.count = count
         self._items.clear()
+        self._early.clear()
+        self._asked.clear()
         if count > self._capacity:
             return self._refuse(MissionResult.NO_SPACE, f"of {count} items, {self._capacity} fit")
         return self._next(now_s)
 
     def _take(self, message: Message, now_s: float) -> list[Message]:
         seq = message.fields["seq"]
-        if seq != len(self._items):
+        if seq not in self._asked:
             return []
         try:
             item = item_from_message(message)
@@ -184,7 +203,12 @@ class MissionReceiver:
         verdict = self._check(seq, item)
         if verdict != MissionResult.ACCEPTED:
             return self._refuse(verdict, f"item {seq}: {mission_result_words(verdict)}")
-        self._items.append(item)
+        asked_s = self._asked.pop(seq)
+        if self._round_trip is not None and asked_s is not None:
+            self._round_trip.learn(now_s - asked_s)
+        self._early[seq] = item
+        while len(self._items) in self._early:
+            self._items.append(self._early.pop(len(self._items)))
         return self._next(now_s)
 
     def _next(self, now_s: float) -> list[Message]:
@@ -192,7 +216,17 @@ class MissionReceiver:
             self.state = ReceiverState.DONE
             return [self._ack(MissionResult.ACCEPTED)]
         self._progressed(now_s, self._timers.item_s)
-        return [self._request()]
+        return self._ask_on(now_s)
+
+    def _ask_on(self, now_s: float) -> list[Message]:
+        """Requests for the next items, as many as the window leaves room for."""
+        first, end = len(self._items), min(len(self._items) + self._window, self.count or 0)
+        new = [seq for seq in range(first, end) if seq not in self._asked and seq not in self._early]
+        self._asked |= dict.fromkeys(new, now_s)
+        return [self._request(seq) for seq in new]
+
+    def _wait_s(self, spec_s: float) -> float:
+        return spec_s if self._round_trip is None else self._round_trip.wait_s(self._repeats)
 
     def _refuse(self, result: MissionResult, reason: str) -> list[Message]:
         self._fail(PeerError(f"the mission of {self.peer} was refused: {reason}."))
@@ -205,7 +239,7 @@ class MissionReceiver:
 
     def _progressed(self, now_s: float, answer_s: float) -> None:
         self._repeats = 0
-        self._resend_s = now_s + answer_s
+        self._resend_s = now_s + self._wait_s(answer_s)
         self._give_up_s = now_s + self._timers.give_up_s
 
     def _fail(self, error: GcsError) -> None:
@@ -231,5 +265,5 @@ class MissionReceiver:
     def _request_list(self) -> Message:
         return Message("MISSION_REQUEST_LIST", self._target())
 
-    def _request(self) -> Message:
-        return Message(self._request_name, {**self._target(), "seq": len(self._items)})
+    def _request(self, seq: int) -> Message:
+        return Message(self._request_name, {**self._target(), "seq": seq})

@@ -9,10 +9,12 @@ Knows and does not know: see `gcs.link.mission`, whose rules the numbers below r
     OFFERED    reply_s passed                              OFFERED    MISSION_COUNT                   (5)
     SENDING    MISSION_REQUEST(_INT) seq                   SENDING    item seq                        (1, 3)
     SENDING    ... and every item has been sent            ALL_SENT   item seq
+    SENDING    its wait passed, with a RoundTrip           SENDING    the same item and the next      (5)
     ALL_SENT   MISSION_REQUEST(_INT) seq                   ALL_SENT   item seq                        (3)
     ALL_SENT   reply_s passed                              ALL_SENT   the last item                   (5)
     ALL_SENT   MISSION_ACK ACCEPTED                        DONE                                       (8)
-    ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 10)
+    ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 11)
+    ALL_SENT   unheard_s without MISSION_ACK, RoundTrip    FAILED                                     (11)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
     any        give_up_s without progress                  FAILED                                     (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
@@ -30,8 +32,10 @@ from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.items import item_to_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack, mission_type_of
+from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
+_UNHEARD_S = 2.5  # for a MISSION_ACK, or for the receiver to ask again as ArduPilot does once a second
 _REQUESTS = ("MISSION_REQUEST_INT", "MISSION_REQUEST")
 
 
@@ -47,7 +51,11 @@ class SenderState(Enum):
 
 
 class MissionSender:
-    """One transfer of `items` from `me` to `peer`."""
+    """One transfer of `items` from `me` to `peer`.
+
+    With a `round_trip` it is quick to repeat itself, and learns how quick. `resumes` says that an earlier transfer of
+    the same items may still be under way, so that "busy" is no refusal.
+    """
 
     def __init__(
         self,
@@ -58,6 +66,8 @@ class MissionSender:
         mission_type: int = MissionType.MISSION,
         timers: Timers = GROUND_TIMERS,
         current: int = 0,
+        round_trip: RoundTrip | None = None,
+        resumes: bool = False,
     ) -> None:
         self.items = tuple(items)
         self.peer = peer
@@ -70,7 +80,9 @@ class MissionSender:
         self._sent: set[int] = set()
         self._last_seq: int | None = None  # the request answered last
         self._repeats = 0
-        self._counts_repeated = 0
+        self._counts_repeated = int(resumes)
+        self._round_trip = round_trip
+        self._asked_s: float | None = None  # when what awaits an answer was said, if it was said once
         self._last_repeated = False
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -106,6 +118,7 @@ class MissionSender:
         self.state = SenderState.OFFERED if self.items else SenderState.ALL_SENT
         self._end_s = now_s + self._timers.give_up_s * (len(self.items) + 2)
         self._progressed(now_s)
+        self._asked_s = now_s
         return [self._count()]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
@@ -132,10 +145,13 @@ class MissionSender:
         if not self._may_resend or now_s < self._resend_s:
             return []
         self._repeats += 1
-        self._resend_s = now_s + self._timers.reply_s
+        self._resend_s = now_s + self._wait_s()
+        self._asked_s = None
         if self.state is SenderState.OFFERED or not self.items:
             self._counts_repeated += 1
             return [self._count()]
+        if self._round_trip is not None and self._last_seq is not None:
+            return self._say_again(self._last_seq)
         self._last_repeated = True
         return [self._item(len(self.items) - 1)]
 
@@ -148,6 +164,8 @@ class MissionSender:
 
     @property
     def _may_resend(self) -> bool:
+        if self._round_trip is not None:
+            return True
         return self.state is not SenderState.SENDING and self._repeats < self._timers.retries
 
     def _is_ours(self, message: Message) -> bool:
@@ -158,13 +176,34 @@ class MissionSender:
     def _answer(self, seq: int, now_s: float) -> list[Message]:
         if seq >= len(self.items):
             return []
-        self._sent.add(seq)
+        self._note_sent(seq)
         if seq != self._last_seq:
+            if self._round_trip is not None and self._asked_s is not None:
+                self._round_trip.learn(now_s - self._asked_s)
             self._last_seq = seq
             self._progressed(now_s)
+            self._asked_s = now_s
         self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
-        self._resend_s = now_s + self._timers.reply_s
+        self._resend_s = now_s + self._wait_s()
         return [self._item(seq)]
+
+    def _say_again(self, seq: int) -> list[Message]:
+        """The item asked for last, and the next: the one that is awaited is among them."""
+        again = range(seq, min(seq + 2, len(self.items)))
+        before = self.all_sent
+        for one in again:
+            self._note_sent(one)
+        if self.all_sent and not before:  # the receiver may have them all, and its MISSION_ACK be lost
+            self._give_up_s = min(self._give_up_s, self._resend_s + _UNHEARD_S)
+        self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
+        return [self._item(one) for one in again]
+
+    def _note_sent(self, seq: int) -> None:
+        self._last_repeated |= seq == len(self.items) - 1 and seq in self._sent
+        self._sent.add(seq)
+
+    def _wait_s(self) -> float:
+        return self._timers.reply_s if self._round_trip is None else self._round_trip.wait_s(self._repeats)
 
     def _acknowledged(self, result: int) -> None:
         if result == MissionResult.ACCEPTED:
@@ -181,8 +220,10 @@ class MissionSender:
 
     def _progressed(self, now_s: float) -> None:
         self._repeats = 0
-        self._resend_s = now_s + self._timers.reply_s
-        self._give_up_s = now_s + self._timers.give_up_s
+        self._resend_s = now_s + self._wait_s()
+        at_the_end = self._last_seq is not None and self._last_seq == len(self.items) - 1
+        patience_s = min(self._timers.give_up_s, _UNHEARD_S) if self._round_trip and at_the_end else None
+        self._give_up_s = now_s + (patience_s or self._timers.give_up_s)
 
     def _fail(self, error: GcsError) -> None:
         self.error = error

@@ -10,48 +10,24 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager, suppress
-from typing import Protocol
+from contextlib import asynccontextmanager
 
-from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
-from gcs.link.dialect import Autopilot, MavCommand, MissionResult, MissionType, ModeFlag
+from gcs.link.delivery import WINDOW, Delivery
+from gcs.link.dialect import Autopilot, MavCommand, MissionType, ModeFlag
 from gcs.link.items import with_home
+from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers
-from gcs.link.mission_compare import Difference, compare_missions
+from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.mission_receiver import MissionReceiver
-from gcs.link.mission_sender import MissionSender
 from gcs.link.quality import LinkQuality
+from gcs.link.roundtrip import RoundTrip
 from gcs.link.statustext import StatusText, StatusTextJoiner
-from gcs.mission.model import MissionItem, VehicleMission
+from gcs.mission.model import Home, MissionItem, VehicleMission
 
-_BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s
 _REASON_S = 0.7  # the reasons for a refusal come up to so much before or after it
-
-
-class Machine(Protocol):
-    """What every protocol machine offers."""
-
-    error: GcsError | None
-
-    @property
-    def done(self) -> bool:
-        """Whether it ended."""
-
-    @property
-    def deadline_s(self) -> float | None:
-        """When to call `tick`."""
-
-    def start(self, now_s: float) -> list[Message]:
-        """The first messages."""
-
-    def receive(self, message: Message, now_s: float) -> list[Message]:
-        """The answers to a message."""
-
-    def tick(self, now_s: float) -> list[Message]:
-        """The messages that time calls for."""
 
 
 class VehicleSession:
@@ -70,6 +46,7 @@ class VehicleSession:
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
+        self.round_trip = RoundTrip()
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
         self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
@@ -188,7 +165,7 @@ class VehicleSession:
             machine = CommandSender(command, params, self.station, position=position, me=self.me, timers=timers)
             began_s = self._loop.time()
             try:
-                await self._run(machine)
+                await self.run(machine)
             except CommandRefused as refusal:
                 await asyncio.sleep(_REASON_S)
                 reason = "; ".join(t.text for at_s, t in self.texts if at_s >= began_s - _REASON_S)
@@ -216,59 +193,55 @@ class VehicleSession:
         finally:
             stop()
 
-    async def upload(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> MissionSender:
-        """Sends items as they are (an empty list clears) and returns the finished machine.
+    async def deliver(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> Delivery:
+        """Sends items as they are (an empty list clears) until the vehicle holds them, read back and compared.
 
-        Raises `MissionRefused`, or `PeerTimeout`. Success is the vehicle's word only: read back.
+        Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `PeerTimeout`.
         """
         async with self._mission_lock:
-            return await self._upload(items, mission_type)
+            machine = Delivery(
+                items,
+                self.station,
+                self.autopilot,
+                mission_type=mission_type,
+                me=self.me,
+                timers=self._timers,
+                round_trip=self.round_trip,
+            )
+            await self.run(machine)
+            return machine
 
     async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
-        """Reads the vehicle's mission, home included where it is item 0. Raises as `upload` does."""
+        """Reads what the vehicle holds, home included where it is item 0. Raises as `deliver` does."""
         async with self._mission_lock:
-            machine = MissionReceiver(self.station, me=self.me, mission_type=mission_type, timers=self._timers)
-            await self._run(machine)
-            return machine.items
+            for last in (False, True):
+                machine = MissionReceiver(
+                    self.station,
+                    me=self.me,
+                    mission_type=mission_type,
+                    timers=self._timers,
+                    round_trip=self.round_trip,
+                    window=WINDOW if self.autopilot == Autopilot.ARDUPILOT else 1,
+                )
+                try:
+                    await self.run(machine)
+                except PeerTimeout:
+                    if last or not machine.progress:
+                        raise
+                else:
+                    return machine.items
+            raise ProtocolMisuse("a download ended without result.")
 
-    async def upload_mission(self, mission: VehicleMission) -> None:
-        """Sends a mission, with home where the autopilot wants it, reads it back and compares.
+    async def upload_mission(self, mission: VehicleMission) -> Delivery:
+        """Delivers a mission, with home where the autopilot wants it. Raises as `deliver` does."""
+        return await self.deliver(self.as_sent(mission.items, mission.home))
 
-        Only the read-back decides: a lost MISSION_ACK does no harm, a false one no good. Raises `PeerError`
-        that lists the differences, `MissionRefused`, `PeerTimeout`.
-        """
-        first = 1 if self.home_is_item_0 else 0
-        items = with_home(mission.items, mission.home) if first else mission.items
-        with suppress(_AckLost):
-            await self.upload(items)
-        differences: list[Difference] = compare_missions(items[first:], (await self.download())[first:])
-        if differences:
-            listed = "; ".join(str(d) for d in differences[:5])
-            more = f"; and {len(differences) - 5} more" if len(differences) > 5 else ""
-            raise PeerError(
-                f"vehicle {self.sysid} does not hold the mission it was sent: {listed}{more}.",
-                hint="upload again; if it persists, the autopilot does not store these items as they are",
-            )
+    def as_sent(self, items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
+        """A mission's items as this autopilot is sent them."""
+        return with_home(items, home) if self.home_is_item_0 else tuple(items)
 
-    async def _upload(self, items: Sequence[MissionItem], mission_type: int) -> MissionSender:
-        for last_try in (False, True):
-            machine = MissionSender(items, self.station, me=self.me, mission_type=mission_type, timers=self._timers)
-            try:
-                await self._run(machine)
-            except MissionRefused as refusal:
-                busy = refusal.result in (MissionResult.ERROR, MissionResult.DENIED) and refusal.seq is None
-                if last_try or not busy:
-                    raise
-                await asyncio.sleep(_BUSY_S)
-                continue
-            except PeerTimeout as error:
-                if machine.all_sent and items:
-                    raise _AckLost(error.message, hint=error.hint) from None
-                raise
-            return machine
-        raise ProtocolMisuse("an upload ended without result.")
-
-    async def _run(self, machine: Machine) -> None:
+    async def run(self, machine: Machine) -> None:
+        """Lets a machine talk to the vehicle until it is done. Raises its error."""
         async with self._fed(machine) as woken:
             self._send_all(machine.start(self._loop.time()))
             while not machine.done:
@@ -292,7 +265,7 @@ class VehicleSession:
             yield entry[1]
         finally:
             self._machines.remove(entry)
-            if not machine.done and isinstance(machine, MissionSender | MissionReceiver):
+            if not machine.done:
                 self._send_all(machine.cancel())
 
     def _send_all(self, messages: list[Message]) -> None:
@@ -307,7 +280,3 @@ class VehicleSession:
         if age_s > 3.0:
             return f"its last heartbeat came {age_s:.1f} s ago: check the vehicle and the link"
         return "its heartbeat is there: it is alive and did not answer"
-
-
-class _AckLost(PeerTimeout):
-    """All items were sent, and the MISSION_ACK did not come: only the read-back can tell."""

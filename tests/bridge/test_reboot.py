@@ -12,6 +12,7 @@ from gcs.link.dialect import CopterMode
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.message import Message
 from gcs.link.mission import Timers
+from gcs.link.mission_sender import MissionSender
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
@@ -54,7 +55,8 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
             fleet.desk.add(1, faults[SYSID][0], fleet.t_s)
             before = fleet.vehicles[1]
             with pytest.raises(PeerTimeout):
-                await session.upload_mission(mission(simulation1, new))
+                items = session.as_sent(new, mission(simulation1, new).home)
+                await session.run(MissionSender(items, session.station, timers=TIMERS))
             restarted_s = fleet.vehicles[1].on_from_s
             assert fleet.vehicles[1] is not before
             assert fleet.vehicles[1].simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)  # its clock began anew
