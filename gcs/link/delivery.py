@@ -10,7 +10,8 @@ Knows: senders, receivers, and what each autopilot does to a transfer that break
     SENDING   busy                                            WAITING
     SENDING   silence, cancelled, an ERROR without a reason   SENDING   ... once more, `tries` in all
     READING   equal by meaning                                DONE
-    READING   different, busy, or `tries` silences            SENDING   ... once more
+    READING   silence, or refused in the middle               READING   ... once more, some times
+    READING   different, busy, or still silent                SENDING   ... once more
     WAITING   busy_s passed                                   SENDING
 
 A MISSION_ACK proves nothing, and neither does its loss: only what is read back counts. Habits:
@@ -28,17 +29,16 @@ from enum import Enum, auto
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.dialect import Autopilot, MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack
+from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
 from gcs.link.mission_compare import Difference, compare_missions
-from gcs.link.mission_receiver import MissionReceiver
+from gcs.link.mission_receiver import MissionReceiver, reader
 from gcs.link.mission_sender import MissionSender
 from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
 BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s
-WINDOW = 8
 _TOLD_MAX = 5
-_MAYBE = (MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED)
+_READS = 5  # of one upload
 _NAMES = {int(MissionType.MISSION): "mission", int(MissionType.FENCE): "fence", int(MissionType.RALLY): "rally points"}
 
 
@@ -69,7 +69,7 @@ class Delivery:
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
         round_trip: RoundTrip | None = None,
-        tries: int = 3,
+        tries: int = 4,
     ) -> None:
         self.items = tuple(items)
         self.peer = peer
@@ -89,6 +89,7 @@ class Delivery:
         self._reads_left = 0
         self._until_s = 0.0
         self._last_error: GcsError | None = None
+        self._doubt: GcsError | None = None  # an ERROR that came with what was then not held
 
     @property
     def name(self) -> str:
@@ -146,11 +147,12 @@ class Delivery:
     def _sent(self, machine: MissionSender, now_s: float) -> list[Message]:
         error = machine.error
         if error is None or (isinstance(error, PeerTimeout) and machine.all_sent):
-            self._reads_left = self._tries
+            self._reads_left = _READS
+            self._doubt = machine.doubt
             return self._read(now_s)
         self._last_error = error
         if isinstance(error, MissionRefused):
-            if error.result not in _MAYBE:
+            if error.result not in DOUBTFUL:
                 return self._fail(error)
             if error.seq is None and error.result != MissionResult.OPERATION_CANCELLED:
                 self._busy += 1
@@ -166,11 +168,12 @@ class Delivery:
             if not differences:
                 self.state = DeliveryState.DONE
                 return []
-            self._last_error = _different(self, differences)
+            self._last_error = self._doubt or _different(self, differences)
             return self._send(now_s)
         self._last_error = error
         self._reads_left -= 1
-        if isinstance(error, PeerTimeout) and self._reads_left > 0:
+        lost = isinstance(error, PeerTimeout) or (isinstance(error, MissionRefused) and error.seq is not None)
+        if lost and self._reads_left > 0:  # PX4 gives up on who asks for an item twice removed
             return self._read(now_s)
         return self._break_off() + self._send(now_s)  # it may be in the middle of the transfer
 
@@ -198,13 +201,13 @@ class Delivery:
     def _read(self, now_s: float) -> list[Message]:
         self.read += 1
         self.state = DeliveryState.READING
-        machine = MissionReceiver(
+        machine = reader(
             self.peer,
+            self.autopilot,
             me=self.me,
             mission_type=self.mission_type,
             timers=self._timers,
             round_trip=self._round_trip,
-            window=WINDOW if self.autopilot == Autopilot.ARDUPILOT else 1,
         )
         self._machine = machine
         return machine.start(now_s)

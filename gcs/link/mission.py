@@ -27,7 +27,9 @@ Rules
 8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is
     a reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one
     had arrived and the transfer goes on (PX4: "busy"). ERROR after a repeated last item says that the transfer was
-    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`.
+    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`. With a `RoundTrip`, where much is
+    said twice, ERROR, DENIED and OPERATION_CANCELLED may be about a copy that came late: they end the transfer if
+    nothing is asked, or answered, for some waits after them.
 9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
 10. With a `window` a receiver asks for several items at a time, where the peer keeps no track of what it was asked
     for (ArduPilot); items are taken in any order.
@@ -42,6 +44,7 @@ from dataclasses import dataclass
 from gcs.errors import PeerRefusal
 from gcs.link.dialect import MissionResult, mission_result_words
 from gcs.link.message import Message, Station
+from gcs.link.roundtrip import RoundTrip
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,12 @@ class Timers:
 
 
 GROUND_TIMERS = Timers()
+DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
+
+
+def doubt_s(round_trip: RoundTrip) -> float:
+    """How long to go on after a refusal that may be about something else: ArduPilot asks again once a second."""
+    return max(4.0 * round_trip.wait_s(), 1.2)
 
 
 class MissionRefused(PeerRefusal):

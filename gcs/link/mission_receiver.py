@@ -15,6 +15,7 @@ Knows and does not know: see `gcs.link.mission`, whose rules the numbers below r
     PULLING    an item of the window, not the next one     PULLING    request for one more            (10)
     DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
+    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until answered                (8)
     any        retries used up, or give_up_s               FAILED     MISSION_ACK OPERATION_CANCELLED (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
 
@@ -27,14 +28,16 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionResult, MissionType, mission_result_words
+from gcs.link.dialect import Autopilot, MissionResult, MissionType, mission_result_words
 from gcs.link.items import item_from_message
 from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack, mission_type_of
+from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, doubt_s, mission_ack, mission_type_of
 from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
 ItemCheck = Callable[[int, MissionItem], MissionResult]
+_WINDOW = 8
+_LATE_S = 0.15  # by so much a copy may come late
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
@@ -58,7 +61,8 @@ class MissionReceiver:
     A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it
     that message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
     `int_requests=False` asks the way ArduPilot does. With a `round_trip` it is quick to ask again, and learns how
-    quick; `window` items are asked for at a time. `items` is the mission once `done` and `error` is None.
+    quick, but not before `least_wait_s`; `window` items are asked for at a time. `items` is the mission once `done` and
+    `error` is None.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class MissionReceiver:
         int_requests: bool = True,
         round_trip: RoundTrip | None = None,
         window: int = 1,
+        least_wait_s: float = 0.0,
     ) -> None:
         self.peer = peer
         self.me = me
@@ -86,11 +91,13 @@ class MissionReceiver:
         self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
         self._round_trip = round_trip
         self._window = window
+        self._least_wait_s = least_wait_s
         self._items: list[MissionItem] = []  # in order, up to the first that is missing
         self._early: dict[int, MissionItem] = {}  # behind it
         self._asked: dict[int, float | None] = {}  # items under way: when asked for, None if more than once
         self._listed = False  # we asked for the list; else the peer offered it
         self._listed_s: float | None = None  # when, if once
+        self._doubt: MissionRefused | None = None
         self._repeats = 0
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -145,7 +152,7 @@ class MissionReceiver:
         if self.state is ReceiverState.PULLING and message.name in _ITEMS:
             return self._take(message, now_s)
         if message.name == "MISSION_ACK" and self.state is not ReceiverState.IDLE:
-            self._acknowledged(message.fields["type"])
+            self._acknowledged(message.fields["type"], now_s)
         return []
 
     def tick(self, now_s: float) -> list[Message]:
@@ -155,7 +162,7 @@ class MissionReceiver:
             return []
         used_up = self._round_trip is None and self._repeats >= self._timers.retries
         if used_up or self._end_s is None or now_s >= min(self._give_up_s, self._end_s):
-            self._fail(PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
+            self._fail(self._doubt or PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
             return [self._ack(MissionResult.OPERATION_CANCELLED)]
         self._repeats += 1
         if self.state is ReceiverState.LISTED:
@@ -226,19 +233,27 @@ class MissionReceiver:
         return [self._request(seq) for seq in new]
 
     def _wait_s(self, spec_s: float) -> float:
-        return spec_s if self._round_trip is None else self._round_trip.wait_s(self._repeats)
+        if self._round_trip is None:
+            return spec_s
+        return max(self._round_trip.wait_s(self._repeats), self._least_wait_s)
 
     def _refuse(self, result: MissionResult, reason: str) -> list[Message]:
         self._fail(PeerError(f"the mission of {self.peer} was refused: {reason}."))
         return [self._ack(result)]
 
-    def _acknowledged(self, result: int) -> None:
-        if result not in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
-            seq = len(self._items) if self.state is ReceiverState.PULLING else None
-            self._fail(MissionRefused(self.peer, result, seq))
+    def _acknowledged(self, result: int, now_s: float) -> None:
+        if result in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
+            return
+        refusal = MissionRefused(self.peer, result, len(self._items) if self.state is ReceiverState.PULLING else None)
+        if self._round_trip is not None and result in DOUBTFUL:
+            self._doubt = refusal
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+        else:
+            self._fail(refusal)
 
     def _progressed(self, now_s: float, answer_s: float) -> None:
         self._repeats = 0
+        self._doubt = None
         self._resend_s = now_s + self._wait_s(answer_s)
         self._give_up_s = now_s + self._timers.give_up_s
 
@@ -267,3 +282,29 @@ class MissionReceiver:
 
     def _request(self, seq: int) -> Message:
         return Message(self._request_name, {**self._target(), "seq": seq})
+
+
+def reader(
+    peer: Station,
+    autopilot: int,
+    *,
+    me: Station = GROUND,
+    mission_type: int = MissionType.MISSION,
+    timers: Timers = GROUND_TIMERS,
+    round_trip: RoundTrip,
+) -> MissionReceiver:
+    """A receiver that downloads the way this autopilot is quickest, and safest, to read.
+
+    ArduPilot answers requests for items in any order. PX4 follows them one by one, and ends the transfer when it is
+    asked for one before the last: a copy that comes late must not be made lightly.
+    """
+    by_the_way = autopilot == Autopilot.ARDUPILOT
+    return MissionReceiver(
+        peer,
+        me=me,
+        mission_type=mission_type,
+        timers=timers,
+        round_trip=round_trip,
+        window=_WINDOW if by_the_way else 1,
+        least_wait_s=0.0 if by_the_way else _LATE_S,
+    )

@@ -16,6 +16,8 @@ Knows and does not know: see `gcs.link.mission`, whose rules the numbers below r
     ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 11)
     ALL_SENT   unheard_s without MISSION_ACK, RoundTrip    FAILED                                     (11)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
+    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until asked again             (8)
+    any        doubted for some waits                      FAILED                                     (8)
     any        give_up_s without progress                  FAILED                                     (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
 
@@ -31,7 +33,7 @@ from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.items import item_to_message
 from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import GROUND_TIMERS, MissionRefused, Timers, mission_ack, mission_type_of
+from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, doubt_s, mission_ack, mission_type_of
 from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
@@ -80,6 +82,7 @@ class MissionSender:
         self._sent: set[int] = set()
         self._last_seq: int | None = None  # the request answered last
         self._repeats = 0
+        self.doubt: MissionRefused | None = None  # a refusal that may be of something else
         self._counts_repeated = int(resumes)
         self._round_trip = round_trip
         self._asked_s: float | None = None  # when what awaits an answer was said, if it was said once
@@ -132,7 +135,7 @@ class MissionSender:
         if message.name == "MISSION_REQUEST_LIST" and self.state is SenderState.OFFERED:
             return [self._count()]
         if message.name == "MISSION_ACK":
-            self._acknowledged(message.fields["type"])
+            self._acknowledged(message.fields["type"], now_s)
         return []
 
     def tick(self, now_s: float) -> list[Message]:
@@ -140,7 +143,8 @@ class MissionSender:
         if self.done or self.state is SenderState.IDLE:
             return []
         if now_s >= min(self._give_up_s, self._end_s):
-            self._fail(PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
+            silence = PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come.")
+            self._fail(silence if self.doubt is None or self.all_sent else self.doubt)
             return []
         if not self._may_resend or now_s < self._resend_s:
             return []
@@ -183,6 +187,8 @@ class MissionSender:
             self._last_seq = seq
             self._progressed(now_s)
             self._asked_s = now_s
+        else:
+            self._asked_s = None
         self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
         self._resend_s = now_s + self._wait_s()
         return [self._item(seq)]
@@ -205,8 +211,11 @@ class MissionSender:
     def _wait_s(self) -> float:
         return self._timers.reply_s if self._round_trip is None else self._round_trip.wait_s(self._repeats)
 
-    def _acknowledged(self, result: int) -> None:
-        if result == MissionResult.ACCEPTED:
+    def _acknowledged(self, result: int, now_s: float) -> None:
+        if self._round_trip is not None and result in DOUBTFUL:
+            self.doubt = MissionRefused(self.peer, result, self._last_seq)
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+        elif result == MissionResult.ACCEPTED:
             if self.state is SenderState.ALL_SENT:
                 self.state = SenderState.DONE
         elif result == MissionResult.INVALID_SEQUENCE:
@@ -219,6 +228,7 @@ class MissionSender:
             self._fail(MissionRefused(self.peer, result, self._last_seq))
 
     def _progressed(self, now_s: float) -> None:
+        self.doubt = None
         self._repeats = 0
         self._resend_s = now_s + self._wait_s()
         at_the_end = self._last_seq is not None and self._last_seq == len(self.items) - 1

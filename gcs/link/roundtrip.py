@@ -1,14 +1,15 @@
 """How long to wait for an answer before asking again: learned from the answers themselves.
 
 Knows: round trips as they are measured. Does not know: what was asked. After Jacobson and Karn (RFC 6298): the mean
-plus four times the mean deviation, and only answers to questions that were put once are measured. Repetitions wait
-half as long again each time, up to twice the first wait: on a radio link losses are noise, not a queue to be spared.
+plus four times the mean deviation, and only answers to questions that were put once are measured. Repetitions
+wait a little longer, no more: there is one question under way at a time, which makes no queue, and on a radio link
+losses are noise.
 """
 
 from __future__ import annotations
 
 _GAIN, _DEVIATION_GAIN = 1 / 8, 1 / 4
-_GROWTH, _MOST_GROWTH = 1.5, 2.0
+_GROWTH, _MOST_GROWTH = 1.1, 1.3
 
 
 class RoundTrip:

@@ -15,13 +15,13 @@ from contextlib import asynccontextmanager
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
-from gcs.link.delivery import WINDOW, Delivery
+from gcs.link.delivery import Delivery
 from gcs.link.dialect import Autopilot, MavCommand, MissionType, ModeFlag
 from gcs.link.items import with_home
 from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import GROUND_TIMERS, Timers
-from gcs.link.mission_receiver import MissionReceiver
+from gcs.link.mission_receiver import reader
 from gcs.link.quality import LinkQuality
 from gcs.link.roundtrip import RoundTrip
 from gcs.link.statustext import StatusText, StatusTextJoiner
@@ -215,13 +215,13 @@ class VehicleSession:
         """Reads what the vehicle holds, home included where it is item 0. Raises as `deliver` does."""
         async with self._mission_lock:
             for last in (False, True):
-                machine = MissionReceiver(
+                machine = reader(
                     self.station,
+                    self.autopilot,
                     me=self.me,
                     mission_type=mission_type,
                     timers=self._timers,
                     round_trip=self.round_trip,
-                    window=WINDOW if self.autopilot == Autopilot.ARDUPILOT else 1,
                 )
                 try:
                     await self.run(machine)

@@ -66,6 +66,7 @@ class Air:
         self.weather = weather
         self.now_s = 0.0
         self.sent = {GROUND: 0, VEHICLE: 0}
+        self._tick_s = 0.0
         self._random = random.Random(seed)
         self._under_way: list[tuple[float, int, Message]] = []
         self._order = itertools.count()
@@ -96,7 +97,7 @@ class Air:
         )
 
     def _step(self, machine: Delivery) -> None:
-        tick_s = (int(self.now_s / TICK_S) + 1) * TICK_S if self.shelf.waits else float("inf")
+        tick_s = self._tick_s if self.shelf.waits else float("inf")
         arrival_s = self._under_way[0][0] if self._under_way else float("inf")
         deadline_s = machine.deadline_s
         self.now_s = max(self.now_s, min(tick_s, arrival_s, float("inf") if deadline_s is None else deadline_s))
@@ -108,6 +109,7 @@ class Air:
                 self._send(machine.receive(message, self.now_s), GROUND)
         if self.now_s >= tick_s:
             self._send(self.shelf.tick(self.now_s), VEHICLE)
+            self._tick_s = self.now_s + TICK_S
         self._send(machine.tick(self.now_s), GROUND)
 
     def _send(self, messages: Sequence[Message], source: Station) -> None:
@@ -130,6 +132,8 @@ def mission_of(count: int, seed: int) -> tuple[MissionItem, ...]:
         if seq % 3 == 2:
             return MissionItem(178, 2, (1.0, round(random_.uniform(1, 9), 2), -1.0, 0.0), 0, 0, 0.0)
         place = random_.randrange(470_000_000, 470_100_000), random_.randrange(80_000_000, 80_100_000)
-        return MissionItem(16, 3, (float(random_.randrange(9)), 0.0, 0.0, 0.0), *place, random_.randrange(500, 9000) / 100)
+        return MissionItem(
+            16, 3, (float(random_.randrange(9)), 0.0, 0.0, 0.0), *place, random_.randrange(500, 9000) / 100
+        )
 
     return tuple(item(seq) for seq in range(count))
