@@ -13,6 +13,7 @@ from gcs.link.delivery import BUSY_S, Delivery, DeliveryState
 from gcs.link.dialect import Autopilot, MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import MissionRefused
+from gcs.link.mission_compare import compare_missions
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.link.roundtrip import RoundTrip
@@ -49,7 +50,7 @@ def test_what_is_believed_is_held(autopilot, seed, loss, round_trip_s, mischief)
     arrived = air.deliver(mission_of(12, seed))
     assert arrived.error is None or isinstance(arrived.error, PeerError)
     assert arrived.held or arrived.error is not None
-    assert arrived.error is None or loss > 0.2
+    assert arrived.error is None or loss > 0.2 or mischief > 0.1
     assert arrived.error is not None or loss < 1.0
 
 
@@ -132,7 +133,7 @@ def test_a_mixed_mission_after_a_stall_is_found_and_mended():
     assert air.shelf.items()[3] == new[3]
     assert air.shelf.items()[4:] == old[4:]
     assert air.deliver(new).error is None
-    assert air.shelf.items()[1:] == new[1:]
+    assert compare_missions(new[1:], air.shelf.items()[1:]) == []
 
 
 @BOTH
