@@ -28,7 +28,7 @@ from tests.fleets import EPOCH_UNIX_S, running_fleet
 
 FRAMES = 500_000  # for each autopilot
 SEEDS = {"ardupilot": 20_250_101, "px4": 20_250_102}
-CHUNKS_PER_STEP = 60  # of four and a half frames each
+CHUNKS_PER_STEP = 120  # of four and a half frames each
 HELD = (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY)
 
 
