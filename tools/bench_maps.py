@@ -25,8 +25,9 @@ from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import flight_problem
 from gcs.plan.refine import optimise
 from gcs.plan.route import find_routes, survey
-from gcs.scenario.model import Mountains, NoFlyDisk, Scenario, Terrain
+from gcs.scenario.model import Mountains, NoFlyZone, Scenario, Terrain
 from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.zones import outside_m
 
 ROOT = Path(__file__).resolve().parent.parent
 SIDE_M = 1500.0
@@ -61,7 +62,7 @@ def random_map(number: int, seed: int) -> Scenario:
         )
         terrain = Terrain(ripple=base.terrain.ripple, mountains=mountains)
         no_fly = tuple(
-            NoFlyDisk(north_m=n, east_m=e, radius_m=r)
+            NoFlyZone(north_m=n, east_m=e, radius_m=r)
             for n, e, r in zip(
                 rng.uniform(100, 1400, disks), rng.uniform(100, 1400, disks), rng.uniform(20, 150, disks), strict=True
             )
@@ -88,11 +89,11 @@ def random_map(number: int, seed: int) -> Scenario:
     return Scenario.model_validate(data)
 
 
-def _open(place: np.ndarray, terrain: Terrain, no_fly: tuple[NoFlyDisk, ...]) -> bool:
-    """Flat ground around a place, and no disk near."""
+def _open(place: np.ndarray, terrain: Terrain, no_fly: tuple[NoFlyZone, ...]) -> bool:
+    """Flat ground around a place, and no zone near."""
     north, east = np.meshgrid(place[0] + np.array([-3.0, 0.0, 3.0]), place[1] + np.array([-3.0, 0.0, 3.0]))
     flat = float(ground_height_m(terrain, north, east).max()) < FLAT_M
-    return flat and all(np.hypot(place[0] - d.north_m, place[1] - d.east_m) > d.radius_m + 10.0 for d in no_fly)
+    return flat and all(outside_m(zone, np.array(0.0), place[0], place[1]) > 10.0 for zone in no_fly)
 
 
 def attempt(number: int, seed: int) -> Outcome:

@@ -14,11 +14,12 @@ import numpy as np
 from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.zones import displacement_m, outline
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.colors import LightSource
-from matplotlib.patches import Circle
+from matplotlib.patches import Polygon
 
 _COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
 DPI = 110
@@ -83,7 +84,7 @@ def _colours(sysids: tuple[int, ...]) -> list[str]:
 
 
 def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -> Any:
-    """Plan view, north up, with contour lines, no-fly disks and the box of Eq. 51."""
+    """Plan view, north up, with contour lines, no-fly zones (moving ones at start and end) and the box of Eq. 51."""
     figure, axes = plt.subplots(figsize=(7.2, 6.6), layout="constrained")
     draw_map_on(axes, scenario, sysids, tracks_ned_m)
     return figure
@@ -96,8 +97,10 @@ def draw_map_on(axes: Any, scenario: Scenario, sysids: tuple[int, ...], tracks_n
         filled = axes.contourf(east, north, height, levels=24, cmap="YlOrBr", alpha=0.8)
         axes.contour(east, north, height, levels=(5, 10, 15, 20, 30, 40, 50), colors="saddlebrown", linewidths=0.5)
         axes.figure.colorbar(filled, ax=axes, label="ground height, m", shrink=0.85)
-    for disk in scenario.no_fly:
-        axes.add_patch(Circle((disk.east_m, disk.north_m), disk.radius_m, color="red", alpha=0.35))
+    for zone in scenario.no_fly:
+        for moved in displacement_m(zone, np.array([0.0, scenario.time.flight_s])[: 1 + bool(zone.moves)]):
+            corners = np.array(outline(zone).exterior.coords) + moved
+            axes.add_patch(Polygon(corners[:, ::-1], color="red", alpha=0.35))
     for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, ls=style, label=f"vehicle {sysid}")
     axes.plot(tracks_ned_m[:, 0, 1], tracks_ned_m[:, 0, 0], "k^", ms=5, label="take-off")

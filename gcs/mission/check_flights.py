@@ -18,6 +18,7 @@ from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.separation import Closest, closest_approach
 from gcs.quadrotor import Array
+from gcs.scenario.zones import outside_m
 
 _STEP_M = 0.5  # between looks at the ground
 _LOOKS_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km
@@ -85,8 +86,8 @@ def check_limits(mission: LoadedMission, flight: Flight, limits: FlightLimits) -
             message = f"{over_m:.2f} m above the ceiling of {limits.height_max_m:g} m"
             yield found(mission, Rule.HEIGHT, Level.ERROR, message, int(items[at]), float(t_s[at]))
     yield from _speeds(mission, flight, limits)
-    for number, disk in enumerate(limits.no_fly, start=1):
-        inside_m = disk.radius_m - np.hypot(points[:, 0] - disk.north_m, points[:, 1] - disk.east_m)
+    for number, zone in enumerate(limits.no_fly, start=1):
+        inside_m = -outside_m(zone, t_s - flight.up_s + limits.leaves_s, points[:, 0], points[:, 1])
         at = int(np.argmax(inside_m))
         if inside_m[at] > limits.tolerance_m + _LENGTH_TOLERANCE_M:
             message = f"{inside_m[at]:.2f} m inside no-fly zone {number}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from gcs.frames import Origin
 from gcs.mission.flown import Surroundings
 from gcs.quadrotor import Array
-from gcs.scenario.model import NoFlyDisk, Scenario
+from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.terrain import ground_height_m
 
 SEPARATION_M = 2.0  # where nobody says otherwise: what GNSS can tell apart
@@ -24,7 +24,8 @@ class FlightLimits:
     clearance_m: float = 0.0  # above the ground, on the way
     height_max_m: float | None = None  # above the origin's height
     speed_ned_mps: tuple[float, float, float] | None = None
-    no_fly: tuple[NoFlyDisk, ...] = ()
+    no_fly: tuple[NoFlyZone, ...] = ()
+    leaves_s: float = 0.0  # plan time at which take-off ends: when a moving zone is where
     tolerance_m: float = 0.0  # how far waypoints may be from the plan that held these limits
 
 
@@ -40,6 +41,10 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
         limits.height_m[1] + tolerance_m,
         limits.speed_ned_mps,
         scenario.no_fly,
+        -(
+            scenario.ground_phases.hover_s
+            + (scenario.ground_phases.run_up_s if any(scenario.start.velocity_mps) else 0)
+        ),
         tolerance_m,
     )
 

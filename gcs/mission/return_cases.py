@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from gcs.mission.firmware import Firmware
 from gcs.mission.returns import Returning, ReturnSpeeds
 from gcs.quadrotor import POSITION
 from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.zones import displacement_m, outline
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
@@ -80,13 +82,14 @@ def highest_ground_m(plan: Plan, cases: list[Returning]) -> float:
 def crossings(plan: Plan, case: Returning) -> list[Crossing]:
     """From when to when a return of anybody leads through a zone."""
     found = []
-    for number, disk in enumerate(plan.scenario.no_fly, start=1):
-        center = np.array([disk.north_m, disk.east_m])
-        start, way = case.from_ned_m[..., :2] - center, case.to_ned_m[..., :2] - case.from_ned_m[..., :2]
-        share = np.clip(-np.sum(start * way, axis=-1) / np.maximum(np.sum(way * way, axis=-1), 1e-12), 0.0, 1.0)
-        inside = (
-            np.linalg.norm(start + share[..., None] * way, axis=-1) < disk.radius_m - plan.scenario.mission.tolerance_m
-        )
+    for number, zone in enumerate(plan.scenario.no_fly, start=1):
+        # A moving zone is where it is as the return begins: a way back takes less time than zones do.
+        moved = displacement_m(zone, case.t_s)
+        ends = np.broadcast_arrays(case.from_ned_m[..., :2] - moved, case.to_ned_m[..., :2] - moved)
+        ways = shapely.linestrings(np.stack(ends, axis=-2))
+        area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
+        shapely.prepare(area)
+        inside = shapely.intersects(area, ways)
         through = np.flatnonzero(np.diff(np.concatenate([[False], inside.any(axis=0), [False]])))
         found += [
             Crossing(number, case.name, float(case.t_s[a]), float(case.t_s[b - 1]))

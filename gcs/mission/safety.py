@@ -19,6 +19,7 @@ from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, Ral
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.return_parameters import return_parameters
 from gcs.quadrotor import POSITION, Array
+from gcs.scenario.zones import outline
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
@@ -34,11 +35,11 @@ _LEAST_RADIUS_M = 0.5
 
 @dataclass(frozen=True)
 class Zone:
-    """One no-fly zone of the scenario and the fence made of it."""
+    """One no-fly zone of the scenario and what the fence keeps of it."""
 
     number: int
-    radius_m: float  # in the scenario
-    fence_radius_m: float  # 0: too small for a fence
+    area_m2: float  # in the scenario
+    fence_area_m2: float  # 0: too small for a fence, or it moves, which no fence does
 
 
 @dataclass(frozen=True)
@@ -82,15 +83,35 @@ def build_fence(plan: Plan) -> Fence:
     places = np.concatenate([(leader + plan.offsets(t_s))[..., :2].reshape(-1, 2), _ends(plan)])
     origin = Origin(**plan.scenario.origin.model_dump())
     polygon = FencePolygon(_places(_hull(places), origin), inclusion=True)
-    zones, circles = [], []
-    for number, disk in enumerate(plan.scenario.no_fly, start=1):
-        center = np.array([disk.north_m, disk.east_m])
-        nearest_m = float(np.linalg.norm(places - center, axis=1).min())
-        radius_m = round(min(disk.radius_m, nearest_m - EXCLUSION_SLACK_M), _RADIUS_DECIMALS)
-        zones.append(Zone(number, disk.radius_m, max(radius_m, 0.0)))
-        if radius_m >= _LEAST_RADIUS_M:
-            circles.append(FenceCircle(_places(center[None], origin)[0], radius_m, inclusion=False))
-    return Fence(Geofence((polygon,), tuple(circles)), tuple(zones))
+    zones: list[Zone] = []
+    polygons, circles = [polygon], []
+    for number, zone in enumerate(plan.scenario.no_fly, start=1):
+        kept = 0.0
+        if zone.moves:
+            pass
+        elif zone.radius_m is not None:
+            center = np.array([zone.north_m, zone.east_m])
+            nearest_m = float(np.linalg.norm(places - center, axis=1).min())
+            radius_m = round(min(zone.radius_m, nearest_m - EXCLUSION_SLACK_M), _RADIUS_DECIMALS)
+            if radius_m >= _LEAST_RADIUS_M:
+                circles.append(FenceCircle(_places(center[None], origin)[0], radius_m, inclusion=False))
+                kept = np.pi * radius_m**2
+        else:
+            for part in _shrunk(outline(zone), places):
+                corners = np.array(part.exterior.coords)[:-1]
+                polygons.append(FencePolygon(_places(corners, origin), inclusion=False))
+                kept += part.area
+        whole = np.pi * zone.radius_m**2 if zone.radius_m is not None else outline(zone).area
+        zones.append(Zone(number, float(whole), float(kept)))
+    return Fence(Geofence(tuple(polygons), tuple(circles)), tuple(zones))
+
+
+def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
+    """What is left of a closed area where the plan, places (N, 2), passes along its edge."""
+    nearest_m = float(shapely.distance(area, shapely.points(places)).min())
+    smaller = area.buffer(-max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre")
+    parts = [smaller] if smaller.geom_type == "Polygon" else list(smaller.geoms)
+    return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]
 
 
 def build_rally(plan: Plan, firmware: Firmware, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:

@@ -112,7 +112,7 @@ def _broken_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
     controls[..., 0] = thrust
     mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
     clearance = margins.clearance(scenario, states)
-    found = [(m, LENGTH_TOLERANCE_M) for m in (clearance, *margins.no_fly(scenario, states))]
+    found = [(m, LENGTH_TOLERANCE_M) for m in (clearance, *margins.no_fly(scenario, states, t_s))]
     found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, states[:, mission])]
     found += [
         (m, LIMIT_TOLERANCE * m.scale)

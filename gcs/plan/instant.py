@@ -6,6 +6,7 @@ Does not know: meshes, time, other instants.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,17 @@ from gcs.plan.layout import NU, NX
 from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
 from gcs.plan.smooth_ground import spline
-from gcs.plan.watched import SLOT, Watched
+from gcs.plan.watched import SLOT, Watched, zone_pieces
 from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.zones import Disk, Piece, pieces
 
 # Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
 REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
 # So slow a vehicle may fly in any direction before the formation must face it.
 COURSE_FLOOR_MPS = 0.3
+# Edges of a polygon count as so much farther out, so that its corners can be rounded.
+CORNER_M = 0.3
 _COURSE_WEIGHT = 1.0  # of flying all the way across the formation's front
 _CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two ways that cost the same
 
@@ -45,7 +49,7 @@ class Instant:
     path_hessian: ca.Function  # z, parameters, multipliers (P) -> (nz, nz)
 
 
-def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving: int = 1) -> Instant:
+def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> Instant:
     """Build the functions of one problem, for so many watched vehicles of each kind; the leader alone by default."""
     chains = len(problem.coordinates)
     nx = NX + 4 * chains
@@ -56,8 +60,8 @@ def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving
     motion = ca.vertcat(*flight, *chain)
     shares = ca.SX.sym("shares", 2)
     cost = _cost_rate(problem, x, shares)
-    slots = ca.SX.sym("slots", SLOT * (near_ground + near_disk * len(problem.scenario.no_fly) + moving))
-    path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_disk)
+    slots = ca.SX.sym("slots", SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving))
+    path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_zone)
     sigma, costate = ca.SX.sym("sigma"), ca.SX.sym("costate", nx)
 
     def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
@@ -80,17 +84,17 @@ def functions(problem: Problem, near_ground: int = 1, near_disk: int = 1, moving
 
 
 def _path_functions(
-    problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_disk: int
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_zone: int
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
     """The path with its first and second derivatives."""
     terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
     places = [(x[0] + n, x[1] + e) for n, e, _ in (_place(problem, x, slot) for slot in each[:near_ground])]
     if terrain.relief is None:
         heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
-        return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_disk)))
+        return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_zone)))
     # A spline takes no scalar symbols: around it the path is a function of matrices.
     ground = ca.SX.sym("ground", near_ground)
-    values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_disk))
+    values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_zone))
     held = ca.Function("held", [z, slots, ground], [values])
     where = ca.Function("where", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
     at, watched = ca.MX.sym("z", z.size1()), ca.MX.sym("slots", slots.size1())
@@ -113,8 +117,8 @@ def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
     rows = []
     for t in range(len(chosen.ground)):
         names = [f"clearance of vehicle {ids[v]}" for v in chosen.ground[t]]
-        for number, disk in enumerate(chosen.disks, start=1):
-            names += [f"no-fly disk {number} for vehicle {ids[v]}" for v in disk[t]]
+        for zone, near in zip(_zone_names(problem), chosen.zones, strict=True):
+            names += [f"{zone} for vehicle {ids[v]}" for v in near[t]]
         names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
         if problem.follows_course:
             names += ["heading of the formation along its course", "flight towards the formation's front"]
@@ -124,7 +128,7 @@ def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
 
 def path_is_free(problem: Problem, chosen: Watched) -> NDArray[np.bool_]:
     """Rows (T, P) of the path that bind nothing, because another row says the same."""
-    before = chosen.ground.shape[1] + sum(disk.shape[1] for disk in chosen.disks)
+    before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
     spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
 
@@ -157,7 +161,7 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
 
 
 def _path(
-    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_disk: int
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_zone: int
 ) -> list[ca.SX]:
     """Eqs. 17-25 for the watched vehicles, written in the leader's variables; each value >= 0 when held."""
     scenario = problem.scenario
@@ -167,11 +171,11 @@ def _path(
     for height in ground:
         _, _, down = _place(problem, x, next(waiting))
         values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
-    for disk in scenario.no_fly:
-        for _ in range(near_disk):
-            north, east, _ = _place(problem, x, next(waiting))
-            squared = (x[0] + north - disk.north_m) ** 2 + (x[1] + east - disk.east_m) ** 2
-            values.append((squared - disk.radius_m**2) / (2.0 * disk.radius_m))
+    for _, piece in zone_pieces(problem):
+        for _ in range(near_zone):
+            slot = next(waiting)
+            north, east, _ = _place(problem, x, slot)
+            values.append(_outside(piece, x[0] + north - slot[12], x[1] + east - slot[13]))
     for slot in waiting:
         values += _own_motion(problem, z, motion, slot)
     if problem.follows_course:
@@ -183,6 +187,28 @@ def _path(
         values.append((sine**2 * squared + slow - lateral**2) / problem.objective.speed_ref_mps**2)
         values.append((ahead + floor) / problem.objective.speed_ref_mps)
     return values
+
+
+def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
+    """How far outside, smoothly, and nowhere more than it is: Eq. 21 squared, or a rounded largest edge distance."""
+    if isinstance(piece, Disk):
+        squared = (north - piece.centre_m[0]) ** 2 + (east - piece.centre_m[1]) ** 2
+        return (squared - piece.radius_m**2) / (2.0 * piece.radius_m)
+    edges = [n * north + e * east - off for (n, e), off in zip(piece.normals, piece.offsets_m, strict=True)]
+    sharpness = math.log(len(edges)) / CORNER_M
+    largest = edges[0]
+    for edge in edges[1:]:
+        largest = ca.fmax(largest, edge)
+    return largest + ca.log(sum(ca.exp(sharpness * (edge - largest)) for edge in edges)) / sharpness - CORNER_M
+
+
+def _zone_names(problem: Problem) -> list[str]:
+    """What every piece of a zone is called."""
+    names = []
+    for number, zone in enumerate(problem.scenario.no_fly, start=1):
+        count = len(pieces(zone))
+        names += [f"no-fly zone {number}{f', part {part}' if count > 1 else ''}" for part in range(1, count + 1)]
+    return names
 
 
 def _place(problem: Problem, x: list[ca.SX], slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

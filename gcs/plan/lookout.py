@@ -94,7 +94,7 @@ def _positions(problem: Problem, trajectory: Trajectory, shape: Shape, times: Ar
     if not len(rows):
         return []
     places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
-    found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places)]
+    found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
     height = margins.height(scenario, places)
     looks = [(height, LIMIT_TOLERANCE * height.scale)]
     if problem.has_box:
@@ -112,7 +112,7 @@ def _endangered(problem: Problem, trajectory: Trajectory, shape: Shape, start_s:
     scenario = problem.scenario
     ground = ground_envelope_m(scenario.terrain, places[..., 0], places[..., 1])
     near = (-places[..., 2] - ground - scenario.limits.clearance_min_m).min(axis=1) < _FAR_M
-    others = [*margins.no_fly(scenario, places), margins.height(scenario, places)]
+    others = [*margins.no_fly(scenario, places, times), margins.height(scenario, places)]
     others += margins.box(scenario, places) if problem.has_box else []
     # Between two glances nobody comes nearer to anything than by half of his way.
     reach = 0.5 * np.linalg.norm(np.diff(places, axis=1), axis=2).max(axis=1)

@@ -21,6 +21,7 @@ from gcs.quadrotor import (
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import quadrotor
 from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.zones import outside_m
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1
@@ -137,16 +138,11 @@ def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin
     return Margin("heading along the course", "deg", (most_deg - off_deg)[None], most_deg)
 
 
-def no_fly(scenario: Scenario, states: Array) -> list[Margin]:
-    """Distance outside every no-fly disk (Eqs. 21, 24)."""
+def no_fly(scenario: Scenario, states: Array, t_s: Array) -> list[Margin]:
+    """Distance outside every no-fly zone (Eqs. 21, 24) where it is at plan times t_s (N,)."""
     return [
-        Margin(
-            f"no-fly disk {number}",
-            "m",
-            np.hypot(states[..., 0] - disk.north_m, states[..., 1] - disk.east_m) - disk.radius_m,
-            disk.radius_m,
-        )
-        for number, disk in enumerate(scenario.no_fly, start=1)
+        Margin(f"no-fly zone {number}", "m", outside_m(zone, t_s, states[..., 0], states[..., 1]), 1.0)
+        for number, zone in enumerate(scenario.no_fly, start=1)
     ]
 
 

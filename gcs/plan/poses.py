@@ -18,6 +18,7 @@ from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.problem import Problem
 from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.zones import outside_m
 
 STANDING_FOR_ALL = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}
@@ -63,16 +64,24 @@ def standing_for_all(offsets_ned_m: Array) -> Rows:
 
 
 def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Array) -> Array:
-    """Least height (...) of the leader at places (...): infinite where a vehicle would be in a disk."""
+    """Least height (...) of the leader at places (...): infinite where a vehicle would be in a zone."""
     scenario = problem.scenario
+    when_s = _passed_s(problem, north_m, east_m)
     floor = np.full(np.shape(north_m), -np.inf)
     for offset_n, offset_e, offset_d in offsets_ned_m:
         at_n, at_e = north_m + offset_n, east_m + offset_e
         ground = ground_envelope_m(scenario.terrain, at_n, at_e)
         floor = np.maximum(floor, ground + scenario.limits.clearance_min_m + offset_d)
-        for disk in scenario.no_fly:
-            floor[np.hypot(at_n - disk.north_m, at_e - disk.east_m) < disk.radius_m] = np.inf
+        for zone in scenario.no_fly:
+            floor[outside_m(zone, when_s, at_n, at_e) < 0.0] = np.inf
     return np.asarray(floor)
+
+
+def _passed_s(problem: Problem, north_m: Array, east_m: Array) -> Array:
+    """When the leader passes places (...) at constant speed, as far as anybody knows before there is a way."""
+    to_m = np.hypot(north_m - problem.start_state[0], east_m - problem.start_state[1])
+    from_m = np.hypot(north_m - problem.end_state[0], east_m - problem.end_state[1])
+    return np.asarray(problem.start_s + problem.duration_s * to_m / np.maximum(to_m + from_m, 1e-9))
 
 
 def _grid(coordinate: Coordinate) -> Array:

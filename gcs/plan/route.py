@@ -1,4 +1,4 @@
-"""Ways through the map: shortest paths past high ground and no-fly disks, one for each side they can be passed on.
+"""Ways through the map: shortest paths past high ground and no-fly zones, one for each side they can be passed on.
 
 Knows: where the formation may be at all (ground envelope, ceiling, disks, box) on a grid, and shortest paths on it.
 Does not know: dynamics, time, the optimiser that starts from these paths.
@@ -169,8 +169,8 @@ def _no_way(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeasib
 
     if not connected(high):
         return Infeasible(
-            "no plan: no-fly disks close every way from start to end",
-            hint="move or shrink a disk ([[no_fly]]), or widen the area ([limits] north_m, east_m)",
+            "no plan: no-fly zones close every way from start to end",
+            hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m)",
         )
     while high - low > 0.05:
         middle = 0.5 * (low + high)

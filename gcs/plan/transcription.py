@@ -105,7 +105,7 @@ def transcribe(
     weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
     quadrature = layout.quadrature()
     shares = np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)])
-    counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.disks), default=0), chosen.moving.shape[1])
+    counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = instant.functions(problem, *counts)
     nlp, derivatives = _assemble(
         parts,

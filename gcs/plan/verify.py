@@ -156,7 +156,7 @@ def _of_places(plan: Plan, phase: str, places: Array, times: Array) -> list[tupl
         found.append((Margin("height above ground", "m", above, 1.0), LENGTH_TOLERANCE_M))
     if phase == "mission":
         found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, places)]
-    return found + [(m, LENGTH_TOLERANCE_M) for m in margins.no_fly(scenario, places)]
+    return found + [(m, LENGTH_TOLERANCE_M) for m in margins.no_fly(scenario, places, times)]
 
 
 def _worst(margin: Margin, tolerance: float, phase: str, rows: Rows, plan: Plan, times: Array) -> Check:

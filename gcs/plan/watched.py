@@ -1,6 +1,6 @@
 """Which vehicles the optimiser watches at which instant: those that can bind there, however many fly along.
 
-Knows: how near every vehicle is to ground and disks where the leader was last seen, and a little beside it. Does not
+Knows: how near every vehicle is to ground and zones where the leader was last seen, and a little beside it. Does not
 know: solvers. A thousand vehicles cost no more constraints than a few; what this choice misses, the look at every
 vehicle between solves finds, and the next choice has it.
 """
@@ -15,10 +15,14 @@ from numpy.typing import NDArray
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.problem import Problem
 from gcs.quadrotor import Array
+from gcs.scenario.model import NoFlyZone
 from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.zones import Piece, displacement_m, pieces
 
-NEAR_GROUND, NEAR_DISK = 6, 3  # vehicles watched at one instant, of each kind
-SLOT = 12  # numbers that describe one watched vehicle: base offset, its rate, its acceleration, and where it blends to
+NEAR_GROUND, NEAR_ZONE = 6, 3  # vehicles watched at one instant, of each kind
+# Numbers that describe one watched vehicle: base offset, its rate, its acceleration, where it blends to; and how far
+# the zone that it is watched for has moved.
+SLOT = 14
 _ASIDE_M = 8.0  # the next solution passes that far from the last one
 _DIRECTIONS = 4
 
@@ -30,7 +34,7 @@ class Watched:
     """Rows of the watched vehicles at T instants, and their motion in the shape."""
 
     ground: Rows  # (T, G)
-    disks: tuple[Rows, ...]  # one (T, D) for every no-fly disk
+    zones: tuple[Rows, ...]  # one (T, D) for every piece of a no-fly zone
     moving: Rows  # (T, M)
     moving_used: NDArray[np.bool_]  # (T, M): false where another row says the same
     parameters: Array  # (T, (G + sum D + M) * SLOT)
@@ -41,14 +45,26 @@ def watched(problem: Problem, times_s: Array, states: Array) -> Watched:
     base = problem.shape.offsets(times_s)
     places = offsets_at(problem, base, states)
     ground = _near_ground(problem, places, states)
-    disks = tuple(_near_disk(places, states, disk.north_m, disk.east_m) for disk in problem.scenario.no_fly)
+    moved = [displacement_m(zone, times_s) for zone, _ in zone_pieces(problem)]
+    zones = tuple(
+        _near_piece(places, states, piece, away) for (_, piece), away in zip(zone_pieces(problem), moved, strict=True)
+    )
     moving, used = _moving(problem, times_s, base)
     motion = [base, problem.shape.offsets(times_s, 1), problem.shape.offsets(times_s, 2)]
     target = np.broadcast_to(problem.target_ned_m[:, None], base.shape)
-    every = np.concatenate([*motion, target], axis=2)  # (V, T, SLOT)
-    rows = np.hstack([ground, *disks, moving])
-    parameters = every[rows, np.arange(len(times_s))[:, None]].reshape(len(times_s), -1)
-    return Watched(ground, disks, moving, used, parameters)
+    every = np.concatenate([*motion, target, np.zeros((*base.shape[:2], 2))], axis=2)  # (V, T, SLOT)
+    rows = np.hstack([ground, *zones, moving])
+    parameters = every[rows, np.arange(len(times_s))[:, None]]
+    first = ground.shape[1]
+    for chosen, away in zip(zones, moved, strict=True):
+        parameters[:, first : first + chosen.shape[1], -2:] = away[:, None]
+        first += chosen.shape[1]
+    return Watched(ground, zones, moving, used, parameters.reshape(len(times_s), -1))
+
+
+def zone_pieces(problem: Problem) -> list[tuple[NoFlyZone, Piece]]:
+    """Every piece of every no-fly zone, with its zone."""
+    return [(zone, piece) for zone in problem.scenario.no_fly for piece in pieces(zone)]
 
 
 def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
@@ -71,15 +87,12 @@ def _near_ground(problem: Problem, places: Array, states: Array) -> Rows:
     return _most_urgent(np.stack(spare), NEAR_GROUND)
 
 
-def _near_disk(places: Array, states: Array, north_m: float, east_m: float) -> Rows:
-    count = min(len(places), NEAR_DISK)
+def _near_piece(places: Array, states: Array, piece: Piece, moved_m: Array) -> Rows:
+    count = min(len(places), NEAR_ZONE)
     spare = []
     for aside in _ASIDE_M * np.array([[0, 0], [1, 0], [0, 1]]):
-        spare.append(
-            np.hypot(
-                places[..., 0] + states[:, 0] + aside[0] - north_m, places[..., 1] + states[:, 1] + aside[1] - east_m
-            )
-        )
+        north, east = (places[..., i] + states[:, i] + aside[i] - moved_m[:, i] for i in (0, 1))
+        spare.append(piece.outside_m(north, east))
     return _most_urgent(np.stack(spare), count)
 
 

@@ -28,6 +28,7 @@ from gcs.scenario.physical import (
 )
 from gcs.scenario.rules import Mistakes, Rules
 from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.zones import outside_m
 
 _RUN_UP_SAMPLE_M = 1.0
 _NAMED = 8  # vehicles one sentence names
@@ -103,15 +104,16 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
             return
 
 
-@RULES.needs("start", "end", "formation", "no_fly")
-def _ends_are_outside_no_fly_disks(scenario: Scenario) -> Mistakes:
-    for index, disk in enumerate(scenario.no_fly):
-        for end in _ends(scenario):
-            distance = np.hypot(end.places_up_m[:, 0] - disk.north_m, end.places_up_m[:, 1] - disk.east_m)
-            worst = int(distance.argmin())
-            if distance[worst] < disk.radius_m - SLACK:
-                text = f"holds vehicle {end.sysids[worst]} at its {end.table}, {distance[worst]:.2f} m from the centre"
-                yield Mistake(("no_fly", index, "radius_m"), text, disk.radius_m)
+@RULES.needs("start", "end", "formation", "no_fly", "time")
+def _ends_are_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
+    for index, zone in enumerate(scenario.no_fly):
+        for end, t_s in zip(_ends(scenario), (0.0, scenario.time.flight_s), strict=True):
+            outside = outside_m(zone, np.array(t_s), end.places_up_m[:, 0], end.places_up_m[:, 1])
+            worst = int(outside.argmin())
+            if outside[worst] < -SLACK:
+                key = "radius_m" if zone.polygon_m is None else "polygon_m"
+                text = f"holds vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside"
+                yield Mistake(("no_fly", index, key), text, zone.radius_m)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")

@@ -7,8 +7,10 @@ plans, and what must agree between tables (that is `gcs.scenario.check`). Values
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Literal
 
+import shapely
 from pydantic import AfterValidator, Field
 
 from gcs.scenario.formation_model import START_SHAPE, Change, Formation, FormationVehicle, Generator, Shape
@@ -18,6 +20,7 @@ from gcs.scenario.part import (
     NonNegativeVector,
     Number,
     Part,
+    Point,
     Positive,
     PositiveVector,
     Share,
@@ -38,7 +41,7 @@ __all__ = [
     "Limits",
     "MissionOptions",
     "Mountains",
-    "NoFlyDisk",
+    "NoFlyZone",
     "Objective",
     "Origin",
     "Performance",
@@ -176,12 +179,38 @@ class Terrain(Part):
             yield ("dem",), "is the ground already: leave out ripple and mountains"
 
 
-class NoFlyDisk(Part):
-    """Eq. 21: a vertical cylinder of any height."""
+class NoFlyZone(Part):
+    """A closed area of any height: a disk (Eq. 21) or a polygon, that may move."""
 
-    north_m: Number = Field(description="centre, m north of the origin")
-    east_m: Number = Field(description="centre, m east of the origin")
-    radius_m: Positive = Field(description="R_j, m")
+    north_m: Number | None = Field(default=None, description="disk: centre, m north of the origin")
+    east_m: Number | None = Field(default=None, description="disk: centre, m east of the origin")
+    radius_m: Positive | None = Field(default=None, description="disk: R_j, m")
+    polygon_m: tuple[Point, ...] | None = Field(
+        default=None, description="polygon instead of a disk: its corners in order, [north, east], m"
+    )
+    moves: tuple[Vector, ...] = Field(
+        default=(), description="displacement over time, straight in between: [t s, north m, east m], in order of time"
+    )
+
+    def disagreements(self) -> Findings:
+        """Neither disk nor polygon, or both; corners that are no polygon; times out of order."""
+        disk = {"north_m": self.north_m, "east_m": self.east_m, "radius_m": self.radius_m}
+        lacking = [key for key, value in disk.items() if value is None]
+        if self.polygon_m is None:
+            for key in lacking:
+                yield (key,), "missing: a disk has north_m, east_m and radius_m; the other kind is polygon_m"
+        elif len(lacking) < len(disk):
+            yield ("polygon_m",), f"and {next(k for k in disk if k not in lacking)}: a zone is a polygon or a disk"
+        if self.polygon_m is not None:
+            if len(self.polygon_m) < 3:
+                yield ("polygon_m",), "has fewer than three corners"
+            elif (shape := shapely.Polygon(self.polygon_m)) and not shape.is_valid:
+                yield ("polygon_m",), f"crosses itself: {shapely.is_valid_reason(shape)} (north east)"
+            elif shape.area <= 0.0:
+                yield ("polygon_m",), "has no area: its corners are on one line"
+        times = [move[0] for move in self.moves]
+        if any(b <= a for a, b in itertools.pairwise(times)):
+            yield ("moves",), "must be in order of time, each later than the one before"
 
 
 class Boundary(Part):
@@ -254,7 +283,7 @@ class Scenario(Part):
     vehicle: Vehicle
     limits: Limits
     terrain: Terrain = Terrain()
-    no_fly: tuple[NoFlyDisk, ...] = ()
+    no_fly: tuple[NoFlyZone, ...] = ()
     start: Boundary
     end: Boundary
     objective: Objective

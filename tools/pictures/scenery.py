@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Polygon
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
 from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.zones import outline
 
 COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22")
 ASKED = "#b00000"  # what a limit is drawn in
@@ -58,8 +59,8 @@ def draw_ground(axes: Any, scenario: Scenario) -> Any:
     if ground.max() > passable_m:
         axes.contour(north, east, ground, levels=[passable_m], colors=ASKED, linewidths=1.2)
         axes.plot([], [], color=ASKED, lw=1.2, label=f"within: ground above {passable_m:g} m, no way under the ceiling")
-    for number, disk in enumerate(scenario.no_fly):
+    for number, zone in enumerate(scenario.no_fly):
         label = "closed areas" if number == 0 else None
-        axes.add_patch(Circle((disk.north_m, disk.east_m), disk.radius_m, color=ASKED, alpha=0.3, label=label))
+        axes.add_patch(Polygon(np.array(outline(zone).exterior.coords), color=ASKED, alpha=0.3, label=label))
     axes.set(xlim=limits.north_m, ylim=limits.east_m[::-1], aspect="equal", xlabel="north, m", ylabel="east, m")
     return bands

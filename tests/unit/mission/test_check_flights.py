@@ -13,7 +13,7 @@ from gcs.mission.findings import Level, Rule
 from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings, fly
 from gcs.mission.limits import FlightLimits, limits_of, surroundings_of
-from gcs.scenario.model import NoFlyDisk, Scenario
+from gcs.scenario.model import NoFlyZone, Scenario
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, mission, out_and_land, speed
 
 HILL = Surroundings(ORIGIN, lambda north, east: 8.0 * np.exp(-(((north - 50) / 10) ** 2)) + 0.0 * east)
@@ -64,7 +64,7 @@ def test_without_a_map_only_home_is_known() -> None:
 
 
 def test_ceiling_speed_and_closed_areas() -> None:
-    zone = NoFlyDisk(north_m=50.0, east_m=4.0, radius_m=6.0)
+    zone = NoFlyZone(north_m=50.0, east_m=4.0, radius_m=6.0)
     limits = FlightLimits(height_max_m=9.0, speed_ned_mps=(4.0, 5.0, 2.0), no_fly=(zone,), tolerance_m=0.5)
     across = mission(out_and_land(100.0))
     found = list(check_limits(across, fly(across, FLAT), limits))

@@ -51,7 +51,8 @@ def test_closed_areas_are_fenced_where_the_plan_leaves_room(plan_of: Callable[[s
         center = flat((circle.center,), plan)[0]
         assert center == pytest.approx([disk.north_m, disk.east_m], abs=0.01)
         assert not circle.inclusion
-        assert (zone.radius_m, zone.fence_radius_m) == (disk.radius_m, circle.radius_m)
+        areas = [np.pi * radius_m**2 for radius_m in (disk.radius_m, circle.radius_m)]
+        assert [zone.area_m2, zone.fence_area_m2] == pytest.approx(areas)
         nearest_m = np.linalg.norm(tracks - center, axis=1).min()
         assert circle.radius_m <= disk.radius_m
         assert circle.radius_m == pytest.approx(min(disk.radius_m, nearest_m - EXCLUSION_SLACK_M), abs=0.05)

@@ -179,7 +179,7 @@ def test_a_scheduled_change_opens_the_way_that_it_is_there_for(simulation1: Scen
     narrow = gap(simulation1, 5.0, (at(SHRINK, 2.0),))
     assert find_routes(flight_problem(narrow), survey(flight_problem(narrow)))
     too_narrow = gap(simulation1, 2.5, (at(SHRINK, 2.0),))
-    with pytest.raises(Infeasible, match="no-fly disks close every way"):
+    with pytest.raises(Infeasible, match="no-fly zones close every way"):
         make_plan(too_narrow)
 
 

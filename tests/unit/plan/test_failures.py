@@ -56,7 +56,7 @@ def attempt(scenario: Scenario) -> PlanningError:
         (WALLED, "limit of north speed and the clearance of vehicle 1"),
         (
             {"no_fly": [{"north_m": 20.0, "east_m": 700.0, "radius_m": 698.0}]},
-            "limit of east position and the no-fly disk 1 for vehicle 1",
+            "limit of east position and the no-fly zone 1 for vehicle 1",
         ),
     ],
     ids=["too little time", "a wall under a low ceiling", "a disk across the box"],
@@ -113,7 +113,7 @@ def test_a_mesh_that_is_never_good_enough_is_a_failure(simulation1: Scenario, mo
     monkeypatch.setattr(refine, "MAX_ROUNDS", 1)
     disk = {"north_m": 20.0, "east_m": 8.0, "radius_m": 4.0}
     problem = flight_problem(meadow(alone(simulation1), no_fly=[disk]))
-    with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly disk 1 broken by .* m at .* s"):
+    with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly zone 1 broken by .* m at .* s"):
         refine.optimise(problem, straight(problem))
 
 

@@ -59,7 +59,7 @@ def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: f
     every = [
         margins.clearance(scenario, states),
         margins.height(scenario, states),
-        *margins.no_fly(scenario, states),
+        *margins.no_fly(scenario, states, times),
         *margins.box(scenario, states),
         *margins.state_limits(scenario, states),
         margins.turning(scenario, states, controls),
@@ -125,7 +125,7 @@ def test_a_disk_between_two_glances_is_found(simulation1: Scenario, count: int, 
         at_all = track(crossing(simulation1, count), vehicle, at_s)
         mast = {"north_m": float(at_all[0]), "east_m": float(at_all[1]) + 0.5 * radius_m, "radius_m": radius_m}
         problem = crossing(simulation1, count, no_fly=[mast])
-        assert set(found(problem)) == {"no-fly disk 1"} == set(everything(problem, straight(problem), problem.shape))
+        assert set(found(problem)) == {"no-fly zone 1"} == set(everything(problem, straight(problem), problem.shape))
 
 
 @pytest.mark.parametrize("count", [5, 60])

@@ -140,9 +140,9 @@ def test_turning_is_the_normal_acceleration(simulation1: Scenario) -> None:
 
 def test_no_fly_disks_are_circles_of_their_radius(simulation1: Scenario) -> None:
     scenario = changed(simulation1, no_fly=[{"north_m": 30.0, "east_m": 40.0, "radius_m": 45.0}])
-    (disk,) = margins.no_fly(scenario, states())
+    (disk,) = margins.no_fly(scenario, states(), np.zeros(1))
     assert disk.value[0, 0] == pytest.approx(50 - 45)
-    (disk,) = margins.no_fly(scenario, states(x=30, y=41))
+    (disk,) = margins.no_fly(scenario, states(x=30, y=41), np.zeros(1))
     assert disk.value[0, 0] == pytest.approx(1 - 45)
 
 

@@ -98,7 +98,7 @@ def test_no_way_says_which_ceiling_would_open_one(simulation1: Scenario) -> None
 def test_disks_can_close_every_way(simulation1: Scenario) -> None:
     row = [{"north_m": 100.0, "east_m": e, "radius_m": 15.0} for e in np.arange(0.0, 101.0, 20.0).tolist()]
     problem = flight_problem(beyond(simulation1, no_fly=row))
-    with pytest.raises(Infeasible, match="disks close every way"):
+    with pytest.raises(Infeasible, match="zones close every way"):
         find_routes(problem, survey(problem))
 
 

@@ -118,7 +118,21 @@ STRICTER: list[tuple[str, dict[str, Any], set[str]]] = [
     ("clearance", {"limits": {"clearance_min_m": 3.01}}, {"clearance above ground"}),
     ("turning", {"limits": {"load_factor_max": 1e-4}}, {"turning load factor"}),
     ("separation", {"limits": {"separation_min_m": 2.01}}, {"separation"}),
-    ("disk", {"no_fly": [{"north_m": 20.0, "east_m": 7.0, "radius_m": 3.0}]}, {"no-fly disk 1"}),
+    ("disk", {"no_fly": [{"north_m": 20.0, "east_m": 7.0, "radius_m": 3.0}]}, {"no-fly zone 1"}),
+    (
+        "polygon",
+        {"no_fly": [{"polygon_m": [[15.0, 0.0], [25.0, 0.0], [25.0, 14.0], [24.0, 4.0]]}]},
+        {"no-fly zone 1"},
+    ),
+    (
+        "moving disk",  # where it stands nobody comes near it
+        {
+            "no_fly": [
+                {"north_m": 20.0, "east_m": 90.0, "radius_m": 3.0, "moves": [[0, 0, 0], [10, 0, -83], [20, 0, 0]]}
+            ]
+        },
+        {"no-fly zone 1"},
+    ),
     ("arrival", {"time": {"flight_s": 20.000001}}, {"arrival time"}),
     ("start attitude", {"start": {"roll_pitch_yaw_deg": [0.0, -1.0, 0.0]}}, {"start attitude"}),
     ("start velocity", {"start": {"velocity_mps": [0.0, 0.0, 0.01]}}, {"start velocity"}),

@@ -18,7 +18,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.transcription import transcribe
 from gcs.plan.verify import verify
-from gcs.plan.watched import NEAR_DISK, NEAR_GROUND, SLOT, offsets_at, watched
+from gcs.plan.watched import NEAR_GROUND, NEAR_ZONE, SLOT, offsets_at, watched
 from gcs.quadrotor import VELOCITY, Array, derivative
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_envelope_m
@@ -92,9 +92,9 @@ def test_the_nearest_to_every_disk_is_watched(simulation1: Scenario) -> None:
     states = wandering(problem, TIMES)
     chosen = watched(problem, TIMES, states)
     at_all = places(problem, TIMES, states)
-    assert len(chosen.disks) == 2
-    for rows, disk in zip(chosen.disks, two, strict=True):
-        assert rows.shape == (len(TIMES), NEAR_DISK)
+    assert len(chosen.zones) == 2
+    for rows, disk in zip(chosen.zones, two, strict=True):
+        assert rows.shape == (len(TIMES), NEAR_ZONE)
         distance = np.hypot(at_all[..., 0] - disk["north_m"], at_all[..., 1] - disk["east_m"])
         np.testing.assert_array_equal(rows[:, 0], distance.argmin(axis=0))
 
@@ -103,7 +103,7 @@ def test_of_a_few_everyone_is_watched(simulation1: Scenario) -> None:
     problem = flight_problem(fleet(simulation1, 5, "row", no_fly=[{"north_m": 9.0, "east_m": 9.0, "radius_m": 1.0}]))
     chosen = watched(problem, TIMES[:3], wandering(problem, TIMES[:3]))
     assert [set(rows.tolist()) for rows in chosen.ground] == [set(range(5))] * 3
-    assert chosen.disks[0].shape == (3, 3)
+    assert chosen.zones[0].shape == (3, 3)
 
 
 def test_the_leader_alone_moves_where_all_move_alike(simulation1: Scenario) -> None:
@@ -145,14 +145,14 @@ def test_the_highest_and_the_lowest_are_watched_where_the_shape_bends_by_itself(
 def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
     problem = by_schedule(block(simulation1, (at(SHRINK, 20.0),)))
     chosen = watched(problem, TIMES, wandering(problem, TIMES))
-    rows = np.hstack([chosen.ground, *chosen.disks, chosen.moving])
+    rows = np.hstack([chosen.ground, *chosen.zones, chosen.moving])
     slots = chosen.parameters.reshape(len(TIMES), rows.shape[1], SLOT)
     for t, at_s in enumerate(TIMES):
         for order in range(3):
             np.testing.assert_array_equal(
                 slots[t, :, 3 * order : 3 * order + 3], problem.shape.at(float(at_s), order)[rows[t]]
             )
-        np.testing.assert_array_equal(slots[t, :, 9:], problem.target_ned_m[rows[t]])
+        np.testing.assert_array_equal(slots[t, :, 9:12], problem.target_ned_m[rows[t]])
 
 
 TALL = auto({"kind": "reshape", "to": "ball"})
@@ -199,10 +199,10 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
             spare = -at_all[2] - ground_envelope_m(scenario.terrain, at_all[0], at_all[1]) - limits.clearance_min_m
             assert next(rows) == (f"clearance of vehicle {vehicle + 1}", pytest.approx(spare, abs=1e-9))
         for number, disk in enumerate(scenario.no_fly):
-            for vehicle in chosen.disks[number][0]:
+            for vehicle in chosen.zones[number][0]:
                 name, value = next(rows)
                 away = np.hypot(*(z[:2] + place[vehicle, :2] - [disk.north_m, disk.east_m]))
-                assert name == f"no-fly disk {number + 1} for vehicle {vehicle + 1}"
+                assert name == f"no-fly zone {number + 1} for vehicle {vehicle + 1}"
                 assert value == pytest.approx((away**2 - disk.radius_m**2) / (2.0 * disk.radius_m), abs=1e-9)
         leader = derivative(z[:12], z[12 + 4 * chains : 16 + 4 * chains], problem.quadrotor)[VELOCITY]
         for vehicle in chosen.moving[0]:

@@ -1,0 +1,112 @@
+"""No-fly zones: how far outside of one a place is at a time, exactly; and the convex pieces a polygon is made of.
+
+Knows: disks (Eq. 21), polygons, displacement over time. Does not know: vehicles, planning, fences.
+Inside or outside is exact. How far outside a polygon a place is, is told by the line of an edge: beside a corner less
+than the distance, never more.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import shapely
+
+from gcs.quadrotor import Array
+from gcs.scenario.model import NoFlyZone
+
+_CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
+_CONVEX = 1.0 - 1e-9  # share of its hull's area that a convex polygon fills
+
+
+@dataclass(frozen=True)
+class Disk:
+    """All places within a radius."""
+
+    centre_m: tuple[float, float]
+    radius_m: float
+
+    def outside_m(self, north_m: Array, east_m: Array) -> Array:
+        """Distance (...) of places (...) from the edge; negative inside."""
+        return np.asarray(np.hypot(north_m - self.centre_m[0], east_m - self.centre_m[1]) - self.radius_m)
+
+
+@dataclass(frozen=True)
+class Convex:
+    """All places on the inner side of every edge."""
+
+    normals: tuple[tuple[float, float], ...]  # outward, of length one
+    offsets_m: tuple[float, ...]  # a place is inside of an edge where normal . place < offset
+
+    def outside_m(self, north_m: Array, east_m: Array) -> Array:
+        """Distance (...) of places (...) from the farthest edge's line; negative inside."""
+        edges = zip(self.normals, self.offsets_m, strict=True)
+        return np.asarray(np.max([n * north_m + e * east_m - off for (n, e), off in edges], axis=0))
+
+
+Piece = Disk | Convex
+
+
+@lru_cache(maxsize=256)
+def pieces(zone: NoFlyZone) -> tuple[Piece, ...]:
+    """The disk, or convex polygons that make up the zone, where it is when it has not moved."""
+    if zone.radius_m is not None:
+        assert zone.north_m is not None and zone.east_m is not None
+        return (Disk((zone.north_m, zone.east_m), zone.radius_m),)
+    whole = outline(zone)
+    if _is_convex(whole):
+        return (_convex(whole),)
+    parts = list(shapely.constrained_delaunay_triangles(whole).geoms)
+    while (found := _mergeable(parts)) is not None:
+        first, second, both = found
+        parts = [part for number, part in enumerate(parts) if number not in (first, second)] + [both]
+    return tuple(_convex(part) for part in parts)
+
+
+def _mergeable(parts: list[shapely.Polygon]) -> tuple[int, int, shapely.Polygon] | None:
+    """Two convex parts that are convex together, by their numbers, and what they make."""
+    for first, second in itertools.combinations(range(len(parts)), 2):
+        both = shapely.union(parts[first], parts[second])
+        if both.geom_type == "Polygon" and _is_convex(both):
+            return first, second, both
+    return None
+
+
+def outline(zone: NoFlyZone) -> shapely.Polygon:
+    """The zone (north, east) in the plane, where it is when it has not moved; a disk with many corners around it."""
+    if zone.polygon_m is not None:
+        return shapely.Polygon(zone.polygon_m)
+    return shapely.Point(zone.north_m, zone.east_m).buffer(
+        zone.radius_m / np.cos(np.pi / _CORNERS), quad_segs=_CORNERS // 4
+    )
+
+
+def displacement_m(zone: NoFlyZone, t_s: Array) -> Array:
+    """How far (..., 2), north and east, the zone has moved at plan times (...)."""
+    t_s = np.asarray(t_s, dtype=np.float64)
+    if not zone.moves:
+        return np.zeros((*t_s.shape, 2))
+    times, north, east = np.array(zone.moves).T
+    return np.stack([np.interp(t_s, times, north), np.interp(t_s, times, east)], axis=-1)
+
+
+def outside_m(zone: NoFlyZone, t_s: Array, north_m: Array, east_m: Array) -> Array:
+    """Distance (...) outside the zone of places (...) at plan times that broadcast with them; negative inside."""
+    moved = displacement_m(zone, t_s)
+    return np.asarray(
+        np.min([piece.outside_m(north_m - moved[..., 0], east_m - moved[..., 1]) for piece in pieces(zone)], axis=0)
+    )
+
+
+def _is_convex(polygon: shapely.Polygon) -> bool:
+    return bool(polygon.area >= _CONVEX * polygon.convex_hull.area)
+
+
+def _convex(polygon: shapely.Polygon) -> Convex:
+    corners = np.array(shapely.orient_polygons(polygon.convex_hull, exterior_cw=False).exterior.coords)
+    along = np.diff(corners, axis=0)
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+    offsets = np.sum(normals * corners[:-1], axis=1)
+    return Convex(tuple((float(n), float(e)) for n, e in normals), tuple(offsets.tolist()))
