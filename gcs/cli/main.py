@@ -17,12 +17,14 @@ import typer
 
 from gcs.cli.check import check
 from gcs.cli.console import Screen
+from gcs.cli.download import diff, download
 from gcs.cli.export import export
 from gcs.cli.fly import fly
 from gcs.cli.new import new
 from gcs.cli.plan import plan
 from gcs.cli.schema import schema
 from gcs.cli.show import show
+from gcs.cli.upload import restore, upload
 from gcs.cli.vehicles import vehicles
 from gcs.cli.verify import verify
 from gcs.errors import GcsError
@@ -45,7 +47,7 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (new, show, plan, verify, export, check, fly, vehicles, schema):
+for _command in (new, show, plan, verify, export, check, fly, vehicles, upload, download, diff, restore, schema):
     app.command()(_command)
 
 

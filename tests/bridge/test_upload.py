@@ -1,0 +1,219 @@
+"""Uploads to whole fleets over real sockets: all or nothing, on both autopilots, and the commands around them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs.cli.main import run as gcs
+from gcs.errors import FlightError, PeerError
+from gcs.flight.loading import build_loads, missions_only
+from gcs.link.dialect import Autopilot, MavCommand, MissionType
+from gcs.link.fleet import Fleet as Ground
+from gcs.link.load import VehicleLoad
+from gcs.link.mission_compare import compare_missions
+from gcs.link.upload import UploadFailed, restore, upload_fleet
+from gcs.mission.missionfile import load_missions
+from gcs.plan.store import save_plan
+from gcs.plan.trajectory import Plan
+from gcs.plan.verify import verify
+from sim_bridge.fleet import Fleet
+
+BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+PARAMETER = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
+
+
+def run(scene: Awaitable[None]) -> None:
+    async def bounded() -> None:
+        await asyncio.wait_for(scene, 60)
+
+    asyncio.run(bounded())
+
+
+@pytest.fixture
+def fleet_of(simulation1_plan: Plan, make_fleet: Callable[..., Fleet]) -> Callable[..., tuple[Fleet, str]]:
+    def make(autopilot: str, **options: object) -> tuple[Fleet, str]:
+        fleet = make_fleet(simulation1_plan.scenario, autopilot=autopilot, one_port=True, **options)
+        return fleet, f"udpout:{fleet.places[1][0].address}"
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def skein(simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = tmp_path_factory.mktemp("plans") / "simulation1.skein"
+    save_plan(simulation1_plan, verify(simulation1_plan), path)
+    yield path
+
+
+def number(autopilot: str) -> int:
+    return int(Autopilot[autopilot.upper()])
+
+
+def loads_for(plan: Plan, autopilot: str) -> tuple[VehicleLoad, ...]:
+    return build_loads(plan, dict.fromkeys(plan.sysids, number(autopilot)))
+
+
+def held_by(fleet: Fleet, sysid: int, kind: MissionType = MissionType.MISSION) -> tuple[object, ...]:
+    shelf = fleet._world.vehicles[sysid - 1]._shelf
+    first = int(kind is MissionType.MISSION and shelf._habits.home_is_item_0)
+    return shelf.items(kind)[first:]
+
+
+def parameter(fleet: Fleet, sysid: int, name: str) -> float:
+    return fleet._world.vehicles[sysid - 1]._params[name]
+
+
+@BOTH
+def test_everything_for_everybody_at_once_and_parameters_back(
+    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+) -> None:
+    fleet, link = fleet_of(autopilot, faults=["all:loss=0.05", "all:duplicate=0.05"])
+    loads, name = loads_for(simulation1_plan, autopilot), PARAMETER[autopilot]
+
+    async def scene() -> None:
+        async with Ground.open(link) as ground:
+            sessions = await ground.vehicles(simulation1_plan.sysids, 10.0)
+            before = {sysid: parameter(fleet, sysid, name) for sysid in sessions}
+            held = await upload_fleet(sessions, loads, simulation1_plan.hash)
+            assert set(held.digests) == set(sessions)
+            assert len(set(held.digests.values())) == len(sessions)
+            for load in loads:
+                mission = compare_missions(load.mission.items, held_by(fleet, load.sysid), autopilot=number(autopilot))
+                assert mission == []
+                for kind, items in load.extras:
+                    assert compare_missions(items, held_by(fleet, load.sysid, kind)) == []
+                assert parameter(fleet, load.sysid, name) == pytest.approx(dict(load.parameters)[name])
+            held.require(simulation1_plan.hash, simulation1_plan.sysids)
+            with pytest.raises(FlightError, match="of this plan: all"):
+                held.require("another plan", simulation1_plan.sysids)
+            with pytest.raises(FlightError, match="of this plan: 99"):
+                held.require(simulation1_plan.hash, [1, 99])
+            await restore(sessions, held.changes)
+            assert {sysid: parameter(fleet, sysid, name) for sysid in sessions} == before
+
+    run(scene())
+
+
+@BOTH
+def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
+    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+) -> None:
+    fleet, link = fleet_of(autopilot)
+    loads = loads_for(simulation1_plan, autopilot)
+    items = list(loads[3].mission.items)
+    items[5] = replace(items[5], command=9999)
+    bad = replace(loads[3], mission=replace(loads[3].mission, items=tuple(items)))
+
+    async def scene() -> None:
+        async with Ground.open(link) as ground:
+            sessions = await ground.vehicles(simulation1_plan.sysids, 10.0)
+            with pytest.raises(UploadFailed) as caught:
+                await upload_fleet(sessions, (*loads[:3], bad, *loads[4:]), simulation1_plan.hash)
+            failed = caught.value
+            assert failed.sysid == 4
+            item = 5 + int(autopilot == "ardupilot")
+            assert f"nothing may start, because of vehicle 4: vehicle 4 refused the mission at item {item}" in str(
+                failed
+            )
+            assert "command not supported" in str(failed)
+            assert set(failed.states) == set(simulation1_plan.sysids)
+            assert all("cleared" in state for state in failed.states.values())
+            for sysid in simulation1_plan.sysids:
+                for kind in (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY):
+                    assert held_by(fleet, sysid, kind) == ()
+
+    run(scene())
+
+
+@BOTH
+def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
+    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+) -> None:
+    fleet, link = fleet_of(autopilot)
+    loads = missions_only(load.mission for load in loads_for(simulation1_plan, autopilot))
+
+    async def scene() -> None:
+        async with Ground.open(link) as ground:
+            sessions = await ground.vehicles(simulation1_plan.sysids, 10.0)
+            fleet.fault("2:die@start:0")
+            with pytest.raises(UploadFailed, match="because of vehicle 2: vehicle 2 fell silent") as caught:
+                await upload_fleet(sessions, loads, simulation1_plan.hash)
+            assert "may be a mix of old and new" in caught.value.states[2]
+            assert caught.value.states[1] == "mission cleared"
+            assert held_by(fleet, 1) == ()
+
+    run(scene())
+
+
+def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_sent(
+    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
+) -> None:
+    fleet, link = fleet_of("ardupilot")
+    loads = loads_for(simulation1_plan, "ardupilot")
+    strange = replace(loads[0], parameters=(("NO_SUCH_THING", 1),))
+
+    async def scene() -> None:
+        async with Ground.open(link) as ground:
+            sessions = await ground.vehicles(simulation1_plan.sysids, 10.0)
+            with pytest.raises(PeerError, match="vehicle 1 does not answer for parameter NO_SUCH_THING"):
+                await upload_fleet(sessions, (strange, *loads[1:]), simulation1_plan.hash)
+            await fleet.until(lambda: fleet.t_s > 6.0)
+            await sessions[5].command(MavCommand.DO_SET_MODE, 1.0, 4.0)
+            await sessions[5].command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+            await sessions[5].wait_for(lambda m: sessions[5].armed, 5.0, "arming")
+            with pytest.raises(PeerError, match="vehicle 5 is armed"):
+                await upload_fleet(sessions, loads, simulation1_plan.hash)
+            assert held_by(fleet, 1) == ()
+
+    run(scene())
+
+
+@BOTH
+def test_the_commands(
+    simulation1_plan: Plan,
+    fleet_of: Callable[..., tuple[Fleet, str]],
+    skein: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    autopilot: str,
+) -> None:
+    fleet, link = fleet_of(autopilot)
+    name = PARAMETER[autopilot]
+    old = parameter(fleet, 1, name)
+
+    def call(*arguments: object) -> tuple[int, dict[str, object]]:
+        code = gcs([*map(str, arguments), "--link", link, "--json"])
+        return code, json.loads(capsys.readouterr().out)
+
+    code, told = call("diff", skein)
+    assert code == 11
+    assert len(told["differences"]) == 6
+    code, told = call("upload", skein, "--dry-run")
+    assert code == 0
+    assert told["uploaded"] is False
+    assert {p["vehicle"] for p in told["parameters"]} == set(simulation1_plan.sysids)
+    assert held_by(fleet, 1) == ()
+    code, told = call("upload", skein, "--to", tmp_path / "records")
+    assert code == 0
+    assert len(told["digests"]) == 6
+    assert parameter(fleet, 1, name) != old
+    code, compared = call("diff", skein)
+    assert code == 0, compared
+    code, _ = call("download", "--to", tmp_path / "held", "--listen", 1.5)
+    assert code == 0
+    files = load_missions(sorted((tmp_path / "held").glob("*.plan")))
+    loads = loads_for(simulation1_plan, autopilot)
+    assert [compare_missions(load.mission.items, f.items) for load, f in zip(loads, files, strict=True)] == [[]] * 6
+    assert all(f.geofence.polygons and f.rally for f in files)
+    code, _ = call("restore", told["record"])
+    assert code == 0
+    assert parameter(fleet, 1, name) == old
+    (tmp_path / "not.json").write_text("{}")
+    code, told = call("restore", tmp_path / "not.json")
+    assert code == 6
