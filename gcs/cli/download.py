@@ -22,9 +22,7 @@ _TOLD_MAX = 20
 
 
 def download(
-    to: Annotated[
-        Path, typer.Option("--to", metavar="DIR", help="Folder to write; an older export is replaced whole.")
-    ],
+    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder to write; an older one is replaced whole.")],
     link: LinkOption = None,
     listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
     signing_key_file: KeyOption = None,

@@ -1,4 +1,4 @@
-"""`gcs upload` and `gcs restore`: every vehicle gets its mission, or none does; parameters get their old values back."""
+"""`gcs upload` and `gcs restore`: every vehicle gets its mission or none does; parameters get old values back."""
 
 from __future__ import annotations
 

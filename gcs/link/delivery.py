@@ -146,7 +146,7 @@ class Delivery:
 
     def _sent(self, machine: MissionSender, now_s: float) -> list[Message]:
         error = machine.error
-        if error is None or (isinstance(error, PeerTimeout) and machine.all_sent):
+        if error is None or (isinstance(error, PeerTimeout) and machine.all_sent and machine.heard):
             self._reads_left = _READS
             self._doubt = machine.doubt
             return self._read(now_s)
@@ -157,8 +157,8 @@ class Delivery:
             if error.seq is None and error.result != MissionResult.OPERATION_CANCELLED:
                 self._busy += 1
                 return self._wait(now_s) if self._busy < self._tries else self._fail(error)
-        elif not machine.progress:
-            return self._fail(error)  # it did not ask for a single item: it does not listen
+        elif not machine.heard:
+            return self._fail(error)
         return self._break_off() + self._send(now_s)
 
     def _read_back(self, machine: MissionReceiver, now_s: float) -> list[Message]:
@@ -172,6 +172,8 @@ class Delivery:
             return self._send(now_s)
         self._last_error = error
         self._reads_left -= 1
+        if isinstance(error, PeerTimeout) and machine.count is None and self._reads_left < _READS - 1:
+            return self._fail(error)  # it does not listen any more
         lost = isinstance(error, PeerTimeout) or (isinstance(error, MissionRefused) and error.seq is not None)
         if lost and self._reads_left > 0:  # PX4 gives up on who asks for an item twice removed
             return self._read(now_s)

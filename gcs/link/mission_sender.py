@@ -82,6 +82,7 @@ class MissionSender:
         self._sent: set[int] = set()
         self._last_seq: int | None = None  # the request answered last
         self._repeats = 0
+        self.heard = False  # whether the peer answered at all
         self.doubt: MissionRefused | None = None  # a refusal that may be of something else
         self._counts_repeated = int(resumes)
         self._round_trip = round_trip
@@ -130,6 +131,7 @@ class MissionSender:
             raise ProtocolMisuse("a MissionSender was given a message before it was started.")
         if self.done or not message.name.startswith("MISSION_") or not self._is_ours(message):
             return []
+        self.heard = True
         if message.name in _REQUESTS:
             return self._answer(message.fields["seq"], now_s)
         if message.name == "MISSION_REQUEST_LIST" and self.state is SenderState.OFFERED:

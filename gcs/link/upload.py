@@ -22,6 +22,7 @@ from gcs.link.parameter_machine import ParameterReader, ParameterWriter
 from gcs.link.session import VehicleSession
 
 T = TypeVar("T")
+_SILENT_S = 4.0
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,8 @@ async def _take_back(every: Sequence[_Loading]) -> dict[int, str]:
 async def _cleared(one: _Loading) -> str:
     if not one.touched:
         return "as it was"
+    if one.session.heartbeat_age_s() > _SILENT_S:
+        return "silent; what it holds may be a mix of old and new: do not fly it"
     left = []
     for kind in sorted(one.touched):
         try:

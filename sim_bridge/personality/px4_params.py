@@ -69,8 +69,11 @@ PARAMS = (
     Param("NAV_ACC_RAD", 2.0, _REAL32, 0.05, 200.0, Setting.ARRIVE_M),
     Param("NAV_DLL_ACT", 0.0, _INT32, 0.0, 6.0, Setting.LINK_LOSS_ACTION),
     Param("NAV_MC_ALT_RAD", 0.8, _REAL32),
+    Param("RTL_CONE_ANG", 45.0, _INT32),
+    Param("RTL_DESCEND_ALT", 30.0, _REAL32),
     Param("RTL_LAND_DELAY", 0.0, _REAL32, -1.0, 300.0, Setting.RETURN_WAIT_S),
     Param("RTL_RETURN_ALT", 60.0, _REAL32, 0.0, 3000.0, Setting.RETURN_HEIGHT_M),
+    Param("RTL_TYPE", 0.0, _INT32),
     Param("SYS_AUTOCONFIG", 0.0, _INT32),
     Param("SYS_AUTOSTART", 10_040.0, _INT32),
 )

@@ -131,12 +131,11 @@ def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
     run(scene())
 
 
-@BOTH
 def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
-    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
+    simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
 ) -> None:
-    fleet, link = fleet_of(autopilot)
-    loads = missions_only(load.mission for load in loads_for(simulation1_plan, autopilot))
+    fleet, link = fleet_of("ardupilot")
+    loads = missions_only(load.mission for load in loads_for(simulation1_plan, "ardupilot"))
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
@@ -174,15 +173,14 @@ def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_se
     run(scene())
 
 
-@BOTH
 def test_the_commands(
     simulation1_plan: Plan,
     fleet_of: Callable[..., tuple[Fleet, str]],
     skein: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    autopilot: str,
 ) -> None:
+    autopilot = "ardupilot"
     fleet, link = fleet_of(autopilot)
     name = PARAMETER[autopilot]
     old = parameter(fleet, 1, name)
