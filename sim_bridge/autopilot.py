@@ -168,13 +168,15 @@ class Autopilot:
         """Home is at `place_ned_m` (3,) from now on."""
         self.helm.set_home(place_ned_m)
 
-    def reposition(self, t_s: float, target: Array, *, change_mode: bool) -> MavResult:
-        """Fly to `target` (4,) and stand there, in the mode for that; on the ground nothing happens."""
+    def reposition(self, t_s: float, target: Array, *, change_mode: bool, speed_mps: float = math.nan) -> MavResult:
+        """Fly to `target` (4,) and stand there, in the mode for that, so fast if that is a number; in the air only."""
         intent = self.personality.flight.reposition_in
         if self.mode.intent is not intent:
             result = self.pursue(t_s, intent) if change_mode else MavResult.DENIED
             if result != MavResult.ACCEPTED:
                 return result
+        if speed_mps > 0.0:
+            self.helm.change_speed(speed_mps, down=False)
         if self.helm.ground.aloft:
             self.helm.go_to(t_s, target)
         return MavResult.ACCEPTED

@@ -163,12 +163,10 @@ class Commands:
         if place is None:
             return Answer(MavResult.DENIED)
         yaw_rad = request.params[3]
-        speed_mps = request.params[0]
-        if math.isfinite(speed_mps) and speed_mps > 0.0:
-            self._autopilot.set_speed(t_s, 1.0, speed_mps)
         turn = math.remainder(yaw_rad - now[3], math.tau) if math.isfinite(yaw_rad) else 0.0
         change = bool(max(_whole(request.params[1]), 0) & _CHANGE_MODE)
-        return Answer(self._autopilot.reposition(t_s, np.append(place, now[3] + turn), change_mode=change))
+        target, speed_mps = np.append(place, now[3] + turn), request.params[0]
+        return Answer(self._autopilot.reposition(t_s, target, change_mode=change, speed_mps=speed_mps))
 
     def _set_interval(self, request: Request, _: float) -> Answer:
         number = _whole(request.params[0])

@@ -16,7 +16,7 @@ from gcs.mission.model import MissionItem
 from gcs.mission.navigator.orders import Navigator
 from gcs.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, brake, descend, descend_towards, rise, transfer
+from sim_bridge.guidance.manoeuvres import Descent, Speeds, brake, descend, descend_towards, rise, transfer, travel
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.mission_course import MissionCourse, is_navigation
 from sim_bridge.stretch import Course, Mark
@@ -79,7 +79,7 @@ class Guide:
 
     def go_to(self, t_s: float, flat: Array, target: Array) -> Course:
         """Fly to `target` (4,): north, east, down, yaw."""
-        return Course((transfer(t_s, flat, target, self.limits),))
+        return Course(tuple(self._travel(t_s, flat, target)))
 
     def land(self, t_s: float, flat: Array) -> Course:
         """Brake, then straight down."""
@@ -89,17 +89,22 @@ class Guide:
 
     def land_at(self, t_s: float, flat: Array, target: Array) -> Course:
         """Over `target` (4,) at its height, then down; the last bit of the way while it comes down."""
-        way = transfer(t_s, flat, target, self.limits)
+        *before, way = self._travel(t_s, flat, target)
+        t_s = way.start_s
         near = (
             s for s in np.linspace(t_s, way.end_s, _LOOKS) if math.dist(way.at(s)[0, :2], target[:2]) <= self.arrive_m
         )
         from_s = float(next(near, way.end_s))
         if self.arrive_m <= 0.0 or abs(way.at(from_s)[1, 2]) > _LEVEL_MPS:
             down = self.land(way.end_s, way.at(way.end_s))
-            return Course((way, *down.pieces), landing_from_s=down.landing_from_s)
+            return Course((*before, way, *down.pieces), landing_from_s=down.landing_from_s)
         straight = self._descend(from_s, hold(from_s, way.at(from_s)).at(from_s))
         first = Piece(t_s, from_s, way.coefficients)
-        return Course((first, *descend_towards(way, straight)), landing_from_s=from_s)
+        return Course((*before, first, *descend_towards(way, straight)), landing_from_s=from_s)
+
+    def _travel(self, t_s: float, flat: Array, target: Array) -> list[Piece]:
+        speeds = Speeds(self.speed_mps, self.climb_mps, self.descend_mps)
+        return travel(t_s, flat, target, speeds, self.limits)
 
     def _descend(self, t_s: float, flat: Array) -> list[Piece]:
         slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
@@ -124,7 +129,7 @@ class Guide:
             home = self.land_at(pieces[-1].end_s, now, over)
             return Course((*pieces, *home.pieces), landing_from_s=home.landing_from_s)
         if away:
-            pieces.append(transfer(pieces[-1].end_s, now, over, self.limits))
+            pieces += self._travel(pieces[-1].end_s, now, over)
         if self.return_wait_s > 0.0:
             start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)
             pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))

@@ -53,6 +53,11 @@ class Flightpath:
         return not self.streaming and math.isinf(self.piece.end_s)
 
     @property
+    def target(self) -> Array | None:
+        """The place (4,) it was sent to, if that is all there is to it."""
+        return self._target
+
+    @property
     def landing(self) -> bool:
         """Whether the descent of a landing is under way."""
         return self.course.landing_from_s < math.inf and math.isinf(self._landing_s)

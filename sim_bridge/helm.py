@@ -51,6 +51,7 @@ class Helm:
         self._voice = voice
         self._least_takeoff_m = 0.0
         self._intent = Intent.HOLD
+        self._settings: Mapping[Setting, float] = {}
         self._lift_off: Callable[[float], Course] | None = None  # waits for the motors
 
     @property
@@ -60,6 +61,7 @@ class Helm:
 
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Go by these settings from now on."""
+        self._settings = settings
         timeout_s = settings[Setting.STREAM_TIMEOUT_S]
         self.path.coast_s = timeout_s if self._coasts_s is None else self._coasts_s
         self._least_takeoff_m = settings.get(Setting.TAKEOFF_HEIGHT_M, 0.0)
@@ -90,6 +92,8 @@ class Helm:
         """Go on with what is under way, now with what has changed."""
         if intent is Intent.MISSION and self.progress.running and not self.path.landing:
             self._fly_mission(t_s)
+        elif self.path.target is not None and not self.path.at_rest:
+            self.go_to(t_s, self.path.target)
 
     def set_home(self, place_ned_m: Array) -> None:
         """Home is at `place_ned_m` (3,) from now on."""
@@ -99,6 +103,8 @@ class Helm:
     def begin(self, t_s: float, intent: Intent) -> None:
         """Fly, in the air or about to be, what a mode for `intent` is there for."""
         flat = self.path.piece.at(t_s)
+        if intent is not self._intent:  # speeds asked for by command end with the mode
+            self.use(self._settings)
         self._intent = intent
         self.progress.running, self._lift_off = False, None
         if intent is Intent.MISSION:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,9 +18,10 @@ from sim_bridge.guidance.piece import TERMS, Piece, hold
 
 # Peaks of the rest-to-rest polynomial of degree 7 over unit time and distance: velocity to snap.
 _SEPTIC_PEAKS = (2.1875, 7.5132, 52.5, 840.0)
-# Peaks of the smooth step of degree 5 that changes a velocity: its first and second derivative.
-_STEP_PEAK, _STEP_PEAK2 = 1.875, 5.7735
+# Peaks of the smooth step of degree 5 that changes a velocity: its first three derivatives.
+_STEP_PEAK, _STEP_PEAK2, _STEP_PEAK3 = 1.875, 5.7735, 60.0
 _SHORTEST_S = 0.5
+_ROUNDS, _SETTLED_M = 8, 1e-3  # to find where cruising begins
 
 
 def _conditions(n: int) -> Array:
@@ -48,6 +49,15 @@ def _shortest_s(distance: float, *peaks: float) -> float:
         math.pow(factor * distance / peak, 1.0 / order)
         for order, (factor, peak) in enumerate(zip(_SEPTIC_PEAKS, peaks, strict=False), start=1)
     )
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """How fast to fly, in m/s: over ground, up, down."""
+
+    horizontal: float
+    up: float
+    down: float
 
 
 def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -> Piece:
@@ -116,23 +126,106 @@ def _integral(position: Array, velocity: Array) -> Array:
     return c
 
 
+def travel(start_s: float, flat: Array, target: Array, speeds_mps: Speeds, limits: MotionLimits) -> list[Piece]:
+    """From any motion to rest at `target` (4,): straight there at cruising speed, or at once where it is near."""
+    step = target - flat[0]
+    limits = replace(
+        limits,
+        horizontal_mps=min(limits.horizontal_mps, speeds_mps.horizontal),
+        vertical_mps=min(limits.vertical_mps, speeds_mps.down if step[2] > 0.0 else speeds_mps.up),
+    )
+    turn_s = _shortest_s(abs(step[3]), limits.yaw_radps)
+    way = _cruise(flat, target, limits)
+    if way is None or way.whole_s < turn_s:
+        return [transfer(start_s, flat, target, limits)]
+    end = np.zeros((4, 4))
+    end[0] = target
+    turn = Piece(start_s, start_s + way.whole_s, _polynomial(_SEPTIC, flat[:4], end, way.whole_s))
+    rest, cruise = np.zeros((3, 4)), np.vstack([way.velocity_mps, np.zeros((2, 4))])
+    pieces: list[Piece] = []
+    place = flat[0]
+    parts = ((flat[1:4], cruise, way.begin_s), (cruise, cruise, way.cruise_s), (cruise, rest, way.end_s))
+    for before, after, lasts_s in parts:
+        now_s = pieces[-1].end_s if pieces else start_s
+        c = _integral(place, _polynomial(_QUINTIC, before, after, lasts_s))
+        c[:, 3] = _shifted(turn, now_s)[:, 3]
+        pieces.append(Piece(now_s, now_s + lasts_s, c))
+        place = _end(pieces[-1])
+    return pieces
+
+
+@dataclass(frozen=True)
+class _Way:
+    """Straight and level in speed, after `begin_s` of getting there and before `end_s` of coming to rest."""
+
+    velocity_mps: Array  # (4,)
+    begin_s: float
+    cruise_s: float
+    end_s: float
+
+    @property
+    def whole_s(self) -> float:
+        return self.begin_s + self.cruise_s + self.end_s
+
+
+def _cruise(flat: Array, target: Array, limits: MotionLimits) -> _Way | None:
+    """How to cruise to `target` from a motion; None where there is no room for it.
+
+    Where cruising begins depends on its direction, and that on where it begins: a few rounds settle it.
+    """
+    velocity = np.zeros(4)
+    begin_s = cruise_s = end_s = 0.0
+    for _ in range(_ROUNDS):
+        left = target[:3] - _place_after(flat, velocity, begin_s)
+        length_m = float(np.linalg.norm(left))
+        if not length_m:
+            return None
+        along = left / length_m
+        level, steep = math.hypot(along[0], along[1]), abs(float(along[2]))
+        speed = min(_along(limits.horizontal_mps, level), _along(limits.vertical_mps, steep))
+        velocity[:3] = speed * along
+        end_s = _change_time(velocity, limits)
+        begin_s = max(
+            _change_time(velocity - flat[1], limits), _braking_time(flat, limits) if np.any(flat[1:3]) else 0.0
+        )
+        cruise_s = length_m / speed - 0.5 * end_s
+    settled = np.linalg.norm(
+        _place_after(flat, velocity, begin_s) + velocity[:3] * (cruise_s + 0.5 * end_s) - target[:3]
+    )
+    return _Way(velocity, begin_s, cruise_s, end_s) if cruise_s > 0.0 and settled < _SETTLED_M else None
+
+
+def _place_after(flat: Array, velocity: Array, duration_s: float) -> Array:
+    """Where (3,) the quintic change of a motion into a constant velocity (4,) ends."""
+    if duration_s <= 0.0:
+        return np.asarray(flat[0, :3])
+    after = np.vstack([velocity, np.zeros((2, 4))])
+    c = _integral(flat[0], _polynomial(_QUINTIC, flat[1:4], after, duration_s))
+    return np.asarray((duration_s ** np.arange(TERMS) @ c)[:3])
+
+
+def _change_time(change: Array, limits: MotionLimits) -> float:
+    """How long a smooth change of velocity (4,) takes within the limits."""
+    level, steep = math.hypot(change[0], change[1]), abs(change[2])
+    return float(
+        max(
+            _STEP_PEAK * level / limits.horizontal_mps2,
+            math.sqrt(_STEP_PEAK2 * level / limits.horizontal_mps3),
+            math.cbrt(_STEP_PEAK3 * level / limits.horizontal_mps4),
+            _STEP_PEAK * steep / limits.vertical_mps2,
+        )
+    )
+
+
+def _along(limit: float, share: float) -> float:
+    return limit / share if share > 0.0 else math.inf
+
+
 def rise(start_s: float, flat: Array, down_m: float, climb_mps: float, limits: MotionLimits) -> list[Piece]:
-    """From rest straight up to rest at `down_m`, no faster than `climb_mps` for the most part."""
+    """Straight up to rest at `down_m`, no faster than `climb_mps`."""
     target = flat[0].copy()
     target[2] = down_m
-    speed = min(climb_mps, limits.vertical_mps)
-    cruise_m = flat[0, 2] - down_m - 2.0 * _change_m(0.0, speed, limits)
-    at_once = transfer(start_s, flat, target, limits)
-    if cruise_m <= 0.0 or np.any(flat[1:3]):
-        slowest_s = _SEPTIC_PEAKS[0] * abs(flat[0, 2] - down_m) / speed
-        if at_once.end_s - start_s >= slowest_s or np.any(flat[1:3]):
-            return [at_once]
-        end = np.zeros((4, 4))
-        end[0] = target
-        return [Piece(start_s, start_s + slowest_s, _polynomial(_SEPTIC, flat[:4], end, slowest_s))]
-    quicken = _change_descent(start_s, flat[0], (0.0, -speed), limits)
-    cruise = _sink(quicken.end_s, _end(quicken), -speed, cruise_m / speed)
-    return [quicken, cruise, _change_descent(cruise.end_s, _end(cruise), (-speed, 0.0), limits)]
+    return travel(start_s, flat, target, Speeds(math.inf, climb_mps, math.inf), limits)
 
 
 @dataclass(frozen=True)

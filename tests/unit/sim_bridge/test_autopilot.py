@@ -353,3 +353,20 @@ def test_when_a_stream_ran_out_it_comes_back_to_where_that_was():
     body.run_until(lambda: body.pilot.piece.at(body.t_s)[0, 0] > place[0] + 0.2)
     body.run_until(lambda: body.speed_mps < 1e-6)
     np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], place, atol=0.05)
+
+
+def test_a_place_is_flown_to_as_fast_as_asked_until_the_mode_changes():
+    body = Body()
+    body.fly()
+    target = np.append(np.add(HOME, [190.0, 0.0, -5.0]), YAW)
+    body.pilot.reposition(body.t_s, target, change_mode=False, speed_mps=1.5)
+    body.run(12.0)
+    assert body.speed_mps == pytest.approx(1.5, abs=0.01)
+    assert body.pilot.set_speed(body.t_s, 1.0, 2.5) == OK
+    body.run(12.0)
+    assert body.speed_mps == pytest.approx(2.5, abs=0.01)
+    body.mode(Intent.HOLD)
+    body.mode(Intent.GUIDED)
+    body.pilot.reposition(body.t_s, target, change_mode=False)
+    body.run(14.0)
+    assert body.speed_mps == pytest.approx(min(body.settings[Setting.CRUISE_MPS], 4.0), abs=0.01)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sim_bridge.guidance.legs import Leg, fly_legs
 from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, brake, descend, descend_towards, rise, transfer
+from sim_bridge.guidance.manoeuvres import Descent, Speeds, brake, descend, descend_towards, rise, transfer, travel
 from sim_bridge.guidance.piece import TERMS, Piece, PieceBatch, hold
 
 LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)
@@ -186,3 +186,22 @@ def test_a_descent_on_the_way_takes_both_parts_over_exactly():
             sinking = next(p for p in reversed(down) if p.start_s <= t_s + 1e-9)
             np.testing.assert_allclose(flat[:3, 2], sinking.at(t_s)[:3, 2], atol=1e-6)
             np.testing.assert_allclose(flat[0, :2], way.at(min(t_s, way.end_s))[0, :2], atol=1e-6)
+
+
+@given(
+    st.floats(-300, 300), st.floats(-300, 300), st.floats(-40, 40), st.floats(-4, 4), st.floats(-4, 4), st.floats(-1, 1)
+)
+def test_travel_from_any_motion_is_smooth_ends_there_and_cruises_as_fast_as_asked(north, east, down, vn, ve, pull):
+    flat = REST.copy()
+    flat[1, :2], flat[2, 0] = (vn, ve), pull
+    target = REST[0] + [north, east, down, 0.3]
+    pieces = travel(3.0, flat, target, Speeds(2.5, 1.0, 0.8), LIMITS)
+    np.testing.assert_allclose(pieces[0].at(3.0)[:3], flat[:3], atol=1e-6)
+    for before, after in itertools.pairwise(pieces):
+        np.testing.assert_allclose(before.at(before.end_s)[:3], after.at(after.start_s)[:3], atol=1e-6)
+    end = pieces[-1].at(pieces[-1].end_s)
+    np.testing.assert_allclose(end[0], target, atol=2e-3)
+    np.testing.assert_allclose(end[1:3], 0.0, atol=1e-5)
+    if len(pieces) == 3:
+        level, steep = np.linalg.norm(pieces[1].at(pieces[1].start_s)[1, :2]), pieces[1].at(pieces[1].start_s)[1, 2]
+        assert max(level / 2.5, -steep / 1.0, steep / 0.8) == pytest.approx(1.0, rel=1e-6)
