@@ -53,10 +53,13 @@ class Arming:
         """Whether a mission mode is enough to take off."""
         return bool(self.options & _WITHOUT_ADO)
 
-    def reasons(self, mode: Mode, *, has_mission: bool, has_stream: bool, trying: bool) -> list[str]:
-        """Why the vehicle cannot be armed in this mode; or, unless `trying`, why its checks fail."""
+    def reasons(self, mode: Mode, *, placed: bool, has_mission: bool, has_stream: bool, trying: bool) -> list[str]:
+        """Why the vehicle cannot be armed in this mode; or, unless `trying`, why its checks fail.
+
+        It is `placed` while its filter knows where it is.
+        """
         reasons = list(self._readiness.faults)
-        if not reasons and mode.needs_position and not self._readiness.ready:
+        if not reasons and mode.needs_position and not (self._readiness.ready and placed):
             reasons.append("Need Position Estimate")
         if not reasons and not self._readiness.reached(Milestone.CHECKED):
             reasons.append("Need Position Estimate")

@@ -27,6 +27,7 @@ from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality, S
 from sim_bridge.readiness import Readiness
 from sim_bridge.setpoint_watch import SetpointWatch
 
+_PLACED_FOR_S = 1.0  # since the estimate was healthy last
 _HOVERING = frozenset({Intent.MANUAL, Intent.HOLD, Intent.GUIDED})
 
 
@@ -45,6 +46,7 @@ class Autopilot:
         self._mode_after = self.mode  # disarming, where that is a habit
         self._stream_loss: Intent | None = None
         self._disarm_s = math.inf
+        self._placed_s = -math.inf
 
     # What it is asked
 
@@ -271,6 +273,8 @@ class Autopilot:
 
     def step(self, t_s: float, contact: bool, healthy: bool = True) -> None:
         """Bring everything up to `t_s`; `contact` is with the ground, `healthy` the estimate."""
+        if healthy:
+            self._placed_s = t_s
         if not self.ready:
             self._get_ready(t_s, healthy)
         passed = self.helm.step(t_s)
@@ -309,7 +313,10 @@ class Autopilot:
 
     def _reasons(self, t_s: float, *, trying: bool) -> list[str]:
         proven = self.setpoints.proven(t_s)
-        return self.arming.reasons(self.mode, has_mission=self._has_mission(), has_stream=proven, trying=trying)
+        placed = t_s - self._placed_s <= _PLACED_FOR_S
+        return self.arming.reasons(
+            self.mode, placed=placed, has_mission=self._has_mission(), has_stream=proven, trying=trying
+        )
 
     def _can_fly(self, t_s: float, mode: Mode) -> bool:
         if mode.intent is Intent.MISSION:

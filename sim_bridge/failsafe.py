@@ -44,6 +44,7 @@ class Readings:
     used_Ah: float
     left_Ah: float
     share: float  # of the charge that is left
+    healthy: bool  # the estimate
 
 
 class Failsafe:
@@ -59,6 +60,7 @@ class Failsafe:
         self._link_lost = False
         self._low_since_s: dict[Note, float] = {}
         self._low: set[Note] = set()
+        self._placed_s = math.inf  # when the place was known last; nobody has been flying yet
         self.breach = Breach.NONE
         self.breaches = 0
         self.breached_s = 0.0
@@ -92,6 +94,7 @@ class Failsafe:
             self._watch_link(t_s, now_s)
         if self._autopilot.flying:
             self._watch_fence(t_s, readings.place_ned_m)
+        self._watch_estimate(t_s, readings.healthy)
 
     @property
     def fenced(self) -> bool:
@@ -108,6 +111,18 @@ class Failsafe:
             intent = self._guards.link.actions.get(action)
             mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
             self._autopilot.voice.say(Note.LINK_LOST, action=mode.name if mode is not None else "Continuing")
+            self._act(t_s, intent)
+
+    def _watch_estimate(self, t_s: float, healthy: bool) -> None:
+        guard = self._guards.estimate
+        if healthy or not self._autopilot.flying:
+            self._placed_s = t_s
+        elif t_s - self._placed_s >= guard.patience_s:
+            self._placed_s = math.inf
+            intent = guard.always if guard.action is None else guard.actions.get(self._value(guard.action))
+            mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
+            if mode is not None and self._autopilot.mode.intent is not Intent.LAND:
+                self._autopilot.voice.say(Note.PLACE_LOST, action=mode.name)
             self._act(t_s, intent)
 
     def _watch_battery(self, t_s: float, readings: Readings) -> None:

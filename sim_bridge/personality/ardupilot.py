@@ -20,7 +20,7 @@ from gcs.link.dialect import (
 from sim_bridge.personality.ardupilot_missions import MISSIONS
 from sim_bridge.personality.ardupilot_params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.guards import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.table import Identity, Personality
@@ -118,6 +118,7 @@ _WORDS = {
     Note.LINK_FOUND: (Severity.WARNING, "GCS Failsafe Cleared"),
     Note.BATTERY_LOW: (Severity.WARNING, "Battery 1 is low {volt:.2f}V used {mAh:.0f} mAh"),
     Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Battery 1 is critical {volt:.2f}V used {mAh:.0f} mAh"),
+    Note.PLACE_LOST: (Severity.CRITICAL, "EKF Failsafe: changed to {action} Mode"),
     Note.FENCE_BREACHED: (Severity.WARNING, "{fence} fence breached"),
 }
 
@@ -149,6 +150,7 @@ _GUARDS = Guards(
         one_area_suffices=False,
     ),
     stream={},
+    estimate=EstimateGuard(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
 )
 
 _STREAMS = Streams(

@@ -65,6 +65,7 @@ PARAMS = (
     Param("FENCE_TYPE", 7.0, _INT8, 0.0, 15.0, Setting.FENCE_KINDS),
     Param("FRAME_CLASS", 1.0, _INT8),
     Param("FRAME_TYPE", 1.0, _INT8),
+    Param("FS_EKF_ACTION", 1.0, _INT8, 1.0, 3.0, Setting.ESTIMATE_ACTION),
     Param("FS_GCS_TIMEOUT", 5.0, _REAL32, 2.0, 120.0, Setting.LINK_TIMEOUT_S),
     Param("FS_OPTIONS", 16.0, _INT32),
     Param("GUID_TIMEOUT", 3.0, _REAL32, 0.1, 5.0, Setting.STREAM_TIMEOUT_S),

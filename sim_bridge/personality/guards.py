@@ -46,6 +46,7 @@ class Setting(Enum):
     FENCE_HEIGHT_M = auto()  # above home; 0 for none
     FENCE_RADIUS_M = auto()  # around home; 0 for none
     FENCE_ACTION = auto()
+    ESTIMATE_ACTION = auto()
 
 
 Actions = Mapping[int, Intent]  # a parameter's value -> what the vehicle then does; others: it only says so
@@ -82,6 +83,16 @@ class FenceGuard:
 
 
 @dataclass(frozen=True)
+class EstimateGuard:
+    """The filter does not know where the vehicle is; without a setting it does `always` the same."""
+
+    patience_s: float  # longer than a filter needs to believe a receiver that was moved
+    actions: Actions
+    action: Setting | None = None
+    always: Intent | None = None
+
+
+@dataclass(frozen=True)
 class Guards:
     """All failsafes of one autopilot."""
 
@@ -90,3 +101,4 @@ class Guards:
     battery_patience_s: float  # below a level for so long before it counts
     fence: FenceGuard
     stream: Actions  # setpoints stop coming
+    estimate: EstimateGuard

@@ -22,7 +22,7 @@ from gcs.link.dialect import (
     px4_mode,
 )
 from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.guards import BatteryGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.guards import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
 from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4_missions import MISSIONS
@@ -113,6 +113,7 @@ _GUARDS = Guards(
     ),
     battery_patience_s=0.0,
     fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
+    estimate=EstimateGuard(6.0, {}, always=Intent.LAND),
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )
 

@@ -43,6 +43,7 @@ class Note(Enum):
     BATTERY_LOW = auto()  # {volt}, {mAh}
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
+    PLACE_LOST = auto()  # {action}
     FENCE_BREACHED = auto()  # {fence}
 
 

@@ -130,4 +130,4 @@ class Instruments:
         """What failsafes look at."""
         volt, _, share, used_Ah = self.battery
         left_Ah = share * self.airframes.battery.train.capacity_Ah
-        return Readings(self.estimate[:3], volt, used_Ah, left_Ah, share)
+        return Readings(self.estimate[:3], volt, used_Ah, left_Ah, share, self.healthy)

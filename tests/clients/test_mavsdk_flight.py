@@ -145,7 +145,7 @@ def test_take_off_offboard_mission_and_landing(autopilot: str) -> None:
         assert {total for _, total in seen} == {len(sent)}
         first, second, land = (1 + home_first, 3 + home_first, 4 + home_first)
         assert [c for c in currents if c in (first, second, land)][:3] == [first, second, land]
-        assert telemetry.landed_state() == LandedState.ON_GROUND
+        wait(lambda: telemetry.landed_state() == LandedState.ON_GROUND, "word of the ground, a stream's turn later")
         assert fleet.state(sysid).landed
 
 
