@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.wind import STILL, SteadyWind
+
 Array = NDArray[np.float64]
 
 POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
@@ -38,6 +40,7 @@ class Quadrotor:
     drag_moment_Nms: tuple[float, float, float]  # K_4..K_6, linear
     rotor_max_radps: float
     gravity_mps2: float = 9.8
+    wind: SteadyWind = STILL  # in which it is planned to fly; who knows the wind at the moment says so instead
 
     @property
     def weight_N(self) -> float:
@@ -49,11 +52,14 @@ def equations_of_motion(
     x: Sequence[Any],
     u: Sequence[Any],
     q: Quadrotor,
-    wind_ned_mps: Sequence[Any] = (0.0, 0.0, 0.0),
+    wind_ned_mps: Sequence[Any] | None = None,
     xp: Any = np,
 ) -> tuple[Any, ...]:
-    """Time derivatives of the twelve state components (Eq. 1; drag opposes the air-relative velocity)."""
-    _, _, _, vx, vy, vz, roll, pitch, yaw, p, qq, r = x
+    """Time derivatives of the twelve state components (Eq. 1; drag opposes the air-relative velocity).
+
+    Without a word about the wind it is the one that `q` is planned to fly in.
+    """
+    _, _, down, vx, vy, vz, roll, pitch, yaw, p, qq, r = x
     u1, u2, u3, u4 = u
     sr, sp, sy = xp.sin(roll), xp.sin(pitch), xp.sin(yaw)
     cr, cp, cy = xp.cos(roll), xp.cos(pitch), xp.cos(yaw)
@@ -61,7 +67,7 @@ def equations_of_motion(
     ix, iy, iz = q.inertia_kgm2
     k1, k2, k3 = q.drag_Nspm
     k4, k5, k6 = q.drag_moment_Nms
-    wx, wy, wz = wind_ned_mps
+    wx, wy, wz = q.wind.at(-down, xp) if wind_ned_mps is None else wind_ned_mps
     thrust = u1 / m
     return (
         vx,
@@ -80,8 +86,8 @@ def equations_of_motion(
 
 
 def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array | None = None) -> Array:
-    """Eq. 1 on arrays: state (..., 12), control (..., 4), wind (..., 3) -> (..., 12)."""
-    wind = (0.0, 0.0, 0.0) if wind_ned_mps is None else tuple(np.moveaxis(wind_ned_mps, -1, 0))
+    """Eq. 1 on arrays: state (..., 12), control (..., 4), wind (..., 3; default: the planned one) -> (..., 12)."""
+    wind = None if wind_ned_mps is None else tuple(np.moveaxis(wind_ned_mps, -1, 0))
     parts = equations_of_motion(tuple(np.moveaxis(state, -1, 0)), tuple(np.moveaxis(control, -1, 0)), q, wind)
     out = np.empty((*np.broadcast_shapes(state.shape[:-1], control.shape[:-1]), 12))
     for i, part in enumerate(parts):
@@ -143,10 +149,10 @@ def _room(base: Array, step: Array, top: float) -> Array:
 
 
 def thrust_and_tilt(
-    acceleration_ned_mps2: Array, velocity_ned_mps: Array, yaw_ned_rad: Array, q: Quadrotor
+    acceleration_ned_mps2: Array, air_velocity_ned_mps: Array, yaw_ned_rad: Array, q: Quadrotor
 ) -> tuple[Array, Array, Array]:
-    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), in still air."""
-    drag = np.array(q.drag_Nspm) * velocity_ned_mps
+    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), by velocity relative to the air."""
+    drag = np.array(q.drag_Nspm) * air_velocity_ned_mps
     force = q.mass_kg * (np.array([0.0, 0.0, q.gravity_mps2]) - acceleration_ned_mps2) - drag
     fx, fy, fz = np.moveaxis(force, -1, 0)
     sy, cy = np.sin(yaw_ned_rad), np.cos(yaw_ned_rad)
@@ -154,3 +160,15 @@ def thrust_and_tilt(
     roll = np.arcsin(np.clip((sy * fx - cy * fy) / np.maximum(thrust, 1e-9), -1.0, 1.0))
     pitch = np.arctan2(cy * fx + sy * fy, fz)
     return thrust, roll, pitch
+
+
+def hover_trim(height_m: float, yaw_ned_rad: float, q: Quadrotor) -> tuple[float, float, float]:
+    """Thrust (N), roll and pitch (rad) that hold a place, at a height above height 0, against the planned wind."""
+    still = -np.array(q.wind.at(height_m))
+    thrust, roll, pitch = thrust_and_tilt(np.zeros(3), still, np.asarray(yaw_ned_rad), q)
+    return float(thrust), float(roll), float(pitch)
+
+
+def level_flight_thrust_N(state: Array, q: Quadrotor) -> float:
+    """Thrust that leaves a state (12,) without vertical acceleration."""
+    return float((q.weight_N - q.drag_Nspm[2] * state[5]) / (np.cos(state[6]) * np.cos(state[7])))

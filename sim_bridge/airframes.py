@@ -74,7 +74,7 @@ class Airframes:
         self._steps = 0
         self._still = np.zeros((4, vehicles))
         self._rotors = self._commanded = self._given = self._still
-        self._wind = self._wind_field.draw()
+        self._wind = self._wind_field.draw(-self._plant.state[2])
         self._gnss = np.full((6, vehicles), np.nan)
 
     @property
@@ -150,7 +150,7 @@ class Airframes:
         if self.t_s >= self.faults.due_s:
             self._break()
         if self._steps % _STEPS_PER_GUST == 0:
-            self._wind = self._wind_field.draw()
+            self._wind = self._wind_field.draw(-self._plant.state[2])
         plant, estimator = self._plant, self.estimator
         self._drive(reference, motors_on & estimator.aligned)
         plant.step(self._given, self._wind)

@@ -54,7 +54,8 @@ def fly(
     seed: Annotated[int, typer.Option(min=0, help="Of sensor noise, boot clocks and bad links.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     wind: Annotated[
-        str, typer.Option(help="SPEED@FROM in m/s and degrees: 3@270 blows out of the west.", show_default="none")
+        str,
+        typer.Option(help="SPEED@FROM in m/s and degrees: 3@270 blows out of the west.", show_default="the scenario's"),
     ] = "",
     gusts: Annotated[
         str, typer.Option(help="light, moderate, severe or their standard deviation in m/s.", show_default="none")

@@ -7,6 +7,7 @@ that passes, links.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from gcs.mission.navigator.fitted import by_name as navigator_named
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
+from gcs.wind import STILL
 from sim_bridge.airframes import Airframes
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide
@@ -59,7 +61,7 @@ class Hangar:
         self._personality = personality
         self._seed = seed
         self._epoch_s = epoch_unix_s
-        quadrotor = physical.quadrotor(scenario)
+        quadrotor = replace(physical.quadrotor(scenario), wind=STILL)  # here air is what the wind field says
         self._pads_ned_m = physical.pads_ned_m(scenario)
         self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
         self.airframes = Airframes(
@@ -70,7 +72,7 @@ class Hangar:
             GRADES[scenario.sensors.grade],
             seed=seed,
             limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
-            wind=wind,
+            wind=wind.over(physical.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
         self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)

@@ -21,6 +21,7 @@ from scipy.spatial.distance import cdist
 
 from gcs.errors import UsageError
 from gcs.quadrotor import Array
+from gcs.wind import STILL, SteadyWind
 
 GUST_PERIOD_S = 0.04
 PASSING_MPS = 3.0
@@ -37,10 +38,20 @@ _BLOCK = 200
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Mean wind (where it blows to, common local NED) and the horizontal standard deviation of its gusts."""
+    """Mean wind (where it blows to, common local NED) and the horizontal standard deviation of its gusts.
 
-    mean_ned_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    Without a mean of its own it is the wind that the scenario plans with, which may grow with height.
+    """
+
+    mean_ned_mps: tuple[float, float, float] | None = None
     gust_mps: float = 0.0
+    by_height: SteadyWind = STILL
+
+    def over(self, planned: SteadyWind) -> Wind:
+        """The same with the planned wind where nobody said another."""
+        if self.mean_ned_mps is not None:
+            return self
+        return Wind((planned.north_mps, planned.east_mps, 0.0), self.gust_mps, planned)
 
 
 CALM = Wind()
@@ -48,7 +59,7 @@ CALM = Wind()
 
 def parse_wind(wind: str = "", gusts: str = "") -> Wind:
     """From `3@270`, 3 m/s out of the west, and `light`, `moderate`, `severe` or m/s. Raises `UsageError`."""
-    speed_mps, from_deg = 0.0, 0.0
+    mean_ned_mps = None
     if wind:
         speed, at, direction = wind.partition("@")
         speed_mps, from_deg = _number(speed), _number(direction)
@@ -57,6 +68,8 @@ def parse_wind(wind: str = "", gusts: str = "") -> Wind:
                 f"--wind {wind!r} is not SPEED@DIRECTION, in m/s and degrees the wind comes from.",
                 hint="write for example --wind 3@270 for 3 m/s out of the west",
             )
+        to_rad = math.radians(from_deg) + math.pi
+        mean_ned_mps = (speed_mps * math.cos(to_rad), speed_mps * math.sin(to_rad), 0.0)
     gust_mps = INTENSITIES_MPS.get(gusts, math.nan) if gusts else 0.0
     if math.isnan(gust_mps):
         gust_mps = _number(gusts)
@@ -65,8 +78,7 @@ def parse_wind(wind: str = "", gusts: str = "") -> Wind:
             f"--gusts {gusts!r} is neither {', '.join(INTENSITIES_MPS)} nor a standard deviation in m/s.",
             hint="write for example --gusts light, or --gusts 0.8",
         )
-    to_rad = math.radians(from_deg) + math.pi
-    return Wind((speed_mps * math.cos(to_rad), speed_mps * math.sin(to_rad), 0.0), gust_mps)
+    return Wind(mean_ned_mps, gust_mps)
 
 
 def _number(text: str) -> float:
@@ -83,8 +95,10 @@ class WindField:
         """Places (V, 3) in common local NED."""
         vehicles = len(places_ned_m)
         self._generators = [np.random.default_rng(child) for child in np.random.SeedSequence([seed, 2]).spawn(vehicles)]
-        self._mean = np.array(wind.mean_ned_mps)[:, None] * np.ones(vehicles)
-        north, east, _ = wind.mean_ned_mps
+        mean = wind.mean_ned_mps or (0.0, 0.0, 0.0)
+        self._mean = np.array(mean)[:, None] * np.ones(vehicles)
+        self._by_height = wind.by_height
+        north, east, _ = mean
         speed = math.hypot(north, east)
         along = np.array([north, east]) / speed if speed else np.array([1.0, 0.0])
         self._to_ned = np.array([[along[0], -along[1], 0.0], [along[1], along[0], 0.0], [0.0, 0.0, 1.0]])
@@ -102,8 +116,14 @@ class WindField:
         self._block = np.empty((0, 3, vehicles))
         self._next = 0
 
-    def draw(self) -> Array:
-        """Wind (3, V) for the next GUST_PERIOD_S, held."""
+    def draw(self, height_m: Array | float = 0.0) -> Array:
+        """Wind (3, V) for the next GUST_PERIOD_S, held, of vehicles (V,) so high above height 0."""
+        drawn = self._drawn()
+        if not self._by_height.has_shear:
+            return drawn
+        return np.asarray(drawn + (self._by_height.share(height_m) - 1.0) * self._mean)
+
+    def _drawn(self) -> Array:
         if not self._axes:
             return self._mean
         if self._next == len(self._block):

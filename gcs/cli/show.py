@@ -70,6 +70,10 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         "box": f"north {limits.north_m[0]:g} to {limits.north_m[1]:g}, east {limits.east_m[0]:g} to "
         f"{limits.east_m[1]:g}, height {limits.height_m[0]:g} to {limits.height_m[1]:g} m",
         "ground": f"{ground}; clearance at least {limits.clearance_min_m:g} m",
+        "wind": "none"
+        if scenario.wind is None
+        else "{speed_mps:g} m/s out of {from_deg:g} degrees, {height_m:g} m up, "
+        "growing with height by the power of {shear:g}".format(**scenario.wind.model_dump()),
         "closed": f"{len(scenario.no_fly)} areas, {sum(bool(zone.moves) for zone in scenario.no_fly)} of them moving",
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or "none: the formation is rigid",

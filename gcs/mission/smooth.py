@@ -105,7 +105,8 @@ def _broken_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
     position, velocity, acceleration, yaw = path.at(t_s)
     states = np.zeros((*yaw.shape, 12))
     states[..., POSITION], states[..., VELOCITY] = position, velocity
-    thrust, roll, pitch = thrust_and_tilt(acceleration, velocity, yaw, plan.quadrotor)
+    air = np.stack(np.broadcast_arrays(*plan.quadrotor.wind.at(-position[..., 2]), velocity[..., 0])[:3], axis=-1)
+    thrust, roll, pitch = thrust_and_tilt(acceleration, velocity - air, yaw, plan.quadrotor)
     states[..., ATTITUDE] = np.stack([roll, pitch, yaw], axis=-1)
     states[..., RATES] = np.gradient(states[..., ATTITUDE], t_s, axis=1)
     controls = np.zeros((*yaw.shape, 4))

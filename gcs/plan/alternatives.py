@@ -69,7 +69,9 @@ def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alt
 
 
 def least_objective(problem: Problem, route: Route) -> float:
-    """No flight of this length costs less: constant speed, and nothing for heading and height."""
+    """No flight of this length costs less: constant speed, and nothing for heading and height; in wind nobody knows."""
+    if not problem.quadrotor.wind.is_still:
+        return 0.0
     straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
     speed_mps = max(route.length_m / _GRID_EXCESS, straight_m) / problem.duration_s
     return problem.objective.energy_weight * (speed_mps / problem.objective.speed_ref_mps) ** 3

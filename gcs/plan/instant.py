@@ -137,8 +137,9 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
     """Eqs. 30-35: energy, heading with sideslip, height; each in units of its reference; and what the shape costs."""
     wanted = problem.objective
     vx, vy, vz, yaw = x[3], x[4], x[5], x[8]
-    # Smoothed at rest, where |v|^3 has no second derivative.
-    speed = ca.sqrt(vx**2 + vy**2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
+    # What drag costs is a matter of the air. Smoothed at rest in it, where |v|^3 has no second derivative.
+    wind_north, wind_east, _ = problem.quadrotor.wind.at(-x[2], ca)
+    speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
     energy = (speed / wanted.speed_ref_mps) ** 3
     # Yaw alone cannot bend a quadrotor's path: coming from a direction needs yaw *and* course. At reference speed the
     # angle between them costs what yaw's angle to the reference costs: (2 v sin(angle / 2))^2; backwards is worst.
@@ -155,9 +156,9 @@ def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
     if problem.follows_course:
         lateral, _ = _along_and_across(problem, x)
         shape += _COURSE_WEIGHT * (lateral / wanted.speed_ref_mps) ** 2
-    return shares[0] * (wanted.energy_weight * energy + shape) + shares[1] * (
-        wanted.heading_weight * heading + wanted.height_weight * height
-    )
+    terminal: ca.SX = wanted.heading_weight * heading + wanted.height_weight * height
+    rate: ca.SX = shares[0] * (wanted.energy_weight * energy + shape) + shares[1] * terminal
+    return rate
 
 
 def _path(
@@ -199,7 +200,10 @@ def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
     largest = edges[0]
     for edge in edges[1:]:
         largest = ca.fmax(largest, edge)
-    return largest + ca.log(sum(ca.exp(sharpness * (edge - largest)) for edge in edges)) / sharpness - CORNER_M
+    beside = ca.SX(0)
+    for edge in edges:
+        beside += ca.exp(sharpness * (edge - largest))
+    return largest + ca.log(beside) / sharpness - CORNER_M
 
 
 def _zone_names(problem: Problem) -> list[str]:

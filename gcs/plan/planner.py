@@ -28,11 +28,13 @@ from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import (
     NED_FROM_UP,
+    ground_step_peaks,
     hover_start_ned_m,
     landing_points_ned_m,
     leader_index,
     pads_ned_m,
     quadrotor,
+    steady_wind,
 )
 
 
@@ -97,7 +99,7 @@ def _check_landing(scenario: Scenario) -> None:
             hint="end in a shape that is wider as seen from above: one more [[formation.change]]",
         )
     fall_m = float((ground - last)[:, 2].max() + scenario.end.position_m[2])
-    needed_s = 15.0 / 8.0 * fall_m / limits.speed_ned_mps[2]
+    needed_s = ground_step_peaks(scenario)[0] * fall_m / limits.speed_ned_mps[2]
     if scenario.ground_phases.landing_s < needed_s:
         raise Infeasible(
             f"no plan: landing_s = {scenario.ground_phases.landing_s:g} is too short for the {fall_m:.1f} m that the "
@@ -143,27 +145,27 @@ def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -
     """Offsets from the ground to the ground: as the flight has them, rigid before and after, each on its own ground."""
     begin, end = flight.at(flight.start_s), flight.at(np.nextafter(flight.end_s, -np.inf))
     takeoff, landing = phases[0], phases[-1]
-    leader = leader_index(scenario)
-    parts = [_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, leader)]
+    parts = [_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, scenario)]
     if takeoff.end_s < flight.start_s:
         parts.append(rigid(begin, takeoff.end_s, flight.start_s))
     parts.append(flight)
     if flight.end_s < landing.start_s:
         parts.append(rigid(end, flight.end_s, landing.start_s))
     ground = landing_points_ned_m(scenario, end)
-    parts.append(_from_ground(landing.end_s, landing.start_s, ground, end, leader))
+    parts.append(_from_ground(landing.end_s, landing.start_s, ground, end, scenario))
     return joined_shapes(parts)
 
 
-def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, leader: int) -> Shape:
+def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, scenario: Scenario) -> Shape:
     """A fleet that leaves, or reaches, uneven ground: everybody's height over the leader's changes on the way."""
+    leader = leader_index(scenario)
     lift = np.zeros_like(offsets)
     lift[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
     if not lift.any():
         return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
     values = (1.0, 0.0) if ground_s < air_s else (0.0, 1.0)
-    step = smooth_step(min(ground_s, air_s), max(ground_s, air_s), *values)
-    functions = np.zeros((6, 1, 2))
+    step = smooth_step(min(ground_s, air_s), max(ground_s, air_s), *values, steady_wind(scenario))
+    functions = np.zeros((len(step.c), 1, 2))
     functions[-1, 0, 0] = 1.0
     functions[:, 0, 1] = step.c[:, 0]
     return Shape(PPoly(functions, step.x), np.stack([offsets, lift]))

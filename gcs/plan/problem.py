@@ -14,7 +14,7 @@ import numpy as np
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.timelaw import Budget, budget
-from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor
+from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
 from gcs.scenario.model import Scenario, TerminalWeight
 from gcs.scenario.physical import boundary_state, leader_index, offsets_ned_m, quadrotor
 
@@ -89,6 +89,11 @@ class Problem:
         return bool(self.shape.basis_ned_m[..., 2].any() or self.target_ned_m[:, 2].any())
 
     @property
+    def leans_apart(self) -> bool:
+        """Whether vehicles at different heights meet different winds."""
+        return self.quadrotor.wind.has_shear and self.has_heights
+
+    @property
     def follows_course(self) -> bool:
         """Whether the formation turns with the leader's course."""
         return any(c.free_end for c in self.coordinates)
@@ -122,8 +127,8 @@ def flight_problem(scenario: Scenario) -> Problem:
         scenario,
         0.0,
         scenario.time.flight_s,
-        boundary_state(scenario.start),
-        boundary_state(scenario.end),
+        boundary_state(scenario, scenario.start),
+        boundary_state(scenario, scenario.end),
         low,
         high,
         coordinates(scenario),
@@ -134,10 +139,11 @@ def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
     """From rest at the leader's hover `hover_ned_m` (3,) to the initial state at T0, outside the x-y box of Eq. 51."""
     low, high = state_bounds(scenario)
     low[:2], high[:2] = -np.inf, np.inf
-    end = boundary_state(scenario.start)
+    end = boundary_state(scenario, scenario.start)
     start = np.zeros(12)
     start[POSITION] = hover_ned_m
     start[8] = end[8]
+    _, start[6], start[7] = hover_trim(-float(hover_ned_m[2]), float(end[8]), quadrotor(scenario))
     return _problem(scenario, -scenario.ground_phases.run_up_s, 0.0, start, end, low, high)
 
 

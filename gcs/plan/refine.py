@@ -23,7 +23,7 @@ from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
 from gcs.plan.windows import WINDOW_S, window_errors
-from gcs.quadrotor import Array
+from gcs.quadrotor import RATES, VELOCITY, Array, hover_trim
 from gcs.scenario.terrain import ground_envelope_m
 
 DEGREE = 5
@@ -105,9 +105,11 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory, shape: Shape) 
     """Intervals in which a window that drifts too far has its start, and the complaint in words."""
     trajectory = trajectory.vehicle
     joints, end_s = trajectory.joints_s, trajectory.end_s
-    hover = np.array([problem.quadrotor.weight_N, 0.0, 0.0, 0.0])
+    end = problem.end_state
+    thrust, *lean = hover_trim(-float(end[2]), float(end[8]), problem.quadrotor)
+    hover = np.array([thrust, 0.0, 0.0, 0.0])
     # An end at rest goes on as a hover, in which an error of the last second's speed adds up.
-    stops = not np.delete(problem.end_state[3:], 5).any()
+    stops = not end[VELOCITY].any() and not end[RATES].any() and np.allclose(end[6:8], lean, rtol=0.0, atol=1e-9)
     windows = window_errors(
         lambda t: trajectory.state(np.minimum(t, end_s))[None],
         lambda t: np.where((t > end_s)[:, None], hover, trajectory.control(np.minimum(t, end_s)))[None],

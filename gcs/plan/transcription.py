@@ -28,7 +28,7 @@ from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.watched import watched
-from gcs.quadrotor import Array
+from gcs.quadrotor import Array, level_flight_thrust_N
 
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
@@ -244,6 +244,10 @@ def _bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     start, end_low, end_high = boundary_values(problem)
     state_low[first] = state_high[first] = start
     state_low[last], state_high[last] = end_low, end_high
+    if problem.leans_apart and layout.control_form is ControlForm.LINEAR:
+        # Thrust must not jump where phases join: who leans more than the leader would have to lean at once.
+        for end, state in ((first, start), (last, end_low)):
+            control_low[end, 0] = control_high[end, 0] = level_flight_thrust_N(state, problem.quadrotor)
     # At rest in every derivative, so that the ground phases join without a jump.
     chains = layout.nu - len(problem.control_low)
     if chains and layout.control_form is ControlForm.LINEAR:

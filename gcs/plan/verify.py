@@ -231,7 +231,7 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
         ("start", 0.0, scenario.start),
         ("end", np.nextafter(mission.end_s, 0.0), scenario.end),
     ):
-        error = plan.states(np.array([t_s]))[leader, 0] - boundary_state(boundary)
+        error = plan.states(np.array([t_s]))[leader, 0] - boundary_state(scenario, boundary)
         off = float(np.linalg.norm(error[POSITION]))
         terminal = off
         checks += [

@@ -19,11 +19,13 @@ from gcs.scenario.mistakes import Mistake
 from gcs.scenario.model import Boundary, Scenario
 from gcs.scenario.physical import (
     NED_FROM_UP,
+    ground_step_peaks,
     hover_start_ned_m,
     landing_points_ned_m,
     leader_index,
     offsets_ned_m,
     pads_ned_m,
+    quadrotor,
     sysids,
 )
 from gcs.scenario.rules import Mistakes, Rules
@@ -134,12 +136,16 @@ def _pads_are_apart(scenario: Scenario) -> Mistakes:
         yield from tell_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
 
 
-@RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle")
+@RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle", "wind")
 def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
-    """Both are quintics from rest to rest: peak speed 15/8 d / T, peak acceleration 10 / sqrt(3) d / T²."""
+    """Both are smooth steps from rest to rest, faster than the mean in the middle."""
     phases, limits = scenario.ground_phases, scenario.limits
+    fastest, hardest = ground_step_peaks(scenario)
+    drag = scenario.vehicle.drag_Nspm
     most_mps = limits.speed_ned_mps[2]
-    spare_mps2 = limits.thrust_N[1] / scenario.vehicle.mass_kg - scenario.vehicle.gravity_mps2
+    sideways_N = float(np.hypot(*np.multiply(quadrotor(scenario).wind.at(limits.height_m[1]), drag)[:2]))
+    upwards_N = max(limits.thrust_N[1] ** 2 - sideways_N**2, 0.0) ** 0.5
+    spare_mps2 = upwards_N / scenario.vehicle.mass_kg - scenario.vehicle.gravity_mps2
     if spare_mps2 <= 0:
         return  # another rule's mistake
     spare = f"{spare_mps2:.2f} m/s² of spare thrust (limits.thrust_N)"
@@ -154,7 +160,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         ("landing_s", float(descent_m.max()), phases.landing_s),
     )
     for key, way, time in ways:
-        needed = max(15 / 8 * way / most_mps, float(np.sqrt(10 / np.sqrt(3) * max(way, 0.0) / spare_mps2)))
+        needed = max(fastest * way / most_mps, float(np.sqrt(hardest * max(way, 0.0) / spare_mps2)))
         if time < needed:
             text = (
                 f"too short for {way:.1f} m from rest to rest; {most_mps:g} m/s (limits.speed_ned_mps[2]) and "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Quadrotor, control_from_rotors, rotors_from_control
+from gcs.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
 from gcs.scenario.mistakes import Mistake
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import quadrotor
@@ -41,6 +41,24 @@ def _vehicle_hovers(scenario: Scenario) -> Mistakes:
             f"and needs {np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
         )
         yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
+
+
+@RULES.needs("vehicle", "limits", "wind")
+def _wind_is_weaker_than_the_vehicle(scenario: Scenario) -> Mistakes:
+    model, limits = quadrotor(scenario), scenario.limits
+    if model.wind.is_still or scenario.wind is None:
+        return
+    highest_m = limits.height_m[1]
+    thrust, roll, pitch = hover_trim(highest_m, 0.0, model)
+    tilt_deg = float(np.degrees(np.arccos(np.cos(roll) * np.cos(pitch))))
+    most_deg = min(limits.roll_pitch_yaw_deg[:2])
+    most_N = model.weight_N + (1.0 - limits.control_margin) * (limits.thrust_N[1] - model.weight_N)
+    if tilt_deg > most_deg or thrust > most_N:
+        text = (
+            f"stronger than the vehicle: to stay where it is, {highest_m:g} m up, it leans by {tilt_deg:.1f} degrees "
+            f"and pushes with {thrust:.2f} N; limits allow {most_deg:g} degrees and the plan {most_N:.2f} N"
+        )
+        yield Mistake(("wind", "speed_mps"), text, scenario.wind.speed_mps)
 
 
 @RULES.needs("vehicle", "limits")

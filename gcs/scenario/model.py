@@ -45,6 +45,7 @@ __all__ = [
     "Objective",
     "Origin",
     "Performance",
+    "PlannedWind",
     "Range",
     "Relief",
     "Ripple",
@@ -213,6 +214,17 @@ class NoFlyZone(Part):
             yield ("moves",), "must be in order of time, each later than the one before"
 
 
+class PlannedWind(Part):
+    """Steady wind that plans take into account, and emulated vehicles meet."""
+
+    speed_mps: Annotated[Number, Field(ge=0, le=30)] = Field(description="at height_m above height 0, m/s")
+    from_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(description="where it comes from, 90 is east, degrees")
+    height_m: Positive = Field(default=10.0, description="reference height, m above height 0")
+    shear: Annotated[Number, Field(ge=0, le=1)] = Field(
+        default=0.0, description="exponent of the power law: 0 the same at every height, 0.14 over open land"
+    )
+
+
 class Boundary(Part):
     """Eqs. 15, 16: the leader's state at one end."""
 
@@ -284,6 +296,7 @@ class Scenario(Part):
     limits: Limits
     terrain: Terrain = Terrain()
     no_fly: tuple[NoFlyZone, ...] = ()
+    wind: PlannedWind | None = None
     start: Boundary
     end: Boundary
     objective: Objective

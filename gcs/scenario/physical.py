@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.quadrotor import Array, Quadrotor, hover_trim
 from gcs.scenario.model import START_SHAPE, Boundary, Scenario
 from gcs.scenario.relief import Region
 from gcs.scenario.shapes import places_up_m
 from gcs.scenario.terrain import ground_height_m
+from gcs.wind import STILL, SteadyWind
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
@@ -19,7 +20,17 @@ NED_FROM_UP = np.array([1.0, 1.0, -1.0])
 
 def quadrotor(scenario: Scenario) -> Quadrotor:
     """Physical constants of the scenario's vehicle."""
-    return Quadrotor(**scenario.vehicle.model_dump(exclude={"name"}))
+    return Quadrotor(**scenario.vehicle.model_dump(exclude={"name"}), wind=steady_wind(scenario))
+
+
+def steady_wind(scenario: Scenario) -> SteadyWind:
+    """The wind that plans take into account, as the direction in which air moves."""
+    wind = scenario.wind
+    if wind is None:
+        return STILL
+    to_rad = np.radians(wind.from_deg) + np.pi
+    north, east = wind.speed_mps * np.cos(to_rad), wind.speed_mps * np.sin(to_rad)
+    return SteadyWind(float(north), float(east), wind.height_m, wind.shear)
 
 
 def sysids(scenario: Scenario) -> tuple[int, ...]:
@@ -60,13 +71,28 @@ def shape_offsets_ned_m(scenario: Scenario, name: str) -> Array:
     return np.asarray((places - places[leader]) * NED_FROM_UP)
 
 
-def boundary_state(boundary: Boundary) -> Array:
-    """Leader's state (12,) at one end, at rest in attitude (body rates are not in Eqs. 15, 16)."""
+def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
+    """Peak speed and acceleration on the way up and down, d long in T: shares of d / T and d / T².
+
+    In still air a quintic; in wind, against which a vehicle leans, a septic, which has no jerk at its ends.
+    """
+    return (15 / 8, 10 / 3**0.5) if steady_wind(scenario).is_still else (35 / 16, 84 * 5**0.5 / 25)
+
+
+def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
+    """Leader's state (12,) at one end, at rest in attitude (body rates are not in Eqs. 15, 16).
+
+    Who hovers there in wind leans against it, whatever the scenario says of roll and pitch.
+    """
+    attitude = np.radians(boundary.roll_pitch_yaw_deg)
+    vehicle = quadrotor(scenario)
+    if not any(boundary.velocity_mps) and not vehicle.wind.is_still:
+        _, attitude[0], attitude[1] = hover_trim(boundary.position_m[2], float(attitude[2]), vehicle)
     return np.concatenate(
         [
             np.array(boundary.position_m) * NED_FROM_UP,
             np.array(boundary.velocity_mps) * NED_FROM_UP,
-            np.radians(boundary.roll_pitch_yaw_deg),
+            attitude,
             np.zeros(3),
         ]
     )

@@ -34,6 +34,8 @@ def formation_motion(
     states[..., VELOCITY] += speed
     controls = np.repeat(u[None], len(place), axis=0)
     moving = shape.is_moving(t_s)
+    if q.wind.has_shear and np.any(place[..., 2]):
+        moving = np.ones_like(moving)  # who flies higher leans more
     if moving.any():
         t = t_s[moving]
         states[:, moving], controls[:, moving] = follower_states_and_controls(
@@ -68,6 +70,9 @@ def follower_states_and_controls(
     f0 = f0 - m * acceleration - drag * speed
     f1 = f1 - m * jerk - drag * acceleration
     f2 = f2 - m * snap - drag * jerk
+    if q.wind.has_shear:
+        more = _more_wind(leader_state, leader_control, offsets, q)
+        f0, f1, f2 = (f + drag * w for f, w in zip((f0, f1, f2), more, strict=True))
     yaw, yaw_rate = leader_state[..., 8], leader_state[..., 11]
     yaw_acceleration = derivative(leader_state, leader_control, q)[..., 11]
     # Seen along the heading: ahead a, to the left b, down c. As a complex number a - ib = (f_n + i f_e) exp(-i yaw).
@@ -92,6 +97,20 @@ def follower_states_and_controls(
     controls[..., 0] = lift / (np.cos(roll[0]) * np.cos(pitch[0]))
     controls[..., 1:] = missing * np.array(q.inertia_kgm2) / np.array([q.arm_m, q.arm_m, 1.0])
     return states, controls
+
+
+def _more_wind(leader_state: Array, leader_control: Array, offsets: Sequence[Array], q: Quadrotor) -> Jet:
+    """By how much the wind at the vehicles differs from that at the leader, with two derivatives, (V, N, 3) each."""
+    down = leader_state[..., 2], leader_state[..., 5], derivative(leader_state, leader_control, q)[..., 5]
+
+    def jet(height: tuple[Array, ...]) -> tuple[Array, ...]:
+        share, slope, bend = q.wind.shares(height[0])
+        return share, slope * height[1], bend * height[1] ** 2 + slope * height[2]
+
+    here = jet(tuple(-part for part in down))
+    there = jet(tuple(-(part + offset[..., 2]) for part, offset in zip(down, offsets, strict=False)))
+    toward = np.array([q.wind.north_mps, q.wind.east_mps, 0.0])
+    return tuple((b - a)[..., None] * toward for a, b in zip(here, there, strict=True))
 
 
 def rounded_thrust(control: PPoly, t_s: Array) -> Jet:

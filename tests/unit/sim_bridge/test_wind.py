@@ -19,7 +19,7 @@ def test_wind_is_written_as_where_it_comes_from():
     np.testing.assert_allclose(parse_wind("2@0").mean_ned_mps, [-2.0, 0.0, 0.0], atol=1e-12)
     assert parse_wind().gust_mps == 0.0
     assert parse_wind("", "moderate").gust_mps > parse_wind("", "light").gust_mps > 0.0
-    assert parse_wind("", "0.8") == Wind((0.0, 0.0, 0.0), 0.8)
+    assert parse_wind("", "0.8") == Wind(None, 0.8)
 
 
 @given(st.floats(0.0, 30.0), st.floats(-360.0, 360.0))
