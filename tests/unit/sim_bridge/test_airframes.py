@@ -160,7 +160,7 @@ def test_places_are_held_in_wind(q, limits, wind, gusts, rms_m):
     assert np.sqrt(np.mean(np.sum(settled**2, axis=-1))) < rms_m
     np.testing.assert_allclose(settled.mean(axis=(0, 1)), 0.0, atol=0.02)
     # What is observed is what the wind does: drag over mass, with the gusts that last.
-    expected = np.array(q.drag_Nspm) / q.mass_kg * np.array(parse_wind(wind).mean_ned_mps)
+    expected = np.array(q.drag_Nspm) / q.mass_kg * np.array(parse_wind(wind).mean_ned_mps or (0.0, 0.0, 0.0))
     tolerance = 0.005 + 1.5 * parse_wind("", gusts).gust_mps * q.drag_Nspm[0] / q.mass_kg
     np.testing.assert_allclose(np.array(push).mean(axis=(0, 1)), expected, atol=tolerance)
 
