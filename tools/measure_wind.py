@@ -1,0 +1,124 @@
+"""How well do emulated vehicles hold their place and their way in wind?
+
+./tools/run python tools/measure_wind.py [--seconds 60] [--seed 1]
+
+Both presets with RTK-grade receivers, four vehicles each: up to 6 m, a hover, then 60 m there and back as fast as
+their limits allow. Errors are those of true positions against the reference, the first 10 s of wind left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from gcs.scenario.load import load_scenario
+from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.guidance.manoeuvres import transfer
+from sim_bridge.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
+from sim_bridge.presets import PRESETS
+from sim_bridge.sensors import RTK
+from sim_bridge.wind import parse_wind
+
+MISSIONS = Path(__file__).resolve().parent.parent / "missions"
+SCENARIO_OF = {"f150": "simulation1", "field": "field"}
+WINDS = {
+    "f150": (("", ""), ("1@240", ""), ("1@240", "light"), ("2@240", "light")),
+    "field": (("", ""), ("3@240", "light"), ("5@240", "moderate"), ("8@240", "moderate")),
+}
+PADS_NED_M = np.array([[0.0, 0.0, 0.0], [0.0, 5.0, 0.0], [-5.0, 0.0, 0.0], [-5.0, 5.0, 0.0]])
+SETTLE_S = 10.0
+UP_M, AWAY_M = 6.0, 60.0
+
+
+class Errors(NamedTuple):
+    """Distances from the reference."""
+
+    rms_m: float
+    max_m: float
+
+    @classmethod
+    def of(cls, distances_m: NDArray[np.float64]) -> Errors:
+        """Of all vehicles and instants."""
+        return cls(float(np.sqrt(np.mean(distances_m**2))), float(distances_m.max()))
+
+
+def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tuple[Errors, Errors]:
+    """Standing and flying."""
+    preset, scenario = PRESETS[name], load_scenario(MISSIONS / SCENARIO_OF[name])
+    motion = MotionLimits.of(preset.quadrotor, scenario.limits)
+    airframes = Airframes(
+        preset.quadrotor,
+        lambda north, east: np.zeros_like(north),
+        PADS_NED_M,
+        np.zeros(len(PADS_NED_M)),
+        RTK,
+        seed=seed,
+        limits=preset.limits,
+        wind=parse_wind(wind, gusts),
+    )
+    places = [np.append(pad, 0.0) for pad in PADS_NED_M]
+    pieces = [hold(0.0, place) for place in places]
+    _follow(airframes, pieces, 4.0)
+    pieces = _go(airframes, pieces, (0.0, 0.0, -UP_M), motion)
+    _follow(airframes, pieces, max(piece.end_s for piece in pieces) - airframes.t_s + SETTLE_S)
+    standing = _follow(airframes, pieces, seconds)
+    flying = []
+    for north_m in (AWAY_M, -AWAY_M):
+        pieces = _go(airframes, pieces, (north_m, 0.0, 0.0), motion)
+        flying.append(_follow(airframes, pieces, max(piece.end_s for piece in pieces) - airframes.t_s))
+    return Errors.of(standing), Errors.of(np.concatenate(flying))
+
+
+def _go(
+    airframes: Airframes, pieces: list[Piece], step: tuple[float, float, float], motion: MotionLimits
+) -> list[Piece]:
+    """From where the pieces end, by so much."""
+    now_s, after = airframes.t_s, []
+    for piece in pieces:
+        flat = np.zeros((DERIVATIVES, 4))
+        flat[0] = piece.at(min(piece.end_s, now_s))[0]
+        after.append(transfer(now_s, flat, flat[0] + np.append(step, 0.0), motion))
+    return after
+
+
+def _follow(airframes: Airframes, pieces: list[Piece], seconds: float) -> NDArray[np.float64]:
+    """Distances (steps, V) from what the pieces want."""
+    off, end_s = [], airframes.t_s + seconds
+    batch, on = PieceBatch(pieces), np.ones(len(pieces), dtype=bool)
+    while airframes.t_s < end_s - 0.5 * CONTROL_PERIOD_S:
+        for row, piece in enumerate(pieces):
+            if airframes.t_s >= piece.end_s:
+                pieces[row] = hold(piece.end_s, piece.at(piece.end_s))
+                batch.put(row, pieces[row])
+        reference = batch.reference(airframes.t_s)
+        airframes.step(reference, on)
+        off.append(np.linalg.norm(airframes.truth[:, :3] - batch.reference(airframes.t_s).position_ned_m, axis=1))
+    return np.array(off)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0, help="of hover")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    table = Table(title="distance from the reference, m")
+    for column in ("preset", "wind, m/s", "gusts", "hover, RMS", "largest", "on the way, RMS", "largest"):
+        table.add_column(column)
+    for name, winds in WINDS.items():
+        for wind, gusts in winds:
+            standing, flying = measure(name, wind, gusts, options.seconds, options.seed)
+            figures = [f"{value:.3f}" for value in (*standing, *flying)]
+            table.add_row(name, wind.partition("@")[0] or "none", gusts or "none", *figures)
+    Console(width=110).print(table)
+
+
+if __name__ == "__main__":
+    main()
