@@ -30,6 +30,15 @@ def fly(
     fault: Annotated[
         list[str] | None, typer.Option("--fault", help="With --sim: a fault, e.g. 3:die@60; see sim-bridge --help.")
     ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Stream mode: followers fly where their leader is, not where it should be.")
+    ] = False,
+    on_loss: Annotated[
+        str, typer.Option("--on-loss", help="What the others do when a vehicle is lost: land, return or continue.")
+    ] = "land",
+    on_leader_loss: Annotated[
+        str, typer.Option("--on-leader-loss", help="With --follow: promote (the next one leads) or return.")
+    ] = "promote",
     to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
     yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without asking.")] = False,
     unverified: UnverifiedOption = False,
@@ -46,9 +55,11 @@ def fly(
     """
     screen = Screen(json=json)
     _check(sim, link, mode, speedup)
+    _check_choices(follow, mode, on_loss, on_leader_loss)
     from gcs.cli.flying import FlyRequest, fly_and_judge
     from gcs.cli.planning import Stopwatch, plan_for
-    from gcs.flight.options import FlightMode
+    from gcs.flight.options import FlightMode, FlightOptions
+    from gcs.flight.rules import OnLeaderLoss, OnLoss
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
@@ -60,7 +71,9 @@ def fly(
         )
     if link is not None and not yes_arm:
         _confirm(link, len(plan.sysids))
-    request = FlyRequest(plan, report, FlightMode(mode), link, speedup, seed, tuple(fault or ()), to, screen, watch)
+    choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
+    faults = tuple(fault or ())
+    request = FlyRequest(plan, report, FlightMode(mode), link, speedup, seed, faults, to, screen, watch, choices)
     return fly_and_judge(request)
 
 
@@ -80,6 +93,18 @@ def _check(sim: bool, link: str | None, mode: str, speedup: str) -> None:
             positive = False
         if not positive:
             raise UsageError(f"--speedup {speedup}: give a number above 0, or max")
+
+
+def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -> None:
+    """The words there are for what is to happen when things fail."""
+    if follow and mode != "stream":
+        raise UsageError("--follow sends setpoints all the time: it needs --mode stream")
+    for name, word, known in (
+        ("--on-loss", on_loss, ("land", "return", "continue")),
+        ("--on-leader-loss", on_leader_loss, ("promote", "return")),
+    ):
+        if word not in known:
+            raise UsageError(f"{name} {word}: there are {', '.join(known)}")
 
 
 def _confirm(link: str, vehicles: int) -> None:

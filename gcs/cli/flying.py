@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from contextlib import AsyncExitStack, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -19,8 +19,9 @@ from rich.table import Table
 from gcs.cli.console import Screen
 from gcs.cli.planning import Stopwatch
 from gcs.errors import JudgementError
+from gcs.flight.events import Event
 from gcs.flight.fly import Flight
-from gcs.flight.journal import TelemetryLog, asked, new_folder, report_data, write_report
+from gcs.flight.journal import EventLog, TelemetryLog, asked, new_folder, report_data, write_report
 from gcs.flight.judge import Verdict, judge
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.simulator import SimulatorOptions, simulator
@@ -55,6 +56,7 @@ class FlyRequest:
     root: Path
     screen: Screen
     watch: Stopwatch
+    options: FlightOptions = field(default_factory=FlightOptions)
 
 
 def fly_and_judge(request: FlyRequest) -> int:
@@ -93,7 +95,8 @@ def fly_and_judge(request: FlyRequest) -> int:
 
 async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
     plan = request.plan
-    options = FlightOptions(mode=request.mode, lead_s=SIM_LEAD_S if request.link is None else 0.0)
+    lead_s = SIM_LEAD_S if request.link is None else 0.0
+    options = replace(request.options, mode=request.mode, lead_s=lead_s)
     loop = asyncio.get_running_loop()
     fleet: Fleet | None = None
 
@@ -114,7 +117,13 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
             await stack.enter_async_context(simulator(_simulator_options(request, folder, fleet.local_address[1])))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s)
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-        flight = Flight(plan, build_missions(plan), stream, sessions, options)
+        events = stack.enter_context(EventLog(folder / "events.jsonl"))
+
+        def tell(event: Event) -> None:
+            events.write(event)
+            request.screen.say(f"t = {event.t_s:.1f} s: vehicle {event.sysid} {event.what}. {event.rule}".rstrip(". "))
+
+        flight = Flight(plan, build_missions(plan), stream, sessions, options, tell)
         showing = asyncio.ensure_future(_show_live(request.screen, flight))
         try:
             return await flight.run()

@@ -14,6 +14,8 @@ from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
 
 from gcs.errors import FlightError, GcsError, PeerError
+from gcs.flight.crisis import Crisis
+from gcs.flight.events import Event
 from gcs.flight.fleet_time import FleetTime
 from gcs.flight.manners import manners_of
 from gcs.flight.monitor import Monitor
@@ -28,12 +30,14 @@ from gcs.flight.prologue import (
     until_landed,
     until_ready,
 )
+from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.together import LOOK_S, alongside, each, ended
 from gcs.link.dialect import MavCommand
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
+from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.start import starting_at
 from gcs.plan.trajectory import Plan
 
@@ -48,6 +52,7 @@ class Flight:
         stream: SetpointStream,
         sessions: dict[int, VehicleSession],
         options: FlightOptions,
+        on_event: Callable[[Event], None] = lambda event: None,
     ) -> None:
         self.plan = plan
         self.missions = {m.sysid: m for m in missions}
@@ -70,6 +75,7 @@ class Flight:
         self.pilot = Pilot(plan, stream, self.crews, self.time, options)
         self._leaving_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
         self._start_unix_s = 0
+        self._on_event = on_event
 
     async def run(self) -> FlightTimes:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight); vehicles aloft are landed first."""
@@ -115,6 +121,16 @@ class Flight:
         if self.options.mode is FlightMode.MISSION:
             self._set_common_start()
         await self._each(lambda crew: crew.session.upload_mission(self.missions[crew.sysid]))
+        self.crisis = Crisis(
+            self.plan,
+            self.crews,
+            self.monitor,
+            self.pilot,
+            self.time,
+            await self._returns(),
+            self.options,
+            self._on_event,
+        )
         self.step = Step.TAKEOFF
         await self._each(take_off)
         await self._each(until_hovering)
@@ -122,10 +138,9 @@ class Flight:
         self.step = Step.FLY
         fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
         t0_unix_s = await fly()
-        self.step = Step.LAND
-        landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
-        await self._each(until_landed)
         self.step = Step.DONE
+        landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
+        self._tell_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
     def _check_mode(self) -> None:
@@ -141,10 +156,52 @@ class Flight:
         """Send every vehicle its setpoints, all timed from one T0; returns T0."""
         async with alongside(self.pilot.run()):
             t0_unix_s = await self.pilot.begin()
-            self.monitor.t0_unix_s = t0_unix_s
-            await self.time.until(t0_unix_s + self.plan.phase("landing").start_s)
-            await self._each(lambda crew: set_mode(crew, crew.manners.land))
+            await self._watch_over(t0_unix_s)
         return t0_unix_s
+
+    async def _watch_over(self, t0_unix_s: float) -> None:
+        """From T0 known to everybody down, with eyes open; the pilot goes on beside it."""
+        self.monitor.t0_unix_s = t0_unix_s
+        async with alongside(self.crisis.run()):
+            over = asyncio.ensure_future(self.crisis.over.wait())
+            planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
+            try:
+                await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                await ended(over)
+                await ended(planned)
+            self.step = Step.LAND
+            self.crisis.landing()
+            landing = [c for c in self.crews.values() if self.crisis.director.states[c.sysid] is State.FLYING]
+            if self.options.mode is FlightMode.STREAM:
+                await each(landing, self._land)
+            await each(landing, until_landed)
+            await self._until_all_are_down()
+
+    async def _land(self, crew: Crew) -> None:
+        await set_mode(crew, crew.manners.land)
+        self.pilot.leave(crew.sysid)
+
+    async def _until_all_are_down(self) -> None:
+        """Wait for those who left the formation as well, as long as they are heard and a return may take."""
+        end_unix_s = self.time.sure_s() + self.crisis.longest_return_s()
+        while any(
+            c.session.armed and self.crisis.director.states[c.sysid] not in (State.LOST, State.SILENT)
+            for c in self.crews.values()
+        ):
+            if self.time.sure_s() > end_unix_s:
+                break
+            await asyncio.sleep(LOOK_S)
+
+    def _tell_troubles(self) -> None:
+        """Raises FlightError when somebody did not fly the plan to its end."""
+        troubles = self.crisis.director.troubles
+        if troubles:
+            words = "; ".join(self.crisis.words(incident) for incident in troubles)
+            raise FlightError(
+                f"not everybody flew the plan to its end: {words}.",
+                hint="events.jsonl in the flight's folder says what was done",
+            )
 
     def _set_common_start(self) -> None:
         """Missions leave the hover at one GNSS second, far enough ahead to upload, arm and take off before it."""
@@ -163,9 +220,15 @@ class Flight:
                 hint="start again; a slow link needs more time between upload and start",
             )
         t0_unix_s = self._start_unix_s - self._leaving_s
-        self.monitor.t0_unix_s = t0_unix_s
-        await self.time.until(t0_unix_s + self.plan.phase("landing").start_s)
+        self.pilot.stand_by(t0_unix_s)
+        async with alongside(self.pilot.run()):
+            await self._watch_over(t0_unix_s)
         return t0_unix_s
+
+    async def _returns(self) -> ReturnPlan:
+        """How everybody would come home: the same heights that the export verified."""
+        firmware = next(iter(self.crews.values())).manners.firmware
+        return await asyncio.to_thread(plan_returns, self.plan, firmware)
 
     async def _each(self, action: Callable[[Crew], Awaitable[object]]) -> None:
         await each(self.crews.values(), action)
@@ -179,16 +242,19 @@ class Flight:
         return crew.session.subscribe(receive)
 
     async def _watch_links(self) -> None:
-        """Raises FlightError as soon as a vehicle has been silent for too long."""
+        """Raises FlightError as soon as a vehicle, once the formation flies everybody, has been silent for too long."""
         while True:
             await asyncio.sleep(LOOK_S)
-            for session in self.sessions.values():
-                silent_s = session.heartbeat_age_s()
-                if silent_s > self.options.lost_after_s:
-                    raise FlightError(
-                        f"vehicle {session.sysid} was lost ({self.step.value}): no heartbeat for {silent_s:.1f} s.",
-                        hint="the others were told to land; look for it where the last telemetry puts it",
-                    )
+            silent = {s.sysid: s.heartbeat_age_s() for s in self.sessions.values()}
+            lost = [sysid for sysid, silent_s in silent.items() if silent_s > self.options.lost_after_s]
+            if self.step in (Step.FLY, Step.LAND) and len(lost) < len(silent):
+                continue  # that is for the rules
+            if lost:
+                who = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
+                raise FlightError(
+                    f"{who} lost ({self.step.value}): no heartbeat for {silent[lost[0]]:.1f} s.",
+                    hint="the others were told to land; look for it where the last telemetry puts it",
+                )
 
     async def _land_whoever_flies(self) -> None:
         flying = [

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from gcs.files import atomic_write
+from gcs.flight.events import Event
 from gcs.flight.judge import Criterion, Verdict
 from gcs.flight.stages import FlightTimes
 from gcs.link.fleet import Direction
@@ -61,6 +62,26 @@ class TelemetryLog:
             self._last_us = max(self._last_us, round(unix_s * 1e6))
         if not self._file.closed:
             self._file.write(struct.pack(">Q", self._last_us) + frame)
+
+
+class EventLog:
+    """`events.jsonl`: one line for everything that went wrong and what was done, there as soon as it happened."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("a", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, event: Event) -> None:
+        """Note one event."""
+        self._file.write(json.dumps(asdict(event)) + "\n")
+        self._file.flush()
 
 
 def report_data(

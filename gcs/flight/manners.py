@@ -42,6 +42,7 @@ class Manners:
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     estimator: tuple[str, int, int]  # message that tells readiness, flags it must have, flags it must not have
     estimator_id: int
+    health_ids: tuple[int, ...]  # messages that tell of trouble in flight
     mode_names: dict[int, str]
 
     def mode_parameters(self, mode: int) -> tuple[float, ...]:
@@ -84,6 +85,7 @@ ARDUPILOT = Manners(
     # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed.
     estimator=("EKF_STATUS_REPORT", EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE),
     estimator_id=MessageId.EKF_STATUS_REPORT,
+    health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
     mode_names={int(mode): mode.name for mode in CopterMode},
 )
 
@@ -102,6 +104,7 @@ PX4 = Manners(
     # It shows all ten flags once it is ready, CONST_POS_MODE among them.
     estimator=("ESTIMATOR_STATUS", EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0),
     estimator_id=MessageId.ESTIMATOR_STATUS,
+    health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
     mode_names={
         PX4_OFFBOARD: "Offboard",
         PX4_MISSION: "Mission",

@@ -6,6 +6,7 @@ Knows: plan, LOCAL_POSITION_NED, clocks. Does not know: sending, screens, truth 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.link.clock import VehicleClock
 from gcs.link.message import Message
+from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, Array
 
@@ -37,6 +39,8 @@ class Monitor:
         self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
         self.least_separation_m = math.inf
         self.plan_time_s: float | None = None
+        self.in_formation: Collection[int] = plan.sysids  # those whose places make the shape
+        self.aloft: Collection[int] = plan.sysids  # those who must keep apart
 
     def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
         """One LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
@@ -52,24 +56,25 @@ class Monitor:
             self._compare(row, view, unix_s - self.t0_unix_s)
 
     def separation_m(self) -> float:
-        """Least distance between two vehicles; NaN before all reported."""
-        now = self._everyone_now()
-        return math.nan if now is None or len(self.views) < 2 else float(pdist(now[1]).min())
+        """Least distance between two vehicles aloft; NaN before all reported."""
+        now = self._now(self.aloft)
+        return math.nan if now is None or len(now[1]) < 2 else float(pdist(now[1]).min())
 
     def formation_error_m(self) -> float:
         """How far the formation's shape is off (Definition 1); NaN before all reported, or before T0 is known."""
-        now = self._everyone_now()
+        now = self._now(self.in_formation)
         if now is None or self.t0_unix_s is None:
             return math.nan
         unix_s, positions = now
         t_s = np.clip(np.array([unix_s - self.t0_unix_s]), self.plan.t_start_s, self.plan.t_end_s)
-        return float(self.plan.formation_error_m(t_s, positions[:, None])[0])
+        rows = [self.plan.sysids.index(sysid) for sysid in self.in_formation]
+        return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
 
-    def _everyone_now(self) -> tuple[float, Array] | None:
-        """Positions (V, 3), all moved on to the newest report's time."""
-        views = list(self.views.values())
-        newest = max(v.unix_s for v in views)
-        if math.isnan(sum(v.unix_s for v in views)):
+    def _now(self, sysids: Collection[int]) -> tuple[float, Array] | None:
+        """Positions (V, 3) of these, all moved on to the newest report's time."""
+        views = [self.views[sysid] for sysid in sysids]
+        newest = max((v.unix_s for v in views), default=math.nan)
+        if math.isnan(sum(v.unix_s for v in views)) or not views:
             return None
         return newest, np.array([v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views])
 

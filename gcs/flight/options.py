@@ -5,8 +5,11 @@ Knows: choices and their defaults. Does not know: vehicles, links.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+from gcs.flight.rules import OnLeaderLoss, OnLoss
+from gcs.flight.watch import Limits
 
 
 class FlightMode(StrEnum):
@@ -31,3 +34,7 @@ class FlightOptions:
     # In mission mode: vehicle time between the upload and the common start, beside twice the take-off's duration.
     start_after_takeoff_s: float = 45.0
     telemetry_rate_hz: float = 10.0
+    follow: bool = False  # followers fly where their leader is, not where it should be
+    on_loss: OnLoss = OnLoss.LAND
+    on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
+    limits: Limits = field(default_factory=Limits)

@@ -10,9 +10,14 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 
-from gcs.flight.courses import TimedCourse
+import numpy as np
+
+from gcs.flight.courses import Course, TimedCourse
 from gcs.flight.fleet_time import FleetTime
-from gcs.flight.options import FlightOptions
+from gcs.flight.follow import FollowCourse, LeaderDeviation
+from gcs.flight.manoeuvres import RejoinCourse
+from gcs.flight.monitor import VehicleView
+from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, send_due, wait_s
@@ -52,6 +57,7 @@ class Pilot:
         self._time = time
         self._options = options
         self._stream = stream
+        self._leader: LeaderDeviation | None = None
         self._emulated = options.lead_s > 0.0
         self._loop = asyncio.get_running_loop()
         self._woken = asyncio.Event()
@@ -80,19 +86,74 @@ class Pilot:
         await each(self._crews.values(), self._switch)
         first_s = float(self._stream.t_s[0])
         t0_unix_s = math.ceil(self._time.sure_s() + self._options.lead_s + _AHEAD_S) - first_s
+        if self._options.follow:
+            self._let_follow(t0_unix_s)
         self._schedule(t0_unix_s, ends=True)
         return t0_unix_s
 
+    async def take_over(self, crew: Crew, course: Course) -> None:
+        """Have one vehicle fly this course from now on, whatever it flies now. Raises as switching modes does."""
+        assert self.scheduler is not None
+        self.vehicles[crew.sysid].course = course
+        if crew.sysid not in self.scheduler.streams or self.scheduler.streams[crew.sysid].finished:
+            now_s = self._time.sure_s() - self.scheduler.t0_unix_s
+            self.scheduler.start(crew.sysid, self.scheduler.grid.ahead_of(now_s), None)
+        self.scheduler.streams[crew.sysid].end = None
+        await self._switch(crew)
+
+    def rejoin(self, crew: Crew, view: VehicleView, begin_s: float, fade_s: float) -> None:
+        """Have a vehicle go on with its course from where it is, and be on it in `fade_s`."""
+        assert self.scheduler is not None
+        vehicle, t0_unix_s = self.vehicles[crew.sysid], self.scheduler.t0_unix_s
+        base = vehicle.course.base if isinstance(vehicle.course, RejoinCourse) else vehicle.course
+        seen_s = view.unix_s - t0_unix_s
+        values = base.at(self.scheduler.grid.ahead_of(seen_s) - 1, seen_s)
+        if values is not None:
+            off_m = view.position_ned_m - np.array(values[:3])
+            vehicle.course = RejoinCourse(base, off_m, view.velocity_ned_mps - np.array(values[3:6]), begin_s, fade_s)
+
+    def leave(self, sysid: int) -> None:
+        """Send it nothing any more."""
+        if self.scheduler is not None:
+            self.scheduler.stop(sysid)
+
+    def stand_by(self, t0_unix_s: float) -> None:
+        """Vehicles fly on their own, by the plan's clock; be ready to take over."""
+        self.scheduler = self._scheduler(t0_unix_s)
+
+    def promote(self, sysid: int, begin_s: float, fade_s: float) -> None:
+        """From plan time `begin_s` on this one leads: it goes back to the plan in `fade_s`, the others follow it."""
+        leader = self._leader
+        if leader is None:
+            return
+        leader.advance(begin_s)
+        timed = TimedCourse(self._stream, self._crews[sysid].row)
+        self.vehicles[sysid].course = RejoinCourse(timed, leader.position_m, leader.velocity_mps, begin_s, fade_s)
+        leader.lead(self._crews[sysid].view)
+
+    def _let_follow(self, t0_unix_s: float) -> None:
+        sysid = self._plan.sysids[self._plan.leader]
+        self._leader = LeaderDeviation(self._plan, t0_unix_s)
+        self._leader.lead(self._crews[sysid].view)
+        for crew in self._crews.values():
+            if crew.sysid != sysid:
+                timed = TimedCourse(self._stream, crew.row)
+                self.vehicles[crew.sysid].course = FollowCourse(timed, self._leader, len(self._stream.t_s) - 1)
+
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
         """Stream from now on: points before the first one are the first one, at rest."""
-        grid = Grid.of(self._stream.t_s, self._plan.scenario.mission.setpoint_rate_hz)
-        keep_s = _EMULATED_KEEP_S if self._emulated else 0.0
-        self.scheduler = Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s)
+        self.scheduler = self._scheduler(t0_unix_s)
+        grid = self.scheduler.grid
         for crew in self._crews.values():
             if crew.manners.stream_first_s:  # it needs a stream to stay in its mode, until it lands
                 self.scheduler.start(crew.sysid, grid.ahead_of(self._time.sure_s() - t0_unix_s), None)
             elif ends:
                 self.scheduler.start(crew.sysid, 0, len(grid.t_s))
+
+    def _scheduler(self, t0_unix_s: float) -> Scheduler:
+        grid = Grid.of(self._stream.t_s, self._plan.scenario.mission.setpoint_rate_hz)
+        keep_s = _EMULATED_KEEP_S if self._emulated else 0.0
+        return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s)
 
     async def _turn(self, scheduler: Scheduler) -> None:
         """Send what is due, and wait for what is next."""
@@ -112,7 +173,7 @@ class Pilot:
 
     async def _switch(self, crew: Crew) -> None:
         """To the mode that obeys setpoints, where need be once they have come for long enough."""
-        if crew.session.custom_mode == crew.manners.guided:
+        if crew.session.custom_mode == crew.manners.guided and crew.options.mode is FlightMode.STREAM:
             return
         end_s = self._loop.time() + crew.options.phase_timeout_s
         while True:

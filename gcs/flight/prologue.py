@@ -51,7 +51,8 @@ async def ask_for_telemetry(crew: Crew) -> None:
     """Positions often, everything that tells of trouble now and then."""
     session = crew.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, crew.options.telemetry_rate_hz)
-    for number in (crew.manners.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME):
+    m = crew.manners
+    for number in (m.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
         await session.set_message_interval(number, 2.0)
 
 

@@ -1,0 +1,153 @@
+"""What one vehicle's messages say of trouble: silence, no fix, an empty battery, a fence, a mode nobody asked for.
+
+Knows: messages and limits; time is an argument, in the fleet's common time, so that it passes as fast as the vehicles
+fly. Does not know: what is then done (`rules`), links.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gcs.flight.manners import Manners
+from gcs.link.message import Message
+
+
+class Kind(StrEnum):
+    """What can go wrong in flight, and right again."""
+
+    LINK_LOST = "link lost"
+    LINK_BACK = "link back"
+    VEHICLE_LOST = "vehicle lost"
+    GNSS_LOST = "GNSS lost"
+    GNSS_BACK = "GNSS back"
+    GNSS_GONE = "GNSS gone for too long"
+    BATTERY_LOW = "battery low"
+    BATTERY_CRITICAL = "battery critical"
+    FENCE = "fence breached"
+    MODE_LEFT = "mode left"
+    CONFLICT = "separation in danger"
+
+
+@dataclass(frozen=True)
+class Incident:
+    """Something that happened to a vehicle at an instant of the fleet's time."""
+
+    kind: Kind
+    sysid: int
+    unix_s: float
+    detail: str = ""
+    other: int | None = None  # of a conflict
+    in_s: float = 0.0  # of a conflict
+    usable: bool = True  # of a link that is back: the vehicle still does as it is told, near its place
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When trouble counts, in seconds of the vehicles' time and shares of a full battery."""
+
+    link_lost_s: float = 3.0
+    vehicle_lost_s: float = 10.0
+    gnss_gone_s: float = 8.0
+    battery_low_pct: int = 20
+    battery_critical_pct: int = 10
+
+
+class VehicleWatch:
+    """One vehicle. `obeys` are the modes it was told: any other one means that somebody else has taken over."""
+
+    def __init__(self, sysid: int, manners: Manners, limits: Limits, unix_s: float, obeys: frozenset[int]) -> None:
+        self.sysid = sysid
+        self.obeys = obeys
+        self.usable = True  # for whoever knows where it should be
+        self._manners = manners
+        self._limits = limits
+        self._heard_s = unix_s
+        self._silent = self._lost = False
+        self._placed_s = unix_s
+        self._no_fix_since_s = math.nan
+        self._no_fix_told = 0
+        self._battery_pct = 100
+        self._battery_told = 0
+        self._fence, self._fence_told = False, False
+        self._mode: int | None = None
+        self._mode_told = False
+
+    def receive(self, message: Message, unix_s: float) -> None:
+        """Any message of the vehicle is a sign of life; some say more."""
+        self._heard_s = max(self._heard_s, unix_s)
+        fields = message.fields
+        match message.name:
+            case "LOCAL_POSITION_NED":
+                self._placed_s = unix_s
+            case "HEARTBEAT":
+                self._mode = int(fields["custom_mode"])
+            case "GPS_RAW_INT":
+                if fields["fix_type"] >= 3:
+                    self._no_fix_since_s = math.nan
+                elif math.isnan(self._no_fix_since_s):
+                    self._no_fix_since_s = unix_s
+            case "SYS_STATUS" if fields["battery_remaining"] >= 0:
+                self._battery_pct = int(fields["battery_remaining"])
+            case "FENCE_STATUS":
+                self._fence = bool(fields["breach_status"])
+            case "STATUSTEXT" if "geofence violation" in str(fields["text"]).lower():
+                self._fence = True  # PX4 has no other word for it
+
+    def look(self, unix_s: float) -> list[Incident]:
+        """What is new at `unix_s`; every thing is told once."""
+        found = self._silence(unix_s)
+        if self._silent or self._lost:
+            return found
+        found += self._fix(unix_s)
+        for level, (kind, limit) in enumerate(
+            (
+                (Kind.BATTERY_LOW, self._limits.battery_low_pct),
+                (Kind.BATTERY_CRITICAL, self._limits.battery_critical_pct),
+            ),
+            start=1,
+        ):
+            if self._battery_pct <= limit and self._battery_told < level:
+                self._battery_told = level
+                found.append(Incident(kind, self.sysid, unix_s, f"{self._battery_pct} % left"))
+        if self._fence and not self._fence_told:
+            found.append(Incident(Kind.FENCE, self.sysid, unix_s))
+        self._fence_told = self._fence
+        if self._mode is not None and self._mode not in self.obeys:
+            if not self._mode_told:
+                name = self._manners.mode_name(self._mode)
+                found.append(Incident(Kind.MODE_LEFT, self.sysid, unix_s, f"it is in {name} now"))
+            self._mode_told = True
+        else:
+            self._mode_told = False
+        return found
+
+    def _silence(self, unix_s: float) -> list[Incident]:
+        silent_s = unix_s - self._heard_s
+        if silent_s <= self._limits.link_lost_s:
+            if not (self._silent or self._lost) or unix_s - self._placed_s > self._limits.link_lost_s:
+                return []  # a link is back when it tells where the vehicle is
+            self._silent = self._lost = False
+            usable = self.usable and (self._mode is None or self._mode in self.obeys)
+            return [Incident(Kind.LINK_BACK, self.sysid, unix_s, usable=usable)]
+        if silent_s > self._limits.vehicle_lost_s and not self._lost:
+            self._lost = True
+            return [Incident(Kind.VEHICLE_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
+        if not self._silent:
+            self._silent = True
+            return [Incident(Kind.LINK_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
+        return []
+
+    def _fix(self, unix_s: float) -> list[Incident]:
+        if math.isnan(self._no_fix_since_s):
+            told, self._no_fix_told = self._no_fix_told, 0
+            return [Incident(Kind.GNSS_BACK, self.sysid, unix_s)] if told else []
+        if not self._no_fix_told:
+            self._no_fix_told = 1
+            return [Incident(Kind.GNSS_LOST, self.sysid, unix_s)]
+        gone_s = unix_s - self._no_fix_since_s
+        if self._no_fix_told == 1 and gone_s > self._limits.gnss_gone_s:
+            self._no_fix_told = 2
+            return [Incident(Kind.GNSS_GONE, self.sysid, unix_s, f"no fix for {gone_s:.1f} s")]
+        return []

@@ -1,0 +1,146 @@
+"""Whole flights for tests: three vehicles over level ground for half a minute, emulated in this process."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gcs.errors import GcsError
+from gcs.flight.events import Event
+from gcs.flight.fly import Flight
+from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.stages import FlightTimes
+from gcs.link.fleet import Fleet
+from gcs.mission.build import build_missions
+from gcs.mission.setpoints import build_stream
+from gcs.plan.trajectory import Plan
+from gcs.quadrotor import POSITION, Array
+from gcs.scenario.model import Scenario
+from sim_bridge.endpoints.spec import call
+from sim_bridge.faults import parse_faults
+from sim_bridge.world import World, WorldOptions
+from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet
+
+LEAD_S = 0.2
+
+
+def hop_scenario(field_scenario: Scenario) -> Scenario:
+    """Three of the field's vehicles, 5 m apart, 60 m to the north and 20 m to the east at 8 m, with good receivers."""
+    data = field_scenario.model_dump(mode="json")
+    data.update(name="hop", title="Hop", no_fly=[])
+    data["time"]["flight_s"] = 30.0
+    data["terrain"] = {}
+    data["sensors"]["grade"] = "rtk"
+    data["limits"].update(clearance_min_m=3.0, separation_min_m=3.0)
+    data["start"]["position_m"] = [0.0, 0.0, 8.0]
+    data["end"]["position_m"] = [60.0, 20.0, 8.0]
+    data["objective"]["height_ref_m"] = 8.0
+    places = ([0.0, 0.0, 8.0], [-4.33, -2.5, 8.0], [-4.33, 2.5, 8.0])
+    data["formation"]["vehicle"] = [{"sysid": n, "position_m": place} for n, place in enumerate(places, start=1)]
+    data["ground_phases"].update(takeoff_s=12.0, hover_s=4.0, landing_s=15.0)
+    data["mission"].update(setpoint_rate_hz=25.0, tolerance_m=0.2)
+    data["judge"] = {
+        "separation_min_m": 2.0,
+        "arrival_time_s": 1.0,
+        "arrival_position_m": 0.5,
+        "position_rms_m": 0.3,
+    }
+    return Scenario.model_validate(data)
+
+
+@dataclass
+class Flown:
+    """What became of a flight. Positions are true ones."""
+
+    plan: Plan
+    flight: Flight
+    world: World
+    times: FlightTimes | None = None
+    error: GcsError | None = None
+    events: list[Event] = field(default_factory=list)
+
+    def told(self, sysid: int) -> list[str]:
+        """What a vehicle was told, in order."""
+        return [e.what.removeprefix("told to ") for e in self.events if e.sysid == sysid and e.what.startswith("told")]
+
+    def happened(self, sysid: int) -> list[str]:
+        """What happened to it."""
+        return [e.what for e in self.events if e.sysid == sysid and not e.what.startswith("told")]
+
+    def at_s(self, sysid: int, what: str) -> float:
+        """Plan time of an event."""
+        return next(e.t_s for e in self.events if e.sysid == sysid and e.what == what)
+
+    @property
+    def t_s(self) -> Array:
+        """Plan times of the true states (N,)."""
+        truth = self.world.truth
+        assert truth is not None
+        assert self.flight.monitor.t0_unix_s is not None
+        return np.asarray(truth.t_s) + EPOCH_UNIX_S - self.flight.monitor.t0_unix_s
+
+    @property
+    def places(self) -> Array:
+        """True positions (V, N, 3)."""
+        truth = self.world.truth
+        assert truth is not None
+        return np.asarray(truth.state[..., POSITION])
+
+    @property
+    def planned(self) -> Array:
+        """Where the plan has them at the same instants (V, N, 3)."""
+        t_s = np.clip(self.t_s, self.plan.t_start_s, np.nextafter(self.plan.t_end_s, -np.inf))
+        return self.plan.states(t_s)[..., POSITION]
+
+    def formation_error_m(self) -> Array:
+        """Definition 1 at those instants (N,)."""
+        t_s = np.clip(self.t_s, self.plan.t_start_s, np.nextafter(self.plan.t_end_s, -np.inf))
+        return self.plan.formation_error_m(t_s, self.places)
+
+
+def fly(
+    plan: Plan,
+    *faults: str,
+    during: Callable[[World, Flight], Any] | None = None,
+    speedup: float = math.inf,
+    **options: Any,
+) -> Flown:
+    """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile."""
+    port = free_port()
+    world_options = WorldOptions(
+        links=(call(port),), speedup=speedup, faults=parse_faults(faults, plan.sysids), record_truth=True
+    )
+    with running_fleet(plan.scenario, world_options) as world:
+        mode = options.pop("mode", FlightMode.STREAM)
+        settings = FlightOptions(mode=mode, lead_s=LEAD_S, **options)
+        return asyncio.run(_fly(plan, world, port, settings, during))
+
+
+async def _fly(
+    plan: Plan, world: World, port: int, options: FlightOptions, during: Callable[[World, Flight], Any] | None
+) -> Flown:
+    async with Fleet.open(f"udpin:127.0.0.1:{port}") as fleet:
+        sessions = await fleet.vehicles(plan.sysids, 20.0)
+        events: list[Event] = []
+        stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append)
+        flown = Flown(plan, flight, world, events=events)
+        looking = asyncio.ensure_future(_look(world, flight, during))
+        try:
+            flown.times = await flight.run()
+        except GcsError as error:
+            flown.error = error
+        finally:
+            looking.cancel()
+        return flown
+
+
+async def _look(world: World, flight: Flight, during: Callable[[World, Flight], Any] | None) -> None:
+    while during is not None:
+        during(world, flight)
+        await asyncio.sleep(0.002)
