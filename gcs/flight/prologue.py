@@ -14,7 +14,7 @@ from gcs.errors import PeerTimeout
 from gcs.flight.manners import Manners
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.flight.together import LOOK_S, until
+from gcs.flight.together import LOOK_S, ended, until
 from gcs.link.dialect import MavCommand, MessageId, ModeFlag
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
@@ -87,13 +87,21 @@ async def take_off(crew: Crew) -> None:
 async def set_mode(crew: Crew, mode: int) -> None:
     """Ask for a mode, and believe the HEARTBEAT only."""
     session = crew.session
-    await session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(mode))
-    await session.wait_for(
-        lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
-        crew.options.phase_timeout_s,
-        f"mode {crew.manners.mode_name(mode)}",
-        or_latest=True,
+    # Listen first: an emulated vehicle may have landed and left the mode again before its acknowledgement is read.
+    seen = asyncio.ensure_future(
+        session.wait_for(
+            lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
+            crew.options.phase_timeout_s,
+            f"mode {crew.manners.mode_name(mode)}",
+            or_latest=True,
+        )
     )
+    try:
+        await asyncio.sleep(0)
+        await session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(mode))
+        await seen
+    finally:
+        await ended(seen)
 
 
 async def until_hovering(crew: Crew) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.flight.courses import Course, HoldCourse
@@ -34,6 +34,7 @@ def consistent(course: LegsCourse) -> tuple[Array, Array, Array]:
     return place, velocity, acceleration
 
 
+@settings(deadline=None)
 @given(places, speeds)
 def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
     course = hold_course(place, velocity, 0.3, 5.0)
@@ -44,6 +45,7 @@ def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
     np.testing.assert_allclose(path[-1], place + velocity * speed / (2 * BRAKE_MPS2), atol=1e-6)
 
 
+@settings(deadline=None)
 @given(places, speeds)
 def test_spreading_ends_above(place: Array, velocity: Array) -> None:
     path, _, _ = consistent(spread_course(place, velocity, 0.0, 5.0, 2.0))
@@ -51,6 +53,7 @@ def test_spreading_ends_above(place: Array, velocity: Array) -> None:
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
 
 
+@settings(deadline=None)
 @given(places, speeds, places, st.floats(5.0, 60.0))
 def test_returning_climbs_crosses_and_sinks(place: Array, velocity: Array, over: Array, level_m: float) -> None:
     home = np.array([over[0], over[1], -2.0])
