@@ -50,7 +50,7 @@ def plain_scenario(vehicles: int) -> Scenario:
         "time": {"flight_s": 60.0},
         "vehicle": {
             "name": FIELD.name,
-            **{name: getattr(body, name) for name in type(body).__dataclass_fields__},
+            **{name: getattr(body, name) for name in type(body).__dataclass_fields__ if name != "wind"},
         },
         "limits": {
             "north_m": [-_FAR_M, _FAR_M],
