@@ -64,7 +64,9 @@ class VehicleReport:
     ailing: tuple[str, ...]  # sensors that are switched on and not healthy
     home: Home | None
     position: Home | None
+    origin: Home | None  # of its local frame
     satellites: int | None
+    fix_type: int | None  # GPS_FIX_TYPE: 3 is a fix in space, 6 one to centimetres
     battery_share: float | None
     battery_V: float | None
     loss: float | None  # of its frames
@@ -84,6 +86,7 @@ async def survey(session: VehicleSession, where: str = "") -> VehicleReport:
         MessageId.GPS_RAW_INT,
         MessageId.GLOBAL_POSITION_INT,
         MessageId.HOME_POSITION,
+        MessageId.GPS_GLOBAL_ORIGIN,
     )
     told = {message_id: await _asked(session, message_id) for message_id in wanted}
     version, status, receiver = (told[i] for i in (wanted[0], wanted[1], wanted[3]))
@@ -103,6 +106,8 @@ async def survey(session: VehicleSession, where: str = "") -> VehicleReport:
         ailing=() if status is None else _ailing(status),
         home=_place(told[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
         position=_place(told[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
+        origin=_place(told[MessageId.GPS_GLOBAL_ORIGIN], "latitude", "longitude", "altitude"),
+        fix_type=None if receiver is None else int(receiver.fields["fix_type"]),
         satellites=None if receiver is None else int(receiver.fields["satellites_visible"]),
         battery_share=_battery_share(status),
         battery_V=_battery_V(status),
