@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.link_options import KeyOption, LinkOption, MapOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 from gcs.errors import UsageError
 
@@ -19,9 +20,13 @@ LARGEST_SYSID = 254  # 255 is the ground station
 def fly(
     mission: MissionArgument,
     sim: Annotated[bool, typer.Option("--sim", help="Fly emulated vehicles, started for this flight.")] = False,
-    link: Annotated[
-        str | None, typer.Option("--link", help="Fly real vehicles or simulators, e.g. udpin:127.0.0.1:14550.")
-    ] = None,
+    link: LinkOption = None,
+    systems: MapOption = None,
+    signing_key_file: KeyOption = None,
+    missions_only: Annotated[
+        bool,
+        typer.Option("--missions-only", help="With --link: leave fences, rally points and parameters as they are."),
+    ] = False,
     mode: Annotated[
         str, typer.Option("--mode", help="stream: timed setpoints; mission: the waypoints uploaded.")
     ] = "stream",
@@ -54,8 +59,9 @@ def fly(
     gcs fly missions/simulation1 --sim --mode mission --speedup max
     """
     screen = Screen(json=json)
-    _check(sim, link, mode, speedup)
+    _check(sim, bool(link), mode, speedup)
     _check_choices(follow, mode, on_loss, on_leader_loss)
+    known = connection(link, systems, signing_key_file) if link else None
     from gcs.cli.flying import FlyRequest, fly_and_judge
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.flight.options import FlightMode, FlightOptions
@@ -69,17 +75,20 @@ def fly(
             f"{len(plan.sysids)} vehicles do not fit on one MAVLink network: system ids end at {LARGEST_SYSID}",
             hint="`gcs export` writes files for all of them; fly smaller formations",
         )
-    if link is not None and not yes_arm:
-        _confirm(link, len(plan.sysids))
+    if known is not None and not yes_arm:
+        _confirm(str(known), len(plan.sysids))
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
     faults = tuple(fault or ())
-    request = FlyRequest(plan, report, FlightMode(mode), link, speedup, seed, faults, to, screen, watch, choices)
+    safety = not missions_only
+    request = FlyRequest(
+        plan, report, FlightMode(mode), known, speedup, seed, faults, to, screen, watch, choices, safety
+    )
     return fly_and_judge(request)
 
 
-def _check(sim: bool, link: str | None, mode: str, speedup: str) -> None:
+def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:
     """Refuse what cannot be meant before anything heavy starts."""
-    if sim == (link is not None):
+    if sim == link:
         raise UsageError(
             "say what to fly: --sim for emulated vehicles, or --link for vehicles that are out there",
             hint="for example `gcs fly missions/simulation1 --sim`",

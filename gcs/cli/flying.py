@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from contextlib import AsyncExitStack, nullcontext
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -17,19 +18,25 @@ from rich.live import Live
 from rich.table import Table
 
 from gcs.cli.console import Screen
+from gcs.cli.going import go_or_no_go, put_back
+from gcs.cli.link_options import Connection
 from gcs.cli.planning import Stopwatch
 from gcs.errors import JudgementError
 from gcs.flight.events import Event
 from gcs.flight.fly import Flight
 from gcs.flight.journal import EventLog, TelemetryLog, asked, new_folder, report_data, write_report
 from gcs.flight.judge import Verdict, judge
+from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.preflight import PreflightLimits
 from gcs.flight.simulator import SimulatorOptions, simulator
 from gcs.flight.stages import FlightTimes, Snapshot
 from gcs.flight.truth import Truth, load_truth
 from gcs.link.fleet import Direction, Fleet
+from gcs.link.session import VehicleSession
 from gcs.mission.build import build_missions
 from gcs.mission.export import export
+from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints import build_stream
 from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan
@@ -49,7 +56,7 @@ class FlyRequest:
     plan: Plan
     report: Report
     mode: FlightMode
-    link: str | None  # None: emulated vehicles
+    link: Connection | None  # None: emulated vehicles
     speedup: str
     seed: int
     faults: tuple[str, ...]
@@ -57,6 +64,7 @@ class FlyRequest:
     screen: Screen
     watch: Stopwatch
     options: FlightOptions = field(default_factory=FlightOptions)
+    safety: bool = True  # with a link: fences, rally points and parameters go along
 
 
 def fly_and_judge(request: FlyRequest) -> int:
@@ -112,10 +120,11 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
         def note(direction: Direction, frame: bytes) -> None:
             log.write(direction, frame)
 
-        fleet = await stack.enter_async_context(Fleet.open(request.link or SIM_LINK, on_frame=note))
+        known = request.link or Connection((SIM_LINK,))
+        fleet = await stack.enter_async_context(known.open(on_frame=note))
         if request.link is None:
             await stack.enter_async_context(simulator(_simulator_options(request, folder, fleet.local_address[1])))
-        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s)
+        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         events = stack.enter_context(EventLog(folder / "events.jsonl"))
 
@@ -123,13 +132,37 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
             events.write(event)
             request.screen.say(f"t = {event.t_s:.1f} s: vehicle {event.sysid} {event.what}. {event.rule}".rstrip(". "))
 
-        flight = Flight(plan, build_missions(plan), stream, sessions, options, tell)
+        flight = _flight(request, stream, fleet, sessions, options, tell)
         showing = asyncio.ensure_future(_show_live(request.screen, flight))
         try:
             return await flight.run()
         finally:
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
+            if flight.held is not None:
+                await put_back(request.screen, sessions, flight.held.changes)
+
+
+def _flight(
+    request: FlyRequest,
+    stream: SetpointStream,
+    fleet: Fleet,
+    sessions: dict[int, VehicleSession],
+    options: FlightOptions,
+    tell: Callable[[Event], None],
+) -> Flight:
+    """Emulated vehicles get their missions; others everything that is exported, once they have been looked at."""
+    plan = request.plan
+    if request.link is None:
+        return Flight(plan, build_missions(plan), stream, sessions, options, tell)
+    autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
+    loads = build_loads(plan, autopilots, safety=request.safety)
+
+    async def look() -> None:
+        await go_or_no_go(request.screen, fleet, sessions, plan, PreflightLimits())
+
+    missions = [load.mission for load in loads]
+    return Flight(plan, missions, stream, sessions, options, tell, loads=loads, on_ready=look)
 
 
 def _simulator_options(request: FlyRequest, folder: Path, port: int) -> SimulatorOptions:

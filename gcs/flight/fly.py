@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.flight.crisis import Crisis
 from gcs.flight.events import Event
 from gcs.flight.fleet_time import FleetTime
+from gcs.flight.loading import missions_only
 from gcs.flight.manners import manners_of
 from gcs.flight.monitor import Monitor
 from gcs.flight.options import FlightMode, FlightOptions
@@ -34,8 +36,10 @@ from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.together import LOOK_S, alongside, each, ended
 from gcs.link.dialect import MavCommand
+from gcs.link.load import VehicleLoad
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
+from gcs.link.upload import Holdings, upload_fleet
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.start import starting_at
@@ -53,9 +57,16 @@ class Flight:
         sessions: dict[int, VehicleSession],
         options: FlightOptions,
         on_event: Callable[[Event], None] = lambda event: None,
+        *,
+        loads: Sequence[VehicleLoad] | None = None,
+        on_ready: Callable[[], Awaitable[None]] | None = None,
     ) -> None:
+        """`loads` bring fences, rally points and parameters along; `on_ready` may refuse to go on to the upload."""
         self.plan = plan
         self.missions = {m.sysid: m for m in missions}
+        self.loads = tuple(loads or missions_only(self.missions.values()))
+        self.held: Holdings | None = None
+        self._on_ready = on_ready
         self.sessions = sessions
         self.options = options
         self.monitor = Monitor(plan)
@@ -117,10 +128,14 @@ class Flight:
         await self._each(ask_for_telemetry)
         self.step = Step.READY
         await self._each(until_ready)
+        if self._on_ready is not None:
+            await self._on_ready()
         self.step = Step.UPLOAD
         if self.options.mode is FlightMode.MISSION:
             self._set_common_start()
-        await self._each(lambda crew: crew.session.upload_mission(self.missions[crew.sysid]))
+        loads = [replace(load, mission=self.missions[load.sysid]) for load in self.loads]
+        self.held = await upload_fleet(self.sessions, loads, self.plan.hash)
+        self.held.require(self.plan.hash, self.plan.sysids)
         self.crisis = Crisis(
             self.plan,
             self.crews,

@@ -82,9 +82,7 @@ def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits
     place = _ned(plan, report.position)
     checks = [
         check("disarmed", "armed" if report.armed else "disarmed", "disarmed", not report.armed),
-        check(
-            "position estimate", _yes(report.estimate_ok, "healthy", "not healthy"), "healthy", bool(report.estimate_ok)
-        ),
+        check("position estimate", _health(report.estimate_ok), "healthy", bool(report.estimate_ok)),
         check("sensors", ", ".join(report.ailing) or "healthy", "healthy", not report.ailing),
     ]
     if place is None:
@@ -136,5 +134,5 @@ def _ned(plan: Plan, place: Home | None) -> Array | None:
     return np.asarray(ned, dtype=float).reshape(3)
 
 
-def _yes(value: bool | None, good: str, bad: str) -> str | None:
-    return None if value is None else (good if value else bad)
+def _health(good: bool | None) -> str | None:
+    return None if good is None else ("healthy" if good else "not healthy")

@@ -21,6 +21,7 @@ from gcs.flight.truth import load_truth
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
+from sim_bridge.faults import parse_faults
 from sim_bridge.world import World, WorldOptions
 from tests.fleets import free_port, running_fleet, wait_until
 
@@ -235,9 +236,23 @@ def test_a_link_is_flown_like_the_simulation(
     done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "landed" in done.stdout
+    assert " GO\n" in done.stdout
+    assert "parameters are as they were" in done.stdout
     goal = np.array([62.0, 51.0])
     leader = fleet.airframes.truth[0, :2]
     assert np.linalg.norm(leader - goal) < 0.5
+
+
+def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+) -> None:
+    fleet, link = vehicles_out_there
+    fleet.call(lambda: fleet.desk.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s))
+    done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
+    assert done.returncode == 9, done.stdout + done.stderr
+    assert "NO-GO" in done.stdout
+    assert "no-go: vehicle 2: battery 20%" in done.stderr
+    assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 
 def test_ctrl_c_lands_vehicles_that_are_not_ours(

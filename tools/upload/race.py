@@ -122,7 +122,7 @@ def mavsdks(port: int, items: Sequence[MissionItem]) -> Lap:
                 MissionRaw(systems[sysid]).upload_mission([_raw(seq, item) for seq, item in enumerate(items)])
                 believed[sysid] = time.monotonic() - began_s
             except Exception as error:  # whatever a foreign client raises is a failed upload
-                print(f"MAVSDK, vehicle {sysid}: {str(error).split(";", maxsplit=1)[0]}", file=sys.stderr)
+                print(f"MAVSDK, vehicle {sysid}: {str(error).split(';', maxsplit=1)[0]}", file=sys.stderr)
 
         threads = [threading.Thread(target=one, args=(sysid,), daemon=True) for sysid in systems]
         for thread in threads:

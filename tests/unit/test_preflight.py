@@ -1,0 +1,98 @@
+"""Go and no-go: every check can fail, and says what was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.errors import FlightError
+from gcs.flight.preflight import PreflightLimits, battery_needed, preflight, refuse_no_go
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.link.survey import VehicleReport
+from gcs.link.timesync import TimeSample
+from gcs.mission.model import Home
+
+
+def place(plan, ned_m):
+    lat, lon, alt = ned_to_geodetic(np.asarray(ned_m), Origin(**plan.scenario.origin.model_dump()))
+    return Home(float(lat), float(lon), float(alt))
+
+
+@pytest.fixture
+def reports(simulation1_plan):
+    plan = simulation1_plan
+    found = {}
+    for row, sysid in enumerate(plan.sysids):
+        here = place(plan, plan.pads_ned_m[row])
+        found[sysid] = VehicleReport(
+            sysid=sysid, system=sysid, where="", autopilot="ArduCopter", version="4.5.6", uid="aa", mode="GUIDED",
+            armed=False, state="standby", prearm_ok=True, estimate_ok=True, ailing=(), home=here, position=here,
+            origin=here, satellites=14, fix_type=6, battery_share=1.0, battery_V=12.4, loss=0.0,
+            timesync=TimeSample(5.0, 0.02), heartbeat_age_s=0.3,
+        )  # fmt: skip
+    return found
+
+
+def test_vehicles_on_their_pads_go(simulation1_plan, reports):
+    checks = preflight(simulation1_plan, reports)
+    assert all(c.ok for c in checks)
+    refuse_no_go(checks)
+    assert {c.sysid for c in checks} == set(simulation1_plan.sysids)
+
+
+def moved(plan, row, north_m, down_m=0.0):
+    return place(plan, plan.pads_ned_m[row] + np.array([north_m, 0.0, down_m]))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("disarmed", lambda plan: {"armed": True}),
+        ("position estimate", lambda plan: {"estimate_ok": False}),
+        ("position estimate", lambda plan: {"estimate_ok": None}),
+        ("sensors", lambda plan: {"ailing": ("compass",)}),
+        ("pad", lambda plan: {"position": None}),
+        ("height", lambda plan: {"position": moved(plan, 1, 0.0, -30.0)}),
+        ("home", lambda plan: {"home": None}),
+        ("home", lambda plan: {"home": moved(plan, 1, 50.0)}),
+        ("local frame", lambda plan: {"origin": moved(plan, 1, 6.0)}),
+        ("battery", lambda plan: {"battery_share": 0.3}),
+        ("battery", lambda plan: {"battery_share": None}),
+        ("clock", lambda plan: {"timesync": None}),
+        ("clock", lambda plan: {"timesync": TimeSample(0.0, 1.5)}),
+    ],
+)
+def test_every_check_can_say_no(simulation1_plan, reports, name, change):
+    sysid = simulation1_plan.sysids[1]
+    reports[sysid] = replace(reports[sysid], **change(simulation1_plan))
+    checks = preflight(simulation1_plan, reports)
+    assert [(c.sysid, c.name) for c in checks if not c.ok] == [(sysid, name)]
+    with pytest.raises(FlightError, match=f"no-go: vehicle {sysid}: {name} "):
+        refuse_no_go(checks)
+
+
+def test_a_vehicle_far_from_its_pad_is_told_by_how_much(simulation1_plan, reports):
+    sysid = simulation1_plan.sysids[1]
+    far = moved(simulation1_plan, 1, -20.0)
+    reports[sysid] = replace(reports[sysid], position=far, home=far)
+    (bad,) = [c for c in preflight(simulation1_plan, reports) if not c.ok]
+    assert (bad.name, bad.asked) == ("pad", "within 3 m")
+    assert bad.found.startswith("20.0")
+
+
+def test_two_vehicles_on_each_others_pads_are_noticed_as_far_as_their_receivers_can(simulation1_plan, reports):
+    first, second = simulation1_plan.sysids[:2]
+    one, other = reports[first].position, reports[second].position
+    for sysid, there in ((first, other), (second, one)):
+        reports[sysid] = replace(reports[sysid], position=there, home=there)
+    bad = [c for c in preflight(simulation1_plan, reports) if not c.ok]
+    assert {(c.sysid, c.name) for c in bad} >= {(first, "pad"), (second, "pad")}
+    assert any(f"on the pad of vehicle {second}" in c.found for c in bad)
+
+
+def test_the_battery_lasts_for_the_flight_and_a_reserve(simulation1_plan):
+    limits = PreflightLimits(endurance_s=1000.0, effort=1.0, reserve=0.2)
+    duration_s = simulation1_plan.t_end_s - simulation1_plan.t_start_s
+    assert battery_needed(simulation1_plan, limits) == pytest.approx(duration_s / 1000.0 + 0.2)
