@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -31,16 +32,19 @@ def _conditions(n: int) -> Array:
     return np.asarray(np.linalg.inv(np.vstack([np.hstack([at_0, np.zeros((n, n))]), at_1])))
 
 
-_SEPTIC = _conditions(4)
-_QUINTIC = _conditions(3)
+@lru_cache(maxsize=256)  # a navigator's pieces all last equally long
+def _inverse(n: int, duration_s: float) -> Array:
+    """The same matrix for a polynomial over `duration_s`."""
+    powers = duration_s ** np.arange(2 * n)
+    return np.asarray(_CONDITIONS[n] * np.tile(powers[:n], 2) / powers[:, None])
 
 
-def _polynomial(inverse: Array, start: Array, end: Array, duration_s: float) -> Array:
+_CONDITIONS = {n: _conditions(n) for n in (3, 4)}
+
+
+def _polynomial(start: Array, end: Array, duration_s: float) -> Array:
     """Coefficients (2n, C) of the polynomial with `start` and `end` derivatives (n, C) over `duration_s`."""
-    n = len(start)
-    scale = duration_s ** np.arange(n)[:, None]
-    unit = inverse @ np.vstack([start * scale, end * scale])
-    return np.asarray(unit / duration_s ** np.arange(2 * n)[:, None])
+    return np.asarray(_inverse(len(start), duration_s).dot(np.concatenate((start, end))))
 
 
 def _shortest_s(distance: float, *peaks: float) -> float:
@@ -82,13 +86,13 @@ def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -
         duration += _braking_time(flat, limits)
     end = np.zeros((4, 4))
     end[0] = target
-    return Piece(start_s, start_s + duration, _polynomial(_SEPTIC, flat[:4], end, duration))
+    return Piece(start_s, start_s + duration, _polynomial(flat[:4], end, duration))
 
 
 def bridge(start_s: float, start: Array, end_s: float, end: Array) -> Piece:
     """From one motion to another, both (3 or more, 4): the quintic through position, velocity and acceleration."""
     c = np.zeros((TERMS, 4))
-    c[:6] = _polynomial(_QUINTIC, start[:3], end[:3], end_s - start_s)
+    c[:6] = _polynomial(start[:3], end[:3], end_s - start_s)
     return Piece(start_s, end_s, c)
 
 
@@ -99,7 +103,7 @@ def brake(start_s: float, flat: Array, limits: MotionLimits) -> Piece:
         c[0] = flat[0]
         return Piece(start_s, start_s, c)
     duration = _braking_time(flat, limits)
-    velocity = _polynomial(_QUINTIC, flat[1:4], np.zeros((3, 4)), duration)
+    velocity = _polynomial(flat[1:4], np.zeros((3, 4)), duration)
     return Piece(start_s, start_s + duration, _integral(flat[0], velocity))
 
 
@@ -140,14 +144,14 @@ def travel(start_s: float, flat: Array, target: Array, speeds_mps: Speeds, limit
         return [transfer(start_s, flat, target, limits)]
     end = np.zeros((4, 4))
     end[0] = target
-    turn = Piece(start_s, start_s + way.whole_s, _polynomial(_SEPTIC, flat[:4], end, way.whole_s))
+    turn = Piece(start_s, start_s + way.whole_s, _polynomial(flat[:4], end, way.whole_s))
     rest, cruise = np.zeros((3, 4)), np.vstack([way.velocity_mps, np.zeros((2, 4))])
     pieces: list[Piece] = []
     place = flat[0]
     parts = ((flat[1:4], cruise, way.begin_s), (cruise, cruise, way.cruise_s), (cruise, rest, way.end_s))
     for before, after, lasts_s in parts:
         now_s = pieces[-1].end_s if pieces else start_s
-        c = _integral(place, _polynomial(_QUINTIC, before, after, lasts_s))
+        c = _integral(place, _polynomial(before, after, lasts_s))
         c[:, 3] = _shifted(turn, now_s)[:, 3]
         pieces.append(Piece(now_s, now_s + lasts_s, c))
         place = _end(pieces[-1])
@@ -200,7 +204,7 @@ def _place_after(flat: Array, velocity: Array, duration_s: float) -> Array:
     if duration_s <= 0.0:
         return np.asarray(flat[0, :3])
     after = np.vstack([velocity, np.zeros((2, 4))])
-    c = _integral(flat[0], _polynomial(_QUINTIC, flat[1:4], after, duration_s))
+    c = _integral(flat[0], _polynomial(flat[1:4], after, duration_s))
     return np.asarray((duration_s ** np.arange(TERMS) @ c)[:3])
 
 
@@ -293,7 +297,7 @@ def _change_descent(start_s: float, place: Array, down_mps: tuple[float, float],
     duration_s = _change_s(*down_mps, limits)
     start, end = np.zeros((3, 4)), np.zeros((3, 4))
     start[0, 2], end[0, 2] = down_mps
-    velocity = _polynomial(_QUINTIC, start, end, duration_s)
+    velocity = _polynomial(start, end, duration_s)
     return Piece(start_s, start_s + duration_s, _integral(place, velocity))
 
 
