@@ -120,7 +120,8 @@ class ErrorModel:
         full[:, POSITION, GYRO_BIAS] = (-(t**3) / 6.0) * swing
         full[:, VELOCITY, ACCEL_BIAS] = -t * rotation
         full[:, POSITION, ACCEL_BIAS] = (-(t**2) / 2.0) * rotation
-        full[landed] = self._at_rest
+        if landed.any():
+            full[landed] = self._at_rest
         return full
 
     def aligned(self, seconds: float) -> Array:

@@ -171,7 +171,9 @@ class Estimator:
         force[2] -= self._gravity_mps2
         transition = self._model.transition(Turn.of(state[6:9]), force, landed)
         self._slow[6:] *= self._model.fading
-        noise = np.where(landed[:, None, None], self._model.standing, self._model.flying)
+        noise = self._model.flying
+        if landed.any():
+            noise = np.where(landed[:, None, None], self._model.standing, noise)
         self.ekf.carry_on(self.mean, transition, noise)
 
     def _take_fix(self, gnss: Array) -> None:
