@@ -162,7 +162,11 @@ class Autopilot:
         """DO_CHANGE_SPEED: 0, 1 over ground, 2 up, 3 down."""
         if kind not in (0.0, 1.0, 2.0, 3.0) or not 0.0 < speed_mps < math.inf:
             return self.personality.replies.refused
-        if self.helm.change_speed(speed_mps, down=kind == 3.0) and kind < 2.0 and self.flying:
+        if kind == 2.0:
+            self.helm.change_climb(speed_mps)
+        elif kind == 3.0:
+            self.helm.change_descent(speed_mps)
+        elif self.helm.change_speed(speed_mps) and self.flying:
             self.helm.resume(t_s, self.mode.intent)
         return MavResult.ACCEPTED
 
@@ -178,7 +182,7 @@ class Autopilot:
             if result != MavResult.ACCEPTED:
                 return result
         if speed_mps > 0.0:
-            self.helm.change_speed(speed_mps, down=False)
+            self.helm.change_speed(speed_mps)
         if self.helm.ground.aloft:
             self.helm.go_to(t_s, target)
         return MavResult.ACCEPTED

@@ -213,6 +213,8 @@ class Commands:
         amsl_m = request.z
         if frame in (WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT):
             amsl_m += self._home_amsl_m
+        elif frame not in (WireFrame.GLOBAL, WireFrame.GLOBAL_INT):
+            return None
         if not math.isfinite(amsl_m):
             amsl_m = origin.alt_amsl_m - float(now[0, 2])
         elif abs(amsl_m) > _FARTHEST_M:

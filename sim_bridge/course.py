@@ -52,6 +52,7 @@ class Guide:
     crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
     crawl_mps: float = 0.0
     arrive_m: float = 0.0  # nearer than that counts as over the place where it lands
+    rally_ned_m: tuple[Array, ...] = ()  # each (2,): where it returns to if they are nearer than home
     navigator: Navigator | None = None
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
@@ -113,8 +114,13 @@ class Guide:
         way = Descent(self.descend_mps, tuple(slower))
         return descend(t_s, flat, way, self.limits)
 
+    def haven(self, flat: Array) -> Array:
+        """Where (2,) it returns to: home or the rally point that is nearest."""
+        places = (self.home_ned_m[:2], *self.rally_ned_m)
+        return min(places, key=lambda place: math.dist(place, flat[0, :2]))
+
     def return_home(self, t_s: float, flat: Array) -> Course:
-        """Up to the return height, over home, down."""
+        """Up to the return height, over home or a rally point, down."""
         pieces = [brake(t_s, flat, self.limits)]
         top_ned_m = self.home_ned_m[2] - self.rtl_height_m
         over = pieces[-1].at(pieces[-1].end_s)[0].copy()
@@ -122,7 +128,7 @@ class Guide:
         now = pieces[-1].at(pieces[-1].end_s)
         if now[0, 2] - over[2] > _MOVED_M:
             pieces += rise(pieces[-1].end_s, now, over[2], self.climb_mps, self.limits)
-        over[:2] = self.home_ned_m[:2]
+        over[:2] = self.haven(flat)
         now = pieces[-1].at(pieces[-1].end_s)
         away = np.linalg.norm(now[0] - over) > _MOVED_M
         if away and self.return_wait_s <= 0.0:

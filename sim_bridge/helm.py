@@ -7,7 +7,7 @@ may ask for what, setpoints' proof, failsafes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -81,12 +81,23 @@ class Helm:
             return_wait_s=max(settings.get(Setting.RETURN_WAIT_S, 0.0), 0.0),
         )
 
-    def change_speed(self, speed_mps: float, *, down: bool) -> bool:
-        """Fly so fast from now on; whether that is news."""
-        speed_mps = min(speed_mps, self.guide.limits.horizontal_mps) if not down else speed_mps
-        before = self.guide
-        self.guide = replace(before, descend_mps=speed_mps) if down else replace(before, speed_mps=speed_mps)
-        return self.guide != before
+    def change_speed(self, speed_mps: float) -> bool:
+        """Fly so fast over ground from now on; whether that is news."""
+        before = self.guide.speed_mps
+        self.guide = replace(self.guide, speed_mps=min(speed_mps, self.guide.limits.horizontal_mps))
+        return self.guide.speed_mps != before
+
+    def change_climb(self, speed_mps: float) -> None:
+        """Climb so fast from now on."""
+        self.guide = replace(self.guide, climb_mps=speed_mps)
+
+    def change_descent(self, speed_mps: float) -> None:
+        """Come down so fast from now on."""
+        self.guide = replace(self.guide, descend_mps=speed_mps)
+
+    def rally(self, places_ned_m: Iterable[Array]) -> None:
+        """Return to one of these places (2,) where it is nearer than home."""
+        self.guide = replace(self.guide, rally_ned_m=tuple(places_ned_m))
 
     def resume(self, t_s: float, intent: Intent) -> None:
         """Go on with what is under way, now with what has changed."""
@@ -232,9 +243,9 @@ class Helm:
         self.go_to(t_s, target)
 
     def _return(self, t_s: float, flat: Array) -> None:
-        guide, (north_m, east_m, up_m) = self.guide, (flat[0, :3] - self.guide.home_ned_m) * (1.0, 1.0, -1.0)
+        guide, up_m = self.guide, self.guide.home_ned_m[2] - flat[0, 2]
         if self._habits.return_cone:
-            cone_m = max(math.hypot(north_m, east_m), _LEAST_RETURN_M)
+            cone_m = max(math.dist(flat[0, :2], guide.haven(flat)), _LEAST_RETURN_M)
             guide = replace(guide, rtl_height_m=min(guide.rtl_height_m, cone_m))
         height_m = max(guide.rtl_height_m, up_m)
         alt_m = guide.origin.alt_amsl_m - guide.home_ned_m[2] + height_m

@@ -19,7 +19,7 @@ from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands
 from sim_bridge.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.failsafe import Failsafe
-from sim_bridge.missions.fence import shapes
+from sim_bridge.missions.fence import places, shapes
 from sim_bridge.missions.keep import flyable
 from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.params import Params
@@ -191,6 +191,8 @@ class Vehicle:
         """There is a new mission, fence or set of rally points."""
         if kind == MissionType.FENCE:
             self._failsafe.fence(shapes(items, self._instruments.origin))
+        if kind == MissionType.RALLY:
+            self.autopilot.helm.rally(places(items, self._instruments.origin))
         if kind == MissionType.MISSION:  # PX4 takes missions that nobody can fly
             self.autopilot.set_mission(items if flyable(items) else ())
         total = self._personality.missions.keeping[kind].total

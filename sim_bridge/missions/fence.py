@@ -67,12 +67,12 @@ def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[Shape, ...]:
         first = items[at]
         size = 1
         if first.command in CIRCLES and first.params[0] > 0.0:
-            found.append(Shape(_places(items[at : at + 1], origin), first.params[0], first.command in _OUTSIDE))
+            found.append(Shape(places(items[at : at + 1], origin), first.params[0], first.command in _OUTSIDE))
         elif first.command in POLYGONS:
             size = max(_whole(first.params[0]), 1)
             vertices = items[at : at + size]
             if LEAST_VERTICES <= size == len(vertices) and {v.command for v in vertices} == {first.command}:
-                found.append(Shape(_places(vertices, origin), 0.0, first.command in _OUTSIDE))
+                found.append(Shape(places(vertices, origin), 0.0, first.command in _OUTSIDE))
         at += size
     return tuple(found)
 
@@ -120,7 +120,8 @@ def _unfinished(items: Sequence[MissionItem]) -> bool:
     return whole != sum(item.command in POLYGONS for item in items)
 
 
-def _places(items: Sequence[MissionItem], origin: Origin) -> Array:
+def places(items: Sequence[MissionItem], origin: Origin) -> Array:
+    """Where items are, north and east in metres (N, 2)."""
     lat_deg = np.array([from_degE7(item.lat_degE7) for item in items])
     lon_deg = np.array([from_degE7(item.lon_degE7) for item in items])
     ned_m = geodetic_to_ned(lat_deg, lon_deg, np.full(len(items), origin.alt_amsl_m), origin)

@@ -158,3 +158,22 @@ def test_px4_acknowledges_a_mode_twice_and_keeps_its_first_words_until_it_speaks
         "".join(f["text"] for f in named(heard, "STATUSTEXT"))
         == "Arming denied: Resolve system health failures first\t"
     )
+
+
+def test_rally_points_that_are_shelved_are_returned_to(line: Line):
+    origin = line.vehicle.autopilot.guide.origin
+    point = MissionItem(5100, 3, (0.0,) * 4, round(origin.lat_deg * 1e7) + 9000, round(origin.lon_deg * 1e7), 5.0)
+    line.ask("MISSION_COUNT", count=1, mission_type=2)
+    (ack,) = named(line.say(item_to_message(point, 0, line.vehicle.station, mission_type=2)), "MISSION_ACK")
+    assert ack["type"] == MissionResult.ACCEPTED
+    (place,) = line.vehicle.autopilot.guide.rally_ned_m
+    assert place == pytest.approx([100.0, 0.0], abs=0.3)
+
+
+@pytest.mark.parametrize(("frame", "result"), [(0, 0), (3, 0), (5, 0), (6, 0), (1, 2), (10, 2), (11, 2), (99, 2)])
+def test_places_in_frames_that_it_does_not_know_are_denied_not_guessed(line: Line, frame: int, result: int):
+    origin = line.vehicle.autopilot.guide.origin
+    place = {"x": round(origin.lat_deg * 1e7) + 900, "y": round(origin.lon_deg * 1e7), "z": 10.0}
+    asked = {"frame": frame, "current": 0, "autocontinue": 0, "param1": -1.0, "param2": 1.0, "param3": 0.0}
+    heard = line.ask("COMMAND_INT", command=192, param4=float("nan"), **asked, **place)
+    assert [f["result"] for f in named(heard, "COMMAND_ACK")][:1] == [result]
