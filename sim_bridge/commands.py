@@ -151,7 +151,8 @@ class Commands:
         if not self._autopilot.ready:
             return Answer(self._replies.refused)
         here = request.params[0] == 1.0
-        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL)
+        told = all(map(math.isfinite, (request.x, request.y, request.z)))
+        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if told else None
         if place is None:
             return Answer(MavResult.DENIED)
         self._autopilot.set_home(place)

@@ -102,7 +102,7 @@ class Helm:
     def resume(self, t_s: float, intent: Intent) -> None:
         """Go on with what is under way, now with what has changed."""
         if intent is Intent.MISSION and self.progress.running and not self.path.landing:
-            self._fly_mission(t_s)
+            self._fly_mission(t_s, anew=False)
         elif self.path.target is not None and not self.path.at_rest:
             self.go_to(t_s, self.path.target)
 
@@ -203,8 +203,8 @@ class Helm:
             return self.guide.go_to(t_s, flat, flat[0])
         return self.guide.stop(t_s, flat)
 
-    def _fly_mission(self, t_s: float) -> None:
-        self.progress.begin()
+    def _fly_mission(self, t_s: float, *, anew: bool = True) -> None:
+        self.progress.begin(anew=anew)
         if not self.ground.flying:
             self.progress.tell_current()
         items, first = self.progress.padded

@@ -90,11 +90,12 @@ class Progress:
         """Items and current one as courses count them."""
         return (*(_PLACEHOLDER,) * self._shift, *self.items), self.seq + self._shift
 
-    def begin(self) -> None:
-        """The mission is flown from here on."""
+    def begin(self, *, anew: bool = True) -> None:
+        """The mission is flown from here on; unless `anew`, it has been flown so far."""
         self.running, self.finished, self._begun = True, False, True
         self._flown = self.items
-        self._repeated = self._told = None
+        if anew:
+            self._repeated = self._told = None
 
     def pass_mark(self, mark: Mark) -> None:
         """An item was completed, or begins."""

@@ -370,3 +370,16 @@ def test_a_place_is_flown_to_as_fast_as_asked_until_the_mode_changes():
     body.pilot.reposition(body.t_s, target, change_mode=False)
     body.run(14.0)
     assert body.speed_mps == pytest.approx(min(body.settings[Setting.CRUISE_MPS], 4.0), abs=0.01)
+
+
+def test_a_new_speed_in_the_middle_of_a_mission_begins_no_item_anew():
+    body = Body()
+    body.fly(5.0)
+    body.pilot.set_mission(mission())
+    assert body.pilot.start_mission(body.t_s, body.estimate) == OK
+    body.run(2.0)
+    before = body.texts()
+    assert body.pilot.set_speed(body.t_s, 1.0, 1.0) == OK
+    body.run(1.0)
+    assert body.texts() == before
+    assert body.pilot.current_seq == 3

@@ -15,7 +15,7 @@ from gcs.mission.model import MissionItem
 from gcs.scenario.load import load_scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.hangar import Hangar
-from sim_bridge.personality import ARDUPILOT, PX4, Personality
+from sim_bridge.personality import ARDUPILOT, PX4, Milestone, Personality
 
 KEY = bytes(range(32))
 NOON = 37_519_421_111_903
@@ -177,3 +177,16 @@ def test_places_in_frames_that_it_does_not_know_are_denied_not_guessed(line: Lin
     asked = {"frame": frame, "current": 0, "autocontinue": 0, "param1": -1.0, "param2": 1.0, "param3": 0.0}
     heard = line.ask("COMMAND_INT", command=192, param4=float("nan"), **asked, **place)
     assert [f["result"] for f in named(heard, "COMMAND_ACK")][:1] == [result]
+
+
+@pytest.mark.parametrize("lat_deg", [float("nan"), 91.0, 0.0])
+def test_home_goes_nowhere_that_is_no_place(repo_root: Path, lat_deg: float):
+    line = Line(ARDUPILOT, repo_root)
+    line.vehicle.autopilot.readiness._reached.add(Milestone.READY)
+    origin, before = line.vehicle.autopilot.guide.origin, line.vehicle.autopilot.guide.home_ned_m.copy()
+    for latitude, result in ((lat_deg, 2), (origin.lat_deg + 0.001, 0)):
+        longitude = 0.0 if latitude == 0.0 else origin.lon_deg
+        place = command(179, 0.0, 0.0, 0.0, 0.0, latitude, longitude, origin.alt_amsl_m)
+        (ack,) = named(line.ask("COMMAND_LONG", **place), "COMMAND_ACK")
+        assert ack["result"] == result
+        assert (line.vehicle.autopilot.guide.home_ned_m == before).all() == (result == 2)
