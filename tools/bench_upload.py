@@ -69,7 +69,7 @@ def show(rows: list[dict[str, Any]], uploads: int, items: int) -> None:
     Console().print(table)
 
 
-def run_race(autopilot: Autopilot, cells: list[str], items: int) -> list[dict[str, Any]]:
+def run_race(autopilot: Autopilot, cells: list[str], items: int, mischief: float) -> list[dict[str, Any]]:
     """Six vehicles at once, by both clients."""
     from tools.upload.race import race  # noqa: PLC0415 (MAVSDK takes a while to load)
 
@@ -80,7 +80,7 @@ def run_race(autopilot: Autopilot, cells: list[str], items: int) -> list[dict[st
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             port = int(probe.getsockname()[1])
-        for lap in race(autopilot, Weather(round_trip_s, loss), items, port, 1):
+        for lap in race(autopilot, Weather(round_trip_s, loss, mischief, mischief), items, port, 1):
             rows.append({"round_trip_s": round_trip_s, "loss": loss, **vars(lap)})
             held = "" if lap.verified_s is None else f"{lap.verified_s:.1f} s"
             counts = ("" if lap.messages is None else str(lap.messages), str(lap.failures), str(lap.wrong))
@@ -95,6 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--uploads", type=int, default=200)
     parser.add_argument("--items", type=int, default=100)
+    parser.add_argument("--mischief", type=float, default=0.02, help="share doubled, and overtaken, in the race")
     parser.add_argument("--race", nargs="*", default=[], metavar="ROUND_TRIP_S:LOSS")
     parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default=None)
     parser.add_argument("--json", type=Path)
@@ -109,7 +110,7 @@ def main() -> None:
     ]
     if rows:
         show(rows, chosen.uploads, chosen.items)
-    laps = run_race(autopilots[0], chosen.race, chosen.items) if chosen.race else []
+    laps = run_race(autopilots[0], chosen.race, chosen.items, chosen.mischief) if chosen.race else []
     if chosen.json is not None:
         chosen.json.write_text(json.dumps({"cells": rows, "race": laps}, indent=2) + "\n")
 
