@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import Connection, KeyOption, LinkOption, MapOption, connection
+from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 from gcs.errors import PeerError, PeerTimeout
 
@@ -26,6 +26,7 @@ def download(
     link: LinkOption = None,
     listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
     signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -37,7 +38,7 @@ def download(
 
     screen = Screen(json=json)
     known = connection(link, None, signing_key_file)
-    every = asyncio.run(_read_all(known, listen))
+    every = asyncio.run(_read_all(known, backend, listen))
     files = _write(to, every)
     for held, name in zip(every, files, strict=True):
         counts = f"{len(held.mission)} mission items, {len(held.fence)} of a fence, {len(held.rally)} rally points"
@@ -52,6 +53,7 @@ def diff(
     systems: MapOption = None,
     missions_only: Annotated[bool, typer.Option("--missions-only", help="Look at missions alone.")] = False,
     signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -70,7 +72,7 @@ def diff(
     known = connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    found = asyncio.run(_differences(plan, known, safety=not missions_only))
+    found = asyncio.run(_differences(plan, known, backend, safety=not missions_only))
     for sysid, lines in found.items():
         screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
         for line in lines[:_TOLD_MAX]:
@@ -82,12 +84,12 @@ def diff(
     return 0 if ok else DIFFERENT
 
 
-async def _read_all(known: Connection, listen_s: float) -> list[Held]:
+async def _read_all(known: Connection, backend: str, listen_s: float) -> list[Held]:
     import asyncio
 
     from gcs.link.held import read_held
 
-    async with known.open() as fleet:
+    async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
         if not sessions:
             raise PeerTimeout(
@@ -99,13 +101,13 @@ async def _read_all(known: Connection, listen_s: float) -> list[Held]:
         return list(every)
 
 
-async def _differences(plan: Plan, known: Connection, *, safety: bool) -> dict[int, list[str]]:
+async def _differences(plan: Plan, known: Connection, backend: str, *, safety: bool) -> dict[int, list[str]]:
     import asyncio
 
     from gcs.flight.loading import build_loads
     from gcs.link.held import read_held
 
-    async with known.open() as fleet:
+    async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, safety=safety)
         every = await asyncio.gather(*(read_held(sessions[load.sysid]) for load in loads))

@@ -17,6 +17,7 @@ import typer
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
+    from gcs.link.backend_mavsdk import MavsdkFleet
     from gcs.link.fleet import Fleet, FrameHook
 
 DEFAULT_LINK = "udpin:127.0.0.1:14550"
@@ -46,6 +47,13 @@ KeyOption = Annotated[
 ]
 
 
+BackendOption = Annotated[
+    str,
+    typer.Option("--backend", help="skein: our own machines; mavsdk: MAVSDK's, which neither sign nor are quick."),
+]
+BACKENDS = ("skein", "mavsdk")
+
+
 @dataclass(frozen=True)
 class Connection:
     """Links, key and names as given on the command line."""
@@ -53,6 +61,22 @@ class Connection:
     links: tuple[str, ...]
     systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles that are called something else
     key: bytes | None = field(default=None, repr=False)
+
+    @asynccontextmanager
+    async def open_backend(self, backend: str) -> AsyncIterator[Fleet | MavsdkFleet]:
+        """The links by one of BACKENDS. Raises `UsageError`, `LinkError`."""
+        if backend not in BACKENDS:
+            raise UsageError(f"--backend {backend}: there are {' and '.join(BACKENDS)}")
+        if backend == "skein":
+            async with self.open() as fleet:
+                yield fleet
+            return
+        if self.key is not None:
+            raise UsageError("MAVSDK cannot sign", hint="leave the key away, or use --backend skein")
+        from gcs.link.backend_mavsdk import MavsdkFleet
+
+        async with MavsdkFleet.open(self.links) as foreign:
+            yield foreign
 
     @asynccontextmanager
     async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:

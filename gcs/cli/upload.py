@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import Connection, KeyOption, LinkOption, MapOption, connection
+from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def upload(
     ] = False,
     to: Annotated[Path, typer.Option("--to", help="Folder for the record that `gcs restore` reads.")] = Path("uploads"),
     signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -52,7 +53,8 @@ def upload(
     known = connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    held, changes = asyncio.run(_upload(screen, plan, known, safety=not missions_only, dry_run=dry_run, watch=watch))
+    loading = _upload(screen, plan, known, backend, safety=not missions_only, dry_run=dry_run, watch=watch)
+    held, changes = asyncio.run(loading)
     record = None
     if held is not None:
         record = _keep(to, plan.scenario.name, held)
@@ -104,12 +106,12 @@ def restore(
 
 
 async def _upload(
-    screen: Screen, plan: Plan, known: Connection, *, safety: bool, dry_run: bool, watch: Stopwatch
+    screen: Screen, plan: Plan, known: Connection, backend: str, *, safety: bool, dry_run: bool, watch: Stopwatch
 ) -> tuple[Holdings | None, tuple[Change, ...]]:
     from gcs.flight.loading import build_loads
     from gcs.link.upload import preview, upload_fleet
 
-    async with known.open() as fleet:
+    async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, safety=safety)

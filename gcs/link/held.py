@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from gcs.errors import PeerError
 from gcs.frames import from_degE7
-from gcs.link.dialect import MessageId, MissionType
+from gcs.link.dialect import MissionType
 from gcs.link.load import VehicleLoad
+from gcs.link.loadable import Loadable
 from gcs.link.mission_compare import compare_missions
-from gcs.link.session import VehicleSession
 from gcs.mission.geofence import BadItem, Geofence, RallyPoint, fence_from_items, rally_from_items
 from gcs.mission.model import Home, MissionItem
 
@@ -54,7 +54,7 @@ class Held:
         ]
 
 
-async def read_held(session: VehicleSession) -> Held:
+async def read_held(session: Loadable) -> Held:
     """Download everything. Raises `PeerError`."""
     items = await session.download(MissionType.MISSION)
     fence = await session.download(MissionType.FENCE)
@@ -64,9 +64,5 @@ async def read_held(session: VehicleSession) -> Held:
         first, items = items[0], items[1:]
         home = Home(from_degE7(first.lat_degE7), from_degE7(first.lon_degE7), first.alt_m)
     else:
-        try:
-            told = (await session.request_message(MessageId.HOME_POSITION, "HOME_POSITION", 2.0)).fields
-            home = Home(from_degE7(told["latitude"]), from_degE7(told["longitude"]), told["altitude"] / 1e3)
-        except PeerError:
-            home = None  # it has none before it knows where it is
+        home = await session.home()
     return Held(session.sysid, session.autopilot, home, items, fence, rally)

@@ -12,16 +12,18 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
-from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
 from gcs.link.delivery import Delivery
-from gcs.link.dialect import Autopilot, MavCommand, MissionType, ModeFlag
+from gcs.link.dialect import Autopilot, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.link.items import with_home
 from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.mission_receiver import reader
+from gcs.link.parameter import Parameter
+from gcs.link.parameter_machine import ParameterReader, ParameterWriter
 from gcs.link.quality import LinkQuality
 from gcs.link.roundtrip import RoundTrip
 from gcs.link.statustext import StatusText, StatusTextJoiner
@@ -231,6 +233,26 @@ class VehicleSession:
                 else:
                     return machine.items
             raise ProtocolMisuse("a download ended without result.")
+
+    async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
+        """Parameters by name. Raises `PeerTimeout` that names one the vehicle does not answer for."""
+        reader = ParameterReader(names, self.station, self.autopilot, me=self.me, round_trip=self.round_trip)
+        await self.run(reader)
+        return reader.values
+
+    async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
+        """Sets parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
+        await self.run(
+            ParameterWriter(parameters, self.station, self.autopilot, me=self.me, round_trip=self.round_trip)
+        )
+
+    async def home(self) -> Home | None:
+        """Where its home is; None where it does not tell."""
+        try:
+            told = (await self.request_message(MessageId.HOME_POSITION, "HOME_POSITION", 2.0)).fields
+        except PeerError:
+            return None
+        return Home(told["latitude"] / 1e7, told["longitude"] / 1e7, told["altitude"] / 1e3)
 
     async def upload_mission(self, mission: VehicleMission) -> Delivery:
         """Delivers a mission, with home where the autopilot wants it. Raises as `deliver` does."""

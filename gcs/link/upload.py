@@ -17,9 +17,8 @@ from typing import TypeVar
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.link.dialect import MissionType
 from gcs.link.load import VehicleLoad
+from gcs.link.loadable import Loadable
 from gcs.link.parameter import Parameter, as_kind
-from gcs.link.parameter_machine import ParameterReader, ParameterWriter
-from gcs.link.session import VehicleSession
 
 T = TypeVar("T")
 _SILENT_S = 4.0
@@ -69,21 +68,21 @@ class UploadFailed(PeerError):
 class _Loading:
     """One vehicle on the way."""
 
-    session: VehicleSession
+    session: Loadable
     load: VehicleLoad
     changes: list[Change] = field(default_factory=list)
     touched: set[MissionType] = field(default_factory=set)
     wrote: bool = False
 
 
-async def preview(sessions: Mapping[int, VehicleSession], loads: Sequence[VehicleLoad]) -> tuple[Change, ...]:
+async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[Change, ...]:
     """The parameters that an upload would change. Nothing is changed. Raises `PeerError`, `UsageError`."""
     found = await asyncio.gather(*(_changes(sessions[load.sysid], load) for load in loads))
     return tuple(change for changes in found for change in changes)
 
 
 async def upload_fleet(
-    sessions: Mapping[int, VehicleSession],
+    sessions: Mapping[int, Loadable],
     loads: Sequence[VehicleLoad],
     plan_hash: str,
     on_step: Callable[[int, str], None] = lambda sysid, what: None,
@@ -119,13 +118,13 @@ async def upload_fleet(
     return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes))
 
 
-async def restore(sessions: Mapping[int, VehicleSession], changes: Sequence[Change]) -> None:
+async def restore(sessions: Mapping[int, Loadable], changes: Sequence[Change]) -> None:
     """Give every changed parameter its old value. Raises `PeerError`; the others are restored all the same."""
     by_vehicle: dict[int, list[Parameter]] = {}
     for change in changes:
         by_vehicle.setdefault(change.sysid, []).append(change.before)
     results = await asyncio.gather(
-        *(_write(sessions[sysid], old) for sysid, old in by_vehicle.items()), return_exceptions=True
+        *(sessions[sysid].write_parameters(old) for sysid, old in by_vehicle.items()), return_exceptions=True
     )
     for result in results:
         if isinstance(result, BaseException):
@@ -158,15 +157,14 @@ async def _all_or_first(actions: Sequence[Awaitable[T]], every: Sequence[_Loadin
     return [task.result() for task in tasks]
 
 
-async def _changes(session: VehicleSession, load: VehicleLoad) -> list[Change]:
+async def _changes(session: Loadable, load: VehicleLoad) -> list[Change]:
     wanted = dict(load.parameters)
     if not wanted:
         return []
-    reader = ParameterReader(tuple(wanted), session.station, session.autopilot, round_trip=session.round_trip)
-    await session.run(reader)
+    values = await session.read_parameters(tuple(wanted))
     changes = []
     for name, value in wanted.items():
-        before = reader.values[name]
+        before = values[name]
         after = Parameter(name, as_kind(name, value, before.kind), before.kind)
         if after.value != before.value:
             changes.append(Change(session.sysid, before, after))
@@ -187,12 +185,8 @@ async def _put(one: _Loading, on_step: Callable[[int, str], None]) -> None:
 async def _set(one: _Loading, on_step: Callable[[int, str], None]) -> None:
     if one.changes:
         one.wrote = True
-        await _write(one.session, [change.after for change in one.changes])
+        await one.session.write_parameters([change.after for change in one.changes])
         on_step(one.session.sysid, f"{len(one.changes)} parameters")
-
-
-async def _write(session: VehicleSession, parameters: Sequence[Parameter]) -> None:
-    await session.run(ParameterWriter(parameters, session.station, session.autopilot, round_trip=session.round_trip))
 
 
 async def _take_back(every: Sequence[_Loading]) -> dict[int, str]:
@@ -214,7 +208,7 @@ async def _cleared(one: _Loading) -> str:
             left.append(f"its {kind.name.lower()} may be a mix of old and new: do not fly it")
     if one.wrote:
         try:
-            await _write(one.session, [change.before for change in one.changes])
+            await one.session.write_parameters([change.before for change in one.changes])
         except GcsError:
             left.append("its parameters may be changed")
     if left:

@@ -1,0 +1,112 @@
+"""The same uploads by our own machines and by MAVSDK, on both emulated autopilots."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from gcs.cli.link_options import BACKENDS, Connection
+from gcs.errors import UsageError
+from gcs.flight.loading import build_loads
+from gcs.link.backend_mavsdk import mavsdk_url
+from gcs.link.dialect import Autopilot
+from gcs.link.held import read_held
+from gcs.link.loadable import Loadable
+from gcs.link.upload import UploadFailed, preview, restore, upload_fleet
+from gcs.plan.trajectory import Plan
+from sim_bridge.fleet import Fleet
+from tests.fleets import free_port
+
+EACH = pytest.mark.parametrize("backend", BACKENDS)
+BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+SYSIDS = (1, 2)
+
+
+def run(scene: Awaitable[None]) -> None:
+    async def bounded() -> None:
+        await asyncio.wait_for(scene, 90)
+
+    asyncio.run(bounded())
+
+
+@asynccontextmanager
+async def vehicles(
+    make_fleet: Callable[..., Fleet], backend: str, autopilot: str
+) -> AsyncIterator[dict[int, Loadable]]:
+    port = free_port()
+    make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",))
+    async with Connection((f"udpin:127.0.0.1:{port}",)).open_backend(backend) as fleet:
+        yield dict(await fleet.vehicles(SYSIDS, 20.0))
+
+
+def loads_for(plan: Plan, autopilot: str):
+    every = build_loads(plan, dict.fromkeys(plan.sysids, int(Autopilot[autopilot.upper()])))
+    short = []
+    for load in every[:2]:
+        items, times = load.mission.items[:12], load.mission.arrival_s[:12]
+        short.append(replace(load, mission=replace(load.mission, items=items, arrival_s=times)))
+    return tuple(short)
+
+
+@EACH
+@BOTH
+def test_everything_is_loaded_read_and_put_back(
+    simulation1_plan: Plan, make_fleet: Callable[..., Fleet], backend: str, autopilot: str
+) -> None:
+    loads = loads_for(simulation1_plan, autopilot)
+
+    async def scene() -> None:
+        async with vehicles(make_fleet, backend, autopilot) as found:
+            before = await preview(found, loads)
+            assert before
+            held = await upload_fleet(found, loads, simulation1_plan.hash)
+            held.require(simulation1_plan.hash, SYSIDS)
+            assert held.changes == before
+            for load in loads:
+                assert (await read_held(found[load.sysid])).differences(load) == []
+            assert await preview(found, loads) == ()
+            await restore(found, held.changes)
+            assert await preview(found, loads) == before
+
+    run(scene())
+
+
+@EACH
+@BOTH
+def test_one_bad_item_leaves_nobody_with_a_mission(
+    simulation1_plan: Plan, make_fleet: Callable[..., Fleet], backend: str, autopilot: str
+) -> None:
+    first, second = loads_for(simulation1_plan, autopilot)
+    items = list(second.mission.items)
+    items[3] = replace(items[3], command=9999)
+    second = replace(second, mission=replace(second.mission, items=tuple(items)))
+
+    async def scene() -> None:
+        async with vehicles(make_fleet, backend, autopilot) as found:
+            with pytest.raises(UploadFailed, match="because of vehicle 2: ") as caught:
+                await upload_fleet(found, (first, second), simulation1_plan.hash)
+            assert all("cleared" in state for state in caught.value.states.values()), str(caught.value)
+            for vehicle in found.values():
+                held = await read_held(vehicle)
+                assert held.mission == held.fence == held.rally == ()
+
+    run(scene())
+
+
+def test_links_have_mavsdks_names_and_keys_are_refused() -> None:
+    assert mavsdk_url("udpin:127.0.0.1:14550") == "udpin://127.0.0.1:14550"
+    assert mavsdk_url("tcp:10.0.0.5:5760") == "tcpout://10.0.0.5:5760"
+    assert mavsdk_url("/dev/ttyUSB0:57600") == "serial:///dev/ttyUSB0:57600"
+
+    async def opened(backend: str, key: bytes | None) -> None:
+        async with Connection(("udpin:127.0.0.1:0",), key=key).open_backend(backend):
+            pass
+
+    with pytest.raises(UsageError, match="MAVSDK cannot sign"):
+        asyncio.run(opened("mavsdk", bytes(range(32))))
+    with pytest.raises(UsageError, match="there are skein and mavsdk"):
+        asyncio.run(opened("nonsense", None))
