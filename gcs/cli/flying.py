@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack, nullcontext
 from dataclasses import dataclass, field, replace
@@ -27,10 +28,11 @@ from gcs.flight.fly import Flight
 from gcs.flight.journal import EventLog, TelemetryLog, asked, new_folder, report_data, write_report
 from gcs.flight.judge import Verdict, judge
 from gcs.flight.loading import build_loads
+from gcs.flight.logbook import Logbook, write_logbook
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.preflight import PreflightLimits
 from gcs.flight.simulator import SimulatorOptions, simulator
-from gcs.flight.stages import FlightTimes, Snapshot
+from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.truth import Truth, load_truth
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.session import VehicleSession
@@ -132,7 +134,21 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
             events.write(event)
             request.screen.say(f"t = {event.t_s:.1f} s: vehicle {event.sysid} {event.what}. {event.rule}".rstrip(". "))
 
-        flight = _flight(request, stream, fleet, sessions, options, tell)
+        def log_step(step: Step, t0_unix_s: float | None) -> None:
+            book = Logbook(
+                mission=plan.scenario.name,
+                plan_hash=plan.hash,
+                links=() if request.link is None else request.link.links,
+                systems=known.systems,
+                mode=request.mode.value,
+                follow=options.follow,
+                step=step.value,
+                t0_unix_s=t0_unix_s,
+                pid=os.getpid(),
+            )
+            write_logbook(folder, book)
+
+        flight = _flight(request, stream, fleet, sessions, options, tell, log_step)
         showing = asyncio.ensure_future(_show_live(request.screen, flight))
         try:
             return await flight.run()
@@ -150,11 +166,12 @@ def _flight(
     sessions: dict[int, VehicleSession],
     options: FlightOptions,
     tell: Callable[[Event], None],
+    log_step: Callable[[Step, float | None], None],
 ) -> Flight:
     """Emulated vehicles get their missions; others everything that is exported, once they have been looked at."""
     plan = request.plan
     if request.link is None:
-        return Flight(plan, build_missions(plan), stream, sessions, options, tell)
+        return Flight(plan, build_missions(plan), stream, sessions, options, tell, log_step)
     autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
     loads = build_loads(plan, autopilots, safety=request.safety)
 
@@ -162,7 +179,7 @@ def _flight(
         await go_or_no_go(request.screen, fleet, sessions, plan, PreflightLimits())
 
     missions = [load.mission for load in loads]
-    return Flight(plan, missions, stream, sessions, options, tell, loads=loads, on_ready=look)
+    return Flight(plan, missions, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
 
 
 def _simulator_options(request: FlyRequest, folder: Path, port: int) -> SimulatorOptions:

@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.cli.attach import attach
 from gcs.cli.check import check
 from gcs.cli.console import Screen
 from gcs.cli.download import diff, download
@@ -47,7 +48,22 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (new, show, plan, verify, export, check, fly, vehicles, upload, download, diff, restore, schema):
+for _command in (
+    new,
+    show,
+    plan,
+    verify,
+    export,
+    check,
+    fly,
+    attach,
+    vehicles,
+    upload,
+    download,
+    diff,
+    restore,
+    schema,
+):
     app.command()(_command)
 
 

@@ -7,6 +7,7 @@ a rule is as it is.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from functools import partial
@@ -68,20 +69,21 @@ class Crisis:
         self._options = options
         self._on_event = on_event
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
-        self._watches: dict[int, VehicleWatch] = {}
+        self._watches = {sysid: self._watch(crew) for sysid, crew in crews.items()}
         self._going_home: dict[int, LegsCourse] = {}
         self._tasks: dict[int, asyncio.Future[None]] = {}
+
+    def _watch(self, crew: Crew) -> VehicleWatch:
+        m = crew.manners
+        obeys = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
+        return VehicleWatch(crew.sysid, m, self._options.limits, math.inf, frozenset(obeys))
 
     async def run(self) -> None:
         """Look, decide, order, until cancelled."""
         began_s = self._time.sure_s()
-        stops = []
-        for crew in self._crews.values():
-            m = crew.manners
-            obeys = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
-            watch = VehicleWatch(crew.sysid, m, self._options.limits, began_s, frozenset(obeys))
-            self._watches[crew.sysid] = watch
-            stops.append(crew.session.subscribe(self._listener(watch)))
+        stops = [crew.session.subscribe(self._listener(self._watches[crew.sysid])) for crew in self._crews.values()]
+        for watch in self._watches.values():
+            watch.begin(began_s)
         looked_s = began_s
         try:
             while True:
@@ -95,6 +97,12 @@ class Crisis:
                 stop()
             for task in self._tasks.values():
                 await ended(task)
+
+    def call_home(self) -> None:
+        """Everybody returns now, because somebody says so."""
+        t_s = self._time.sure_s() - (self._monitor.t0_unix_s or 0.0)
+        for order in self.director.call_home(self._time.sure_s()):
+            self._carry_out(order, t_s)
 
     def landing(self) -> None:
         """The plan is over: modes change now because we say so."""

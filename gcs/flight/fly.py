@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
 
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.flight.crisis import Crisis
@@ -34,7 +37,8 @@ from gcs.flight.prologue import (
 )
 from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
-from gcs.flight.together import LOOK_S, alongside, each, ended
+from gcs.flight.takeup import FADE_S, NEAR_M, TakeUp, where_in_plan
+from gcs.flight.together import LOOK_S, alongside, each, ended, until
 from gcs.link.dialect import MavCommand
 from gcs.link.load import VehicleLoad
 from gcs.link.message import Message
@@ -44,6 +48,8 @@ from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.start import starting_at
 from gcs.plan.trajectory import Plan
+
+T = TypeVar("T")
 
 
 class Flight:
@@ -57,6 +63,7 @@ class Flight:
         sessions: dict[int, VehicleSession],
         options: FlightOptions,
         on_event: Callable[[Event], None] = lambda event: None,
+        on_step: Callable[[Step, float | None], None] = lambda step, t0_unix_s: None,
         *,
         loads: Sequence[VehicleLoad] | None = None,
         on_ready: Callable[[], Awaitable[None]] | None = None,
@@ -87,12 +94,23 @@ class Flight:
         self._leaving_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
         self._start_unix_s = 0
         self._on_event = on_event
+        self._on_step = on_step
 
     async def run(self) -> FlightTimes:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight); vehicles aloft are landed first."""
-        stops = [self._listen(crew) for crew in self.crews.values()]
+        return await self._guarded(self._run())
+
+    async def take_up(self, what: TakeUp, t0_unix_s: float | None) -> float | None:
+        """Go on with a flight that another process began and left; returns T0. Raises as `run` does.
+
+        `t0_unix_s` is that of the process that began, None if it had none yet.
+        """
+        return await self._guarded(self._take_up(what, t0_unix_s))
+
+    async def _guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+        stops = [self.listen(crew) for crew in self.crews.values()]
         watch = asyncio.ensure_future(self._watch_links())
-        work = asyncio.ensure_future(self._run())
+        work = asyncio.ensure_future(flying)
         try:
             done, _ = await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
             if watch in done:
@@ -126,37 +144,72 @@ class Flight:
     async def _run(self) -> FlightTimes:
         self._check_mode()
         await self._each(ask_for_telemetry)
-        self.step = Step.READY
+        self._enter(Step.READY)
         await self._each(until_ready)
         if self._on_ready is not None:
             await self._on_ready()
-        self.step = Step.UPLOAD
+        self._enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
             self._set_common_start()
         loads = [replace(load, mission=self.missions[load.sysid]) for load in self.loads]
         self.held = await upload_fleet(self.sessions, loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
-        self.crisis = Crisis(
-            self.plan,
-            self.crews,
-            self.monitor,
-            self.pilot,
-            self.time,
-            await self._returns(),
-            self.options,
-            self._on_event,
-        )
-        self.step = Step.TAKEOFF
+        self.crisis = await self._crisis()
+        self._enter(Step.TAKEOFF)
         await self._each(take_off)
         await self._each(until_hovering)
         airborne_unix_s = self.time.sure_s()
-        self.step = Step.FLY
+        self._enter(Step.FLY)
         fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
         t0_unix_s = await fly()
-        self.step = Step.DONE
+        self._enter(Step.DONE)
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
         self._tell_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
+
+    async def _take_up(self, what: TakeUp, t0_unix_s: float | None) -> float | None:
+        await self._each(ask_for_telemetry)
+        await self._each(until_ready)
+        await until(self._everybody_told, self.options.find_timeout_s, "a position of every vehicle")
+        self.crisis = await self._crisis()
+        if what is TakeUp.LAND or (what is TakeUp.RESUME and not any(s.armed for s in self.sessions.values())):
+            self._enter(Step.LAND)
+            await self._each(self._land)
+            await self._each(until_landed)
+            self._enter(Step.DONE)
+            return t0_unix_s
+        if what is TakeUp.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
+            self.pilot.stand_by(t0_unix_s)
+            go_on = [t0_unix_s]
+        else:
+            where = where_in_plan(self.plan, np.array([c.view.position_ned_m for c in self.crews.values()]))
+            if what is TakeUp.RESUME and where.off_m > NEAR_M:
+                raise FlightError(
+                    f"the formation is not where the plan ever has it: at its nearest, t = {where.t_s:.0f} s, somebody"
+                    f" is {where.off_m:.1f} m off.",
+                    hint="let it --land or --return",
+                )
+            go_on = [self.pilot.go_on(where.t_s, FADE_S if what is TakeUp.RESUME else None)]
+        async with alongside(self.pilot.run()):
+            if what is TakeUp.RESUME and self.options.mode is FlightMode.STREAM:
+                await self._each(self.pilot.obey)
+            self._enter(Step.FLY)
+            await self._watch_over(go_on[0], everybody_home=what is TakeUp.RETURN)
+        self._enter(Step.DONE)
+        if what is TakeUp.RESUME:
+            self._tell_troubles()
+        return go_on[0]
+
+    def _everybody_told(self) -> bool:
+        return all(np.isfinite(c.view.position_ned_m).all() for c in self.crews.values())
+
+    def _enter(self, step: Step) -> None:
+        self.step = step
+        self._on_step(step, self.monitor.t0_unix_s)
+
+    async def _crisis(self) -> Crisis:
+        returns = await self._returns()
+        return Crisis(self.plan, self.crews, self.monitor, self.pilot, self.time, returns, self.options, self._on_event)
 
     def _check_mode(self) -> None:
         late = [c.sysid for c in self.crews.values() if not c.manners.waits_for_time_of_day]
@@ -174,10 +227,13 @@ class Flight:
             await self._watch_over(t0_unix_s)
         return t0_unix_s
 
-    async def _watch_over(self, t0_unix_s: float) -> None:
+    async def _watch_over(self, t0_unix_s: float, *, everybody_home: bool = False) -> None:
         """From T0 known to everybody down, with eyes open; the pilot goes on beside it."""
         self.monitor.t0_unix_s = t0_unix_s
+        self._enter(self.step)
         async with alongside(self.crisis.run()):
+            if everybody_home:
+                self.crisis.call_home()
             over = asyncio.ensure_future(self.crisis.over.wait())
             planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
             try:
@@ -185,7 +241,7 @@ class Flight:
             finally:
                 await ended(over)
                 await ended(planned)
-            self.step = Step.LAND
+            self._enter(Step.LAND)
             self.crisis.landing()
             landing = [c for c in self.crews.values() if self.crisis.director.states[c.sysid] is State.FLYING]
             if self.options.mode is FlightMode.STREAM:
@@ -248,7 +304,9 @@ class Flight:
     async def _each(self, action: Callable[[Crew], Awaitable[object]]) -> None:
         await each(self.crews.values(), action)
 
-    def _listen(self, crew: Crew) -> Callable[[], None]:
+    def listen(self, crew: Crew) -> Callable[[], None]:
+        """Take in what a vehicle tells of its place, until the result is called."""
+
         def receive(message: Message) -> None:
             if message.name == "LOCAL_POSITION_NED":
                 self.monitor.receive(crew.row, message, crew.session.clock)

@@ -101,6 +101,33 @@ class Pilot:
         self.scheduler.streams[crew.sysid].end = None
         await self._switch(crew)
 
+    def go_on(self, t_s: float, fade_s: float | None) -> float:
+        """Have the plan go on a second from now with its instant `t_s`, from where everybody is; returns T0.
+
+        With `fade_s` everybody is streamed to at once, and in its place after that time.
+        """
+        t0_unix_s = self._time.sure_s() + self._options.lead_s + 1.0 - t_s
+        self.scheduler = self._scheduler(t0_unix_s)
+        if fade_s is not None:
+            if self._options.follow:
+                self._let_follow(t0_unix_s)
+            for crew in self._crews.values():
+                base = self.vehicles[crew.sysid].course
+                values = base.at(self.scheduler.grid.ahead_of(t_s), t_s)
+                if values is not None:
+                    off_m = crew.view.position_ned_m - np.array(values[:3])
+                    off_mps = crew.view.velocity_ned_mps - np.array(values[3:6])
+                    course = RejoinCourse(base, off_m, off_mps, t_s, fade_s)
+                    self.vehicles[crew.sysid].course = course
+                now_s = self._time.sure_s() - t0_unix_s
+                end = None if crew.manners.stream_first_s else len(self._stream.t_s)
+                self.scheduler.start(crew.sysid, self.scheduler.grid.ahead_of(now_s), end)
+        return t0_unix_s
+
+    async def obey(self, crew: Crew) -> None:
+        """Have it obey setpoints, if it does not. Raises as switching modes does."""
+        await self._switch(crew)
+
     def rejoin(self, crew: Crew, view: VehicleView, begin_s: float, fade_s: float) -> None:
         """Have a vehicle go on with its course from where it is, and be on it in `fade_s`."""
         assert self.scheduler is not None

@@ -142,6 +142,11 @@ class Director:
                 what = "a critical battery" if incident.kind is Kind.BATTERY_CRITICAL else "who does not know its place"
                 return self._out(incident, State.LANDING, Action.LAND, f"{what} lands where it is")
 
+    def call_home(self, unix_s: float) -> list[Order]:
+        """Whoever flies calls everybody home."""
+        rule = "all were called home"
+        return [self._order(i, State.RETURNING, Action.RETURN, rule, unix_s) for i in self.in_formation]
+
     def clear(self, unix_s: float) -> list[Order]:
         """Who gave way and has been out of conflict for a while goes home."""
         orders = []

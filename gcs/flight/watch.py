@@ -74,6 +74,10 @@ class VehicleWatch:
         self._mode: int | None = None
         self._mode_told = False
 
+    def begin(self, unix_s: float) -> None:
+        """Watching begins now: silence counts from here."""
+        self._heard_s = self._placed_s = unix_s
+
     def receive(self, message: Message, unix_s: float) -> None:
         """Any message of the vehicle is a sign of life; some say more."""
         self._heard_s = max(self._heard_s, unix_s)

@@ -1,0 +1,103 @@
+"""A ground station is killed in the middle of a flight; another process takes the flight up."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.scenario.load import load_scenario
+from sim_bridge.endpoints.spec import call
+from sim_bridge.world import World, WorldOptions
+from tests.bridge.flying import hop_scenario
+from tests.fleets import free_port, running_fleet
+
+GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
+SPEEDUP = 4.0
+
+
+@pytest.fixture(scope="module")
+def hop_mission(repo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("hop") / "scenario.json"
+    path.write_text(hop_scenario(load_scenario(repo_root / "missions" / "field")).model_dump_json())
+    return path
+
+
+@pytest.fixture
+def left_alone(hop_mission: Path, tmp_path: Path) -> Iterator[tuple[World, Path]]:
+    """Vehicles in the air whose ground station was killed, and the folder of flights."""
+    port = free_port()
+    scenario = load_scenario(hop_mission)
+    with running_fleet(scenario, WorldOptions(links=(call(port),), speedup=SPEEDUP)) as world:
+        line = [*GCS, "fly", str(hop_mission), "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", str(tmp_path)]
+        process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+        assert process.stdout is not None
+        while not (said := process.stdout.readline()).startswith("flying: t = "):
+            assert said, "it ended before it flew"
+        while world.airframes.truth[0, 0] < 5.0:
+            assert process.poll() is None
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        yield world, tmp_path
+
+
+def attach(*arguments: str) -> dict[str, object]:
+    done = subprocess.run(
+        [*GCS, "attach", *arguments, "--json"], capture_output=True, text=True, timeout=120.0, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    found: dict[str, object] = json.loads(done.stdout)
+    return found
+
+
+def test_it_is_found_shown_and_flown_to_its_end(left_alone: tuple[World, Path]) -> None:
+    world, flights = left_alone
+    shown = attach("--to", str(flights))
+    assert shown["was"] == "flying"
+    assert not world.airframes.landed.any()
+    attach("--to", str(flights), "--resume")
+    assert world.airframes.landed.all()
+    assert np.linalg.norm(world.airframes.truth[0, :2] - [60.0, 20.0]) < 1.0
+    nothing = subprocess.run([*GCS, "attach", "--to", str(flights)], capture_output=True, text=True, check=False)
+    assert nothing.returncode == 2  # it is over
+    assert "unfinished" in nothing.stderr
+
+
+def test_it_is_called_home(left_alone: tuple[World, Path]) -> None:
+    world, flights = left_alone
+    attach("--to", str(flights), "--return")
+    assert world.airframes.landed.all()
+    pads = np.array([[0.0, 0.0], [-4.33, -2.5], [-4.33, 2.5]])
+    assert np.abs(world.airframes.truth[:, :2] - pads).max() < 1.0
+
+
+def test_it_lands(left_alone: tuple[World, Path]) -> None:
+    world, flights = left_alone
+    (folder,) = flights.iterdir()
+    attach(str(folder), "--land")
+    assert world.airframes.landed.all()
+    assert 4.0 < world.airframes.truth[0, 0] < 55.0
+
+
+def test_a_flight_that_is_still_flown_is_left_alone(tmp_path: Path) -> None:
+    book = {
+        "format": "skein-flight-1",
+        "mission": "hop",
+        "plan_hash": "",
+        "link": "udpin:127.0.0.1:1",
+        "mode": "stream",
+    }
+    book |= {"systems": {}, "follow": False, "step": "flying", "t0_unix_s": 1.0, "pid": os.getpid()}
+    folder = tmp_path / "now"
+    folder.mkdir()
+    (folder / "flight.json").write_text(json.dumps(book))
+    done = subprocess.run([*GCS, "attach", "--to", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert f"still flown by process {os.getpid()}" in done.stderr
