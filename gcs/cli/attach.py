@@ -28,7 +28,8 @@ def attach(
 ) -> int:
     """Find a flight whose `gcs fly` was killed, show how its vehicles are, and land, return or resume it.
 
-    Without one of the three it only looks. Links are the flight's own unless others are named. Exit status 0 once everybody is down, or was shown.
+    Without one of the three it only looks. Links are the flight's own unless others are named. Exit
+    status 0 once everybody is down, or was shown.
 
     Examples: gcs attach
 

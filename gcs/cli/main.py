@@ -23,6 +23,7 @@ from gcs.cli.export import export
 from gcs.cli.fly import fly
 from gcs.cli.new import new
 from gcs.cli.plan import plan
+from gcs.cli.report import report
 from gcs.cli.schema import schema
 from gcs.cli.show import show
 from gcs.cli.upload import restore, upload
@@ -57,6 +58,7 @@ for _command in (
     check,
     fly,
     attach,
+    report,
     vehicles,
     upload,
     download,

@@ -70,6 +70,7 @@ class Crisis:
         self._on_event = on_event
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
         self._watches = {sysid: self._watch(crew) for sysid, crew in crews.items()}
+        self._now_s = -math.inf  # of the fleet; worked out once for many messages
         self._going_home: dict[int, LegsCourse] = {}
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
@@ -80,7 +81,7 @@ class Crisis:
 
     async def run(self) -> None:
         """Look, decide, order, until cancelled."""
-        began_s = self._time.sure_s()
+        began_s = self._now_s = self._time.sure_s()
         stops = [crew.session.subscribe(self._listener(self._watches[crew.sysid])) for crew in self._crews.values()]
         for watch in self._watches.values():
             watch.begin(began_s)
@@ -89,6 +90,7 @@ class Crisis:
             while True:
                 await asyncio.sleep(_SLEEP_S)
                 now_s = self._time.now_s()
+                self._now_s = self._now_s if now_s is None else now_s
                 if now_s is not None and now_s - looked_s >= _PERIOD_S and self._monitor.t0_unix_s is not None:
                     looked_s = now_s
                     self._look(now_s, self._monitor.t0_unix_s)
@@ -125,9 +127,7 @@ class Crisis:
 
     def _listener(self, watch: VehicleWatch) -> Callable[[Message], None]:
         def receive(message: Message) -> None:
-            now_s = self._time.now_s()
-            if now_s is not None:
-                watch.receive(message, now_s)
+            watch.receive(message, self._now_s)
 
         return receive
 

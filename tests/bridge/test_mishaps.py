@@ -5,23 +5,14 @@ Times in faults are seconds from take-off on; T0 is about 20 s after it.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from gcs.errors import FlightError
 from gcs.flight.options import FlightMode
 from gcs.flight.rules import OnLoss
-from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
-from gcs.scenario.load import load_scenario
-from tests.bridge.flying import Flown, fly, hop_scenario
-
-
-@pytest.fixture(scope="session")
-def hop(repo_root: Path) -> Plan:
-    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
+from tests.bridge.flying import Flown, fly
 
 
 def flew_on(flown: Flown, sysid: int) -> None:
