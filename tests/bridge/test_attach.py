@@ -91,7 +91,7 @@ def test_a_flight_that_is_still_flown_is_left_alone(tmp_path: Path) -> None:
         "format": "skein-flight-1",
         "mission": "hop",
         "plan_hash": "",
-        "link": "udpin:127.0.0.1:1",
+        "links": ["udpin:127.0.0.1:1"],
         "mode": "stream",
     }
     book |= {"systems": {}, "follow": False, "step": "flying", "t0_unix_s": 1.0, "pid": os.getpid()}
