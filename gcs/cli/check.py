@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -79,23 +80,29 @@ def check(
     from gcs.mission.check import check_fleet
     from gcs.mission.firmware import Firmware
     from gcs.mission.flown import fly, surroundings
-    from gcs.mission.flown_model import fly_modelled
-    from gcs.mission.limits import FlightLimits, limits_of, surroundings_of
+    from gcs.mission.flown_model import Modelled
+    from gcs.mission.limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.missionfile import load_missions
     from gcs.mission.origin import exported_from
 
     missions = load_missions(files, None if autopilot is None else Firmware.named(autopilot))
     asked_m, changed = exported_from(missions)
+    timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
+    modelled = Modelled()
     if terrain is None:
         around = surroundings(missions)
         limits = FlightLimits(separation or asked_m or FlightLimits().separation_m)
     else:
+        from gcs.mission.navigator.ability import ability_of
         from gcs.scenario.load import load_scenario
+        from gcs.scenario.physical import quadrotor
 
         scenario = load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)
-    timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
-    report = check_fleet(missions, around, limits, fly_modelled if timing == "autopilot" else fly)
+        modelled = Modelled(ability_of(quadrotor(scenario), scenario.limits))
+        if timing == "autopilot":
+            limits = replace(limits, overspeed=OVERSPEED)
+    report = check_fleet(missions, around, limits, modelled if timing == "autopilot" else fly)
     findings = (*changed, *report.findings)
     for finding in findings:
         screen.say(str(finding))

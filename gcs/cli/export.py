@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
 AUTOPILOTS = ("ardupilot", "px4")
+_SHOWN = 20  # vehicles
 ALTITUDES = ("relative", "amsl", "terrain")
 
 
@@ -49,6 +52,27 @@ def export(
         float | None,
         typer.Option("--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline this near to the plan."),
     ] = None,
+    untimed: Annotated[
+        bool,
+        typer.Option(
+            "--untimed",
+            help="Missions ask for the plan's own speeds, which autopilots do not keep, instead of corrected ones.",
+        ),
+    ] = False,
+    gates: Annotated[
+        int,
+        typer.Option("--gates", metavar="N", help="Points on the way where all wait for their common time; ArduPilot."),
+    ] = 0,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="HH:MM:SS",
+            help="Time of day (UTC) at which all leave the hover after the take-off, and from which gates count; "
+            "ArduPilot.",
+            show_default="when the take-off is done",
+        ),
+    ] = None,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -57,17 +81,20 @@ def export(
 
     Examples: gcs export missions/simulation1 --to out
 
-    gcs export missions/field --to out --format plan --format kml --autopilot px4
+    gcs export missions/field --to out --format plan --format kml
+
+    gcs export missions/field --to out --gates 3 --start 10:30:00
     """
     screen = Screen(json=json)
-    _check(autopilot, altitude)
+    _check(autopilot, altitude, gates)
+    start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.mission.export import export as write
     from gcs.mission.firmware import Firmware
     from gcs.mission.formats import formats_named
     from gcs.mission.model import Altitude
 
-    wanted = formats_named(formats or ())
+    wanted = formats_named(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
@@ -78,6 +105,9 @@ def export(
         firmware=None if autopilot is None else Firmware.named(autopilot),
         altitude=Altitude(altitude),
         smooth_m=smooth,
+        timed=not untimed,
+        gates=gates,
+        start_s=start_s,
     )
     watch.lap("export")
     for name in index.sha256:
@@ -92,7 +122,11 @@ def export(
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
+    if index.refused:
+        screen.say(f"WARNING: no missions were written: {index.refused}")
+        screen.say("  the setpoint stream keeps path and time; --untimed writes missions with the plan's own speeds")
     _say_verified(screen, index, plan)
+    _say_timing(screen, index)
     _say_returns(screen, index, plan)
     screen.say(f"time: {watch}")
     screen.result(
@@ -103,6 +137,8 @@ def export(
             "firmware": index.firmware.name.lower(),
             "altitude": index.altitude,
             "waypoints": index.waypoints,
+            "timing": None if index.timing is None else index.timing.data(),
+            "refused": index.refused or None,
             "findings": [] if index.report is None else [f.data() for f in index.report.findings],
             "returns": asdict(index.safety.returns),
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
@@ -116,11 +152,37 @@ def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     report = index.report
     if report is None:
         return
-    told = f"missions read back and flown at their planned speeds: at least {report.clearance_min_m:.2f} m above ground"
+    how = "at their planned speeds" if index.timing is None else f"as {index.firmware.title} flies them"
+    told = f"missions read back and flown {how}: at least {report.clearance_min_m:.2f} m above ground"
     if report.closest is not None:
         first, second = (plan.sysids[row] for row in report.closest.pair)
         told += f", vehicles {first} and {second} at least {report.closest.distance_m:.2f} m apart"
     screen.say(told)
+
+
+def _say_timing(screen: Screen, index: ExportIndex) -> None:
+    """How late everybody is expected to be, and how far from the plan."""
+    timing = index.timing
+    if timing is None:
+        return
+    title = f"predicted for {index.firmware.title}"
+    table = Table("vehicle", "late at worst", "from the plan at most", "RMS", title=title)
+    for one in timing.vehicles[:_SHOWN]:
+        late = f"{one.late_s:+.2f} s at {one.late_at_s:.0f} s"
+        off = f"{one.error_max_m:.2f} m at {one.error_at_s:.0f} s"
+        table.add_row(str(one.sysid), late, off, f"{one.error_rms_m:.2f} m")
+    screen.show(table)
+    if len(timing.vehicles) > _SHOWN:
+        screen.say(f"  and {len(timing.vehicles) - _SHOWN} more; worst {timing.late_s:+.2f} s")
+    near = timing.nearest
+    if near is not None:
+        first, second = near.sysids
+        screen.say(
+            f"vehicles {first} and {second} come within {near.distance_m:.2f} m at {near.t_s:.1f} s if one is "
+            f"{near.apart_s:g} s ahead"
+        )
+    for number, early_s in enumerate(timing.gates_early_s, start=1):
+        screen.say(f"gate {number}: all are there {early_s:.1f} s before it opens")
 
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
@@ -149,8 +211,19 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
         )
 
 
-def _check(autopilot: str | None, altitude: str) -> None:
+def _seconds_of_day(text: str) -> int:
+    """Seconds since midnight. Raises `UsageError` for anything but HH:MM:SS."""
+    found = re.fullmatch(r"([01]\d|2[0-3]):([0-5]\d):([0-5]\d)", text)
+    if not found:
+        raise UsageError(f"--start {text}: give a time of day as HH:MM:SS, UTC")
+    hour, minute, second = map(int, found.groups())
+    return 3600 * hour + 60 * minute + second
+
+
+def _check(autopilot: str | None, altitude: str, gates: int) -> None:
     """Refuse what cannot be meant before anything heavy starts."""
+    if gates < 0:
+        raise UsageError(f"--gates {gates}: give a number, 0 or more")
     if autopilot not in (None, *AUTOPILOTS):
         raise UsageError(f"--autopilot {autopilot}: there are {' and '.join(AUTOPILOTS)}")
     if altitude not in ALTITUDES:

@@ -2,11 +2,13 @@
 
 Knows: which items make a vehicle take off, keep the plan's times leg by leg, and land. Does not know: files, links.
 Timed legs: neither ArduPilot nor PX4 has waypoints with an arrival time, so before every leg DO_CHANGE_SPEED asks
-for leg length / leg time. All vehicles share the times of their waypoints.
+for leg length / leg time, or for a speed that is corrected for the autopilot (`timed`). All vehicles share the times of
+their waypoints.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +18,7 @@ from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.altitudes import kept_alt_m, written_alt_m
 from gcs.mission.firmware import Firmware
+from gcs.mission.legs import TimedLegs, rows_with_own_legs
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
 from gcs.quadrotor import POSITION, Array
@@ -38,16 +41,8 @@ _TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
 
 
-@dataclass(frozen=True)
-class TimedLegs:
-    """Instants (W,) all vehicles pass their waypoints at, from the start of the run-up to the arrival."""
-
-    t_s: Array
-    error: Deviation
-
-
 def timed_legs(plan: Plan) -> TimedLegs:
-    """Choose the waypoints' instants for all vehicles of a plan at once.
+    """Choose the waypoints' instants for all vehicles of a plan at once, for whoever flies at the speeds asked for.
 
     The start of the run-up, T0 and the arrival are always among them. Raises `ScenarioError` for a tolerance that
     rounding alone would break.
@@ -59,8 +54,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
             f"mission.tolerance_m is {tolerance_m} m, but waypoints are rounded by up to {ROUNDING_M} m.",
             hint="ask for 0.02 m or more",
         )
-    # In a rigid formation every vehicle's legs are the leader's, moved: he stands for all.
-    rows = slice(None) if plan.shape.moving_s else slice(plan.leader, plan.leader + 1)
+    rows = rows_with_own_legs(plan)
     kept: list[Array] = []
     errors: list[Deviation] = []
     for phase in plan.phases:
@@ -96,8 +90,8 @@ def build_missions(
             f"{firmware.title} refuses altitudes above the ground in missions.",
             hint="choose relative altitudes or altitudes above mean sea level",
         )
-    t_s = (legs or timed_legs(plan)).t_s
-    missions = tuple(_vehicle_mission(plan, row, t_s, firmware, altitude) for row in range(len(plan.sysids)))
+    legs = legs or timed_legs(plan)
+    missions = tuple(_vehicle_mission(plan, row, legs, firmware, altitude) for row in range(len(plan.sysids)))
     longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
     if longest > firmware.items_max:
         raise ScenarioError(
@@ -107,12 +101,15 @@ def build_missions(
     return missions
 
 
-def _vehicle_mission(plan: Plan, row: int, t_s: Array, firmware: Firmware, altitude: Altitude) -> VehicleMission:
-    """Items of the vehicle in this row, whose waypoints it passes at times (W,)."""
+def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Firmware, altitude: Altitude) -> VehicleMission:
+    """Items of the vehicle in this row."""
     takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
+    t_s = legs.t_s
     origin = Origin(**plan.scenario.origin.model_dump())
     states = plan.motion(t_s, slice(row, row + 1))[0][0]
     yaw_ned_rad = states[:, 8]
+    if legs.lift_m is not None:
+        states[:, 2] -= legs.lift_m
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
@@ -127,23 +124,56 @@ def _vehicle_mission(plan: Plan, row: int, t_s: Array, firmware: Firmware, altit
     length_m = np.linalg.norm(
         np.diff(geodetic_to_ned(kept[:, 0], kept[:, 1], kept[:, 2] + below_m[:-2], origin), axis=0), axis=-1
     )
-    last = len(length_m) - 1
 
     draft = _Draft(altitude.frame, [], [])
     draft.fly_to(Command.NAV_TAKEOFF, places[0], yaw_ned_rad[0], takeoff.end_s)
-    draft.wait(t_s[0] - takeoff.end_s)
+    draft.wait(legs.left_s - takeoff.end_s)
+    rest_s = landing.start_s - t_s[-1]
+    if legs.speeds_mps is None:
+        _fly_planned(draft, t_s, length_m, (places, yaw_ned_rad), rest_s)
+        gates: tuple[tuple[int, float], ...] = ()
+    else:
+        speeds = legs.speeds_mps[min(row, len(legs.speeds_mps) - 1)]
+        gates = _fly_corrected(draft, legs, speeds, (places, yaw_ned_rad), rest_s)
+    draft.fly_to(Command.NAV_LAND, places[-2], yaw_ned_rad[-1], landing.end_s)
+    return VehicleMission(plan.sysids[row], home, tuple(draft.items), tuple(draft.arrival_s), legs.left_s, gates)
+
+
+def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, Array], rest_s: float) -> None:
+    """Every leg at its length over its time; slower ones than autopilots fly are waited out."""
+    places, yaw_ned_rad = ends
+    last = len(length_m) - 1
     for leg, length in enumerate(length_m):
         duration_s = t_s[leg + 1] - t_s[leg]
         speed_mps = max(length / duration_s, SPEED_MIN_MPS)
         moving_s = length / speed_mps if length > _STILL_M else 0.0
         if moving_s or leg == last:
-            draft.do(Command.DO_CHANGE_SPEED, 1.0, round(float(speed_mps), _SPEED_DECIMALS), -1.0, 0.0)
-            hold_s = landing.start_s - t_s[-1] if leg == last else 0.0
-            arrival_s = t_s[leg] + moving_s
-            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], arrival_s, hold_s)
+            draft.ask(speed_mps)
+            hold_s = rest_s if leg == last else 0.0
+            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], t_s[leg] + moving_s, hold_s)
         draft.wait(duration_s - moving_s)
-    draft.fly_to(Command.NAV_LAND, places[-2], yaw_ned_rad[-1], landing.end_s)
-    return VehicleMission(plan.sysids[row], home, tuple(draft.items), tuple(draft.arrival_s))
+
+
+def _fly_corrected(
+    draft: _Draft, legs: TimedLegs, speeds_mps: Array, ends: tuple[Array, Array], rest_s: float
+) -> tuple[tuple[int, float], ...]:
+    """Every leg at the speed that was found for it (W - 1,); returns the delays at gates."""
+    places, yaw_ned_rad = ends
+    gates = {gate.waypoint: gate for gate in legs.gates}
+    delays = []
+    last = len(speeds_mps) - 1
+    for leg, speed in enumerate(speeds_mps.tolist()):
+        if math.isnan(speed):
+            draft.wait(legs.t_s[leg + 1] - legs.t_s[leg])
+        else:
+            draft.ask(speed)
+            hold_s = rest_s if leg == last else 0.0
+            at_s = float(legs.t_s[leg + 1])
+            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], at_s, hold_s)
+        if gate := gates.get(leg + 1):
+            draft.wait(gate.slack_s)
+            delays.append((len(draft.items) - 1, gate.leaves_s))
+    return tuple(delays)
 
 
 @dataclass(frozen=True)
@@ -173,6 +203,10 @@ class _Draft:
         """An item without a position."""
         self.items.append(MissionItem(command, Frame.MISSION, (p1, p2, p3, p4), 0, 0, 0.0))
         self.arrival_s.append(None)
+
+    def ask(self, speed_mps: float) -> None:
+        """A ground speed from now on."""
+        self.do(Command.DO_CHANGE_SPEED, 1.0, round(float(speed_mps), _SPEED_DECIMALS), -1.0, 0.0)
 
     def wait(self, duration_s: float) -> None:
         """A delay from now on (-1: not a time of day); none where it rounds to nothing."""

@@ -6,7 +6,7 @@ Knows: what is checked, in which order. Does not know: how (`check_*`), files, h
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class FleetReport:
     closest: Closest | None  # of rows of the missions
     lowest: tuple[Lowest | None, ...]  # by mission
     duration_s: float
+    flights: tuple[Flight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
 
     @property
     def ok(self) -> bool:
@@ -73,7 +74,7 @@ def check_fleet(
     closest, near = check_separation(missions, flights, limits)
     findings += near
     findings += check_rally_apart(missions, around, limits.separation_m)
-    return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)))
+    return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights)
 
 
 def as_on_the_wire(mission: LoadedMission) -> LoadedMission:

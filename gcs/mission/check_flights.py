@@ -22,7 +22,6 @@ from gcs.scenario.zones import outside_m
 
 _STEP_M = 0.5  # between looks at the ground
 _LOOKS_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km
-_SPEED_TOLERANCE = 0.01  # of a limit
 _LENGTH_TOLERANCE_M = 0.01  # what degE7 and float32 round
 _BELOW_HOME_M = 0.5
 
@@ -103,7 +102,7 @@ def _speeds(mission: LoadedMission, flight: Flight, limits: FlightLimits) -> Ite
     legs = np.flatnonzero(moving)
     for axis, name in enumerate(("north", "east", "vertically")):
         most = limits.speed_ned_mps[axis]
-        if len(legs) and speeds[:, axis].max() > most * (1 + _SPEED_TOLERANCE):
+        if len(legs) and speeds[:, axis].max() > most * (1 + limits.overspeed):
             leg = int(np.argmax(speeds[:, axis]))
             message = f"{speeds[leg, axis]:.2f} m/s {name}; at most {most:g} m/s are allowed"
             at = legs[leg] + 1

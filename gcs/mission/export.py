@@ -7,30 +7,27 @@ replaced (`folder`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.frames import Origin
-from gcs.mission.build import build_missions, timed_legs
 from gcs.mission.export_index import ExportIndex, Smoothing, index_document
 from gcs.mission.fencefile import write_fence, write_rally
 from gcs.mission.firmware import Firmware
 from gcs.mission.folder import Folder, replaced
 from gcs.mission.formats import DEFAULT, FLEET, MAPS, Format, vehicle_name
 from gcs.mission.history import build_histories, write_history
-from gcs.mission.model import Altitude, Command, VehicleMission
+from gcs.mission.mission_files import MissionOrder, make_missions
+from gcs.mission.model import Altitude
 from gcs.mission.parameters import SUFFIX as PARAMETER_SUFFIX
 from gcs.mission.parameters import ParameterFile, write_parameters
-from gcs.mission.planfile import PlanFile, write_plan_file
 from gcs.mission.safety import Safety, build_safety
 from gcs.mission.setpoint_table import StreamFile
 from gcs.mission.setpoints import build_stream, of_vehicle
 from gcs.mission.smooth import SmoothPath, smoothed
 from gcs.mission.tracks import build_map
-from gcs.mission.verify_export import verify_box, verify_written
-from gcs.mission.waypoints import WaypointFile, write_waypoints
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
@@ -50,50 +47,57 @@ def export(
     plan: Plan,
     folder: Path | str,
     *,
-    formats: Iterable[Format] = DEFAULT,
+    formats: Iterable[Format] | None = None,
     firmware: Firmware | None = None,
     altitude: Altitude = Altitude.RELATIVE,
     setpoint_rate_hz: float | None = None,
     smooth_m: float | None = None,
+    timed: bool = True,
+    gates: int = 0,
+    start_s: int | None = None,
 ) -> ExportIndex:
-    """Write the files of these formats and index.json into `folder`.
+    """Write the files of these formats (`formats.DEFAULT` unless given) and index.json into `folder`.
 
     All is written beside and swapped in at the end: the folder holds the old export or the new one. Autopilot and rate
-    are the scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Raises
-    `UsageError` when the folder holds anything that no export made, `ScenarioError` for missions that the autopilot
-    cannot store, `VerificationError` when missions as written or the smoothed path would break a limit, and OSError as
-    the file system does.
+    are the scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Missions are
+    `timed`, their speeds corrected for the autopilot, or ask for the plan's own speeds; `start_s` is the time of day
+    (UTC) at which everybody leaves the hover, which `gates` need. Raises `UsageError` when the folder holds anything
+    that no export made, or for gates that cannot be had, `ScenarioError` for missions that the autopilot cannot store,
+    `VerificationError` when missions as written or the smoothed path would break a limit (missions that nobody asked
+    for are then left out, which the index tells), and OSError as the file system does.
     """
-    formats = tuple(formats)
+    wanted = DEFAULT if formats is None else tuple(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
     firmware = firmware or Firmware.named(plan.scenario.mission.autopilot)
+    order = MissionOrder(firmware, altitude, timed, gates, start_s)
+    order.refuse_impossible()
     with replaced(Path(folder)) as files:
-        legs = timed_legs(plan)
-        missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
         safety = build_safety(plan, firmware)
         path = None if smooth_m is None else smoothed(plan, smooth_m)
-        written = _write_missions(files, missions, firmware, safety, formats)
-        report = None
-        if written:
-            fence = safety.fence.geofence, safety.rally
-            report = verify_written(plan, firmware, written, fence)
-            verify_box(plan, missions, altitude)
-        _write_safety(files, plan, firmware, safety, formats)
-        _write_streams(files, plan, rate_hz, path, formats)
-        _write_maps(files, plan, safety, formats)
+        made = make_missions(plan, order, safety, wanted)
+        if made.refusal is not None and formats is not None:
+            raise made.refusal
+        for name, text in made.files.items():
+            files.write(name, text)
+        _write_safety(files, plan, firmware, safety, wanted)
+        _write_streams(files, plan, rate_hz, path, wanted)
+        _write_maps(files, plan, safety, wanted)
         index = ExportIndex(
             plan.scenario.name,
             plan.hash,
             firmware,
             altitude,
             rate_hz,
-            len(legs.t_s),
-            max(len(m.items) for m in missions),
-            legs.error,
+            len(made.legs.t_s),
+            max(len(m.items) for m in made.missions),
+            made.legs.error,
             dict(sorted(files.sha256.items())),
             safety,
-            report,
+            made.report,
             None if path is None else _smoothing(path),
+            made.timing,
+            "" if made.refusal is None else made.refusal.message,
+            made.missions,
         )
         files.write_index(index_document(index, plan))
     return index
@@ -102,31 +106,6 @@ def export(
 def _smoothing(path: SmoothPath) -> Smoothing:
     yaw_deg = math.degrees(path.yaw_deviation_rad)
     return Smoothing(path.knots_every_s, path.deviation_m, yaw_deg, path.clearance_min_m)
-
-
-def _write_missions(
-    files: Folder,
-    missions: Sequence[VehicleMission],
-    firmware: Firmware,
-    safety: Safety,
-    formats: tuple[Format, ...],
-) -> dict[str, str]:
-    """Missions in every format asked for; returns their text by file name."""
-    written: dict[str, str] = {}
-    for row, mission in enumerate(missions):
-        name = vehicle_name(mission.sysid)
-        if Format.PLAN in formats:
-            speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
-            speed_mps = round(sum(speeds) / len(speeds), 1)
-            rally = (safety.rally[row],)
-            file = PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps, safety.fence.geofence, rally)
-            written[f"{name}.plan"] = write_plan_file(file)
-        if Format.WAYPOINTS in formats:
-            home = mission.home if firmware.home_is_item_0 else None
-            written[f"{name}.waypoints"] = write_waypoints(WaypointFile(home, mission.items))
-    for name, text in written.items():
-        files.write(name, text)
-    return written
 
 
 def _write_safety(files: Folder, plan: Plan, firmware: Firmware, safety: Safety, formats: tuple[Format, ...]) -> None:

@@ -5,19 +5,20 @@ Knows: what people and programs want to know, as JSON. Does not know: how files 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gcs.mission.check import FleetReport
 from gcs.mission.firmware import Firmware
-from gcs.mission.model import Altitude
+from gcs.mission.model import Altitude, VehicleMission
+from gcs.mission.predicted import Timing
 from gcs.mission.safety import INCLUSION_MARGIN_M, Safety
 from gcs.mission.simplify import Deviation
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
-_VERSION = 2
+_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,9 @@ class ExportIndex:
     safety: Safety
     report: FleetReport | None  # of the missions as written; None where none were
     smoothing: Smoothing | None = None  # of the setpoints; waypoints are always the plan's
+    timing: Timing | None = None  # of missions whose speeds are corrected for their autopilot
+    refused: str = ""  # why there are no missions although nobody left them out
+    missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
 
 
 def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
@@ -61,7 +65,9 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
         "items": index.items,
         "deviation": asdict(index.deviation),
         "separation_min_m": plan.scenario.judge.separation_min_m,
-        "verified": None if index.report is None else _verified(index.report, plan),
+        "verified": None if index.report is None else _verified(index, index.report, plan),
+        "timing": None if index.timing is None else index.timing.data(),
+        "refused": index.refused or None,
         "fence": {
             "inclusion_margin_m": INCLUSION_MARGIN_M,
             "zones": [asdict(zone) for zone in index.safety.fence.zones],
@@ -77,10 +83,11 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
     return document
 
 
-def _verified(report: FleetReport, plan: Plan) -> dict[str, Any]:
-    """The flight of the missions as written, at the speeds they ask for."""
+def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, Any]:
+    """The flight of the missions as written, at the speeds they ask for or as their autopilot flies them."""
     closest = report.closest
-    told: dict[str, Any] = {"timing": "planned speeds", "clearance_min_m": report.clearance_min_m}
+    timing = "planned speeds" if index.timing is None else "model of the autopilot"
+    told: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
     if closest is not None:
         told["separation_min_m"] = closest.distance_m
         told["separation_vehicles"] = [plan.sysids[row] for row in closest.pair]

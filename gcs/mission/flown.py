@@ -26,6 +26,7 @@ _RETURN_HEIGHT_M = {True: 15.0, False: 60.0}  # RTL_ALT and RTL_RETURN_ALT unles
 _TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
 ALTITUDE_MAX_M = 1e5  # what is beyond is reported as a mistake, and flown no higher
 _STILL_M = 1e-3
+_DAY_S = 86400.0
 _WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _RTL, _LAND, _TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 _LOITER_TO_ALT, _SPLINE, _DELAY, _JUMP, _SPEED = 31, 82, 93, 177, 178
 _PLACES = frozenset({_WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _LOITER_TO_ALT, _SPLINE})
@@ -119,6 +120,7 @@ class Flying:
     around: Surroundings
     knots: list[tuple[float, tuple[float, float, float], int]] = field(default_factory=list)
     remarks: dict[int, str] = field(default_factory=dict)
+    clock_s: float | None = None  # time of day at time 0, as soon as an item tells
 
     def run(self) -> Flight:
         """The whole mission."""
@@ -179,7 +181,7 @@ class Flying:
             hold_s = p1 if item.command in (_WAYPOINT, _LOITER_TIME, _SPLINE) else 0.0
             self._visit(self._place(index), index, hold_s, along_ground=item.frame in _TERRAIN_FRAMES)
         elif item.command == _DELAY:
-            self._wait(p1, index)
+            self._delay(item, index)
         elif item.command == _SPEED:
             if p2 > 0 and math.isfinite(p2):
                 if p1 == 2:
@@ -199,6 +201,26 @@ class Flying:
         """Fly to a place and stay there for a while."""
         self._go(place, index, along_ground=along_ground)
         self._wait(hold_s, index)
+
+    def _delay(self, item: MissionItem, index: int) -> None:
+        """For some seconds, or until a time of day, the first of which is taken to come at once."""
+        seconds, *clock = item.params
+        if seconds > 0.0 or not min(clock) >= 0.0:
+            self._wait(seconds, index)
+            return
+        self._settle()
+        until_s = clock[0] * 3600.0 + clock[1] * 60.0 + clock[2]
+        if self.clock_s is None:
+            self.clock_s = until_s - self.t_s
+        left_s = (until_s - self.clock_s - self.t_s) % _DAY_S
+        if left_s > 0.5 * _DAY_S:
+            self.remarks[index] = f"reached {_DAY_S - left_s:.1f} s after the time of day to wait for"
+            left_s = 0.0
+        self._rest(left_s, index)
+
+    def _rest(self, seconds: float, index: int) -> None:
+        """Stay after a stop."""
+        self._wait(seconds, index)
 
     def _settle(self) -> None:
         """Fly what was put off; nothing is."""

@@ -13,6 +13,8 @@ from gcs.quadrotor import Array
 from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.terrain import ground_height_m
 
+# What models of autopilots fly beyond a speed that was asked for, as a share: who is behind the target catches up.
+OVERSPEED = 0.25
 SEPARATION_M = 2.0  # where nobody says otherwise: what GNSS can tell apart
 
 
@@ -27,6 +29,7 @@ class FlightLimits:
     no_fly: tuple[NoFlyZone, ...] = ()
     leaves_s: float = 0.0  # plan time at which take-off ends: when a moving zone is where
     tolerance_m: float = 0.0  # how far waypoints may be from the plan that held these limits
+    overspeed: float = 0.01  # share of a speed limit that may be flown beyond it
 
 
 def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLimits:

@@ -87,6 +87,8 @@ class VehicleMission:
     home: Home
     items: tuple[MissionItem, ...]
     arrival_s: tuple[float | None, ...]  # plan time at which each item with a position is reached, else None
+    leaves_s: float = 0.0  # plan time at which everybody leaves the hover after the take-off
+    gates: tuple[tuple[int, float], ...] = ()  # index of a delay and the plan time at which everybody goes on
 
 
 @dataclass(frozen=True)

@@ -16,15 +16,20 @@ from gcs.errors import VerificationError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.check import FleetReport, check_fleet
 from gcs.mission.firmware import Firmware
+from gcs.mission.flown_model import Modelled
 from gcs.mission.geofence import Geofence, RallyPoint
-from gcs.mission.limits import limits_of, surroundings_of
+from gcs.mission.limits import OVERSPEED, limits_of, surroundings_of
 from gcs.mission.missionfile import LoadedMission, read_mission
 from gcs.mission.model import Altitude, VehicleMission
+from gcs.mission.navigator.ability import ability_of
+from gcs.mission.predicted import MARGIN_S, Timing
+from gcs.mission.timed import climb_s
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
 _LISTED = 3
+STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which keeps path and time"
 
 
 def verify_written(
@@ -33,9 +38,25 @@ def verify_written(
     written: Mapping[str, str],
     safety: tuple[Geofence, Sequence[RallyPoint]],
 ) -> FleetReport:
+    """What `check_written` finds. Raises `VerificationError` when anything must not fly."""
+    report = check_written(plan, firmware, written, safety)
+    refuse_broken(report)
+    return report
+
+
+def check_written(
+    plan: Plan,
+    firmware: Firmware,
+    written: Mapping[str, str],
+    safety: tuple[Geofence, Sequence[RallyPoint]],
+    *,
+    timed: bool = False,
+) -> FleetReport:
     """Read the missions in `written` (file name to text) back, one or two files for every vehicle, and check them.
 
-    Tables hold no fence, so they are checked with the fleet's. Raises `VerificationError` when anything must not fly.
+    They are flown at the speeds they ask for, or where those are corrected (`timed`) as the model of their autopilot
+    flies them. Tables hold no fence, so they are checked with the fleet's. Raises `VerificationError` where two files
+    of a vehicle differ.
     """
     fleets: dict[str, list[LoadedMission]] = {}
     fence, rally = safety
@@ -47,8 +68,13 @@ def verify_written(
         fleet.append(loaded)
     first, *others = fleets.values()
     scenario = plan.scenario
-    report = check_fleet(first, surroundings_of(scenario), limits_of(scenario))
-    _refuse(report)
+    limits = limits_of(scenario)
+    if timed:
+        limits = replace(limits, overspeed=OVERSPEED)
+        modelled = Modelled(ability_of(plan.quadrotor, scenario.limits), climb_s(plan, firmware))
+        report = check_fleet(first, surroundings_of(scenario), limits, modelled)
+    else:
+        report = check_fleet(first, surroundings_of(scenario), limits)
     for fleet in others:
         for ours, theirs in zip(first, fleet, strict=True):
             same = ours.items == theirs.items and (ours.geofence, ours.rally) == (theirs.geofence, theirs.rally)
@@ -82,12 +108,33 @@ def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitud
                 )
 
 
-def _refuse(report: FleetReport) -> None:
+def refuse_broken(report: FleetReport) -> None:
+    """Raise `VerificationError` when anything must not fly."""
     if not report.errors:
         return
     told = "; ".join(str(e) for e in report.errors[:_LISTED])
     more = f"; and {len(report.errors) - _LISTED} more" if len(report.errors) > _LISTED else ""
     raise VerificationError(
         f"the missions as written do not hold what they must: {told}{more}",
-        hint="fly the setpoint stream instead (--format setpoints), which keeps path and time",
+        hint=STREAM_INSTEAD,
     )
+
+
+def refuse_untimely(plan: Plan, firmware: Firmware, timing: Timing) -> None:
+    """Raise `VerificationError` where vehicles may come too near to each other, or miss a gate, for their timing."""
+    near, asked_m = timing.nearest, plan.scenario.judge.separation_min_m
+    if near is not None and near.distance_m < asked_m:
+        first, second = near.sysids
+        raise VerificationError(
+            f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m of each "
+            f"other at {near.t_s:.1f} s ({asked_m:g} m are asked), because vehicles that {firmware.title} flies may be "
+            f"{near.apart_s:g} s apart.",
+            hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds all the same",
+        )
+    for number, early_s in enumerate(timing.gates_early_s, start=1):
+        if early_s < MARGIN_S:
+            raise VerificationError(
+                f"not fit for mission mode: the last vehicle is at gate {number} {early_s:.1f} s before it opens; "
+                f"{MARGIN_S:g} s are asked.",
+                hint="ask for fewer gates",
+            )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from gcs.mission.navigator.ability import ability_of
 from gcs.mission.navigator.orders import UNLIMITED, Ability
 from gcs.quadrotor import Quadrotor
 from gcs.scenario.model import Limits
@@ -17,7 +18,6 @@ _THRUST_SHARE = 0.35
 _TILT_SHARE = 0.3
 _TORQUE_SHARE = 0.3
 _SPEED_SHARE = 0.8
-_ABLE_SHARE = 0.6
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,5 @@ class MotionLimits:
             horizontal_mps3=0.5 * g * math.radians(min(limits.rates_degps[:2])),
             horizontal_mps4=_TORQUE_SHARE * g * roll_radps2,
             yaw_radps=_SPEED_SHARE * math.radians(limits.rates_degps[2]),
-            ability=Ability(
-                horizontal_mps2=_ABLE_SHARE * min(sideways, tilt),
-                vertical_mps2=_ABLE_SHARE * max(g * (surplus - 1.0), 0.1),
-                horizontal_mps3=g * math.radians(min(limits.rates_degps[:2])),
-                horizontal_mps4=_ABLE_SHARE * g * roll_radps2,
-            ),
+            ability=ability_of(vehicle, limits),
         )

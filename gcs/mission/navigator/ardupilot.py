@@ -18,7 +18,7 @@ from gcs.mission.navigator.corner import Corner, Leg, Motion
 from gcs.mission.navigator.following import Follower, Following
 from gcs.mission.navigator.leg import LegMotion, limit_along
 from gcs.mission.navigator.orders import Ability, Moment, Orders, Vector
-from gcs.mission.navigator.ramp import Gentleness
+from gcs.mission.navigator.ramp import Gentleness, gain
 
 _NOWHERE_M = 1e-3
 _SLACK = 0.05  # a vehicle so much slower than its target does not fall behind
@@ -61,6 +61,11 @@ class ArduPilotNavigator:
             vertical_mps2=min(self.vertical_mps2, ability.vertical_mps2),
             fastest_mps=min(self.fastest_mps, ability.horizontal_mps),
         )
+
+    def sustained_mps(self, length_m: float) -> float:
+        """What a ramp reaches within half a leg: every leg goes from rest to rest, overlapping with its neighbours."""
+        limits = Gentleness(self.acceleration_mps2, self.jerk_mps3, self.snap_mps4)
+        return gain(0.0, self.fastest_mps, 0.5 * length_m, limits).end_mps
 
     def fly(self, orders: Orders) -> Iterator[Moment]:
         """Every moment from the start on, without end."""

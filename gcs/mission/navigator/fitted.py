@@ -51,6 +51,12 @@ RESIDUALS = (
     Residual("px4", "c", 0.38, -0.08, -1.20, 1.76),
 )
 
+# By how much one vehicle may be ahead of or behind another with the same orders, in seconds. ArduPilot leaves at a GNSS
+# time of day and moves its target by its clock alone: a tenth of what its model misses is taken, the autopilot's
+# scheduling and clock; no two vehicles were recorded side by side. PX4 has no common start, and noise in its height
+# decides at which waypoints it brakes: two vehicles differ by twice the square root of two times the largest rms above.
+APART_S: dict[str, float] = {"ardupilot": 0.02, "px4": 2.2}
+
 _ALL: dict[str, Navigator] = {"ardupilot": ARDUPILOT, "px4": PX4}
 
 

@@ -103,6 +103,9 @@ class Navigator(Protocol):
     def within(self, ability: Ability) -> Navigator:
         """The same navigator of a vehicle that can do no more than this."""
 
+    def sustained_mps(self, length_m: float) -> float:
+        """The speed it keeps up over straight legs of this length."""
+
     def fly(self, orders: Orders) -> Iterator[Moment]:
         """Every moment from the start on, without end: after the last waypoint the vehicle stays there."""
 

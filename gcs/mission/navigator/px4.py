@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gcs.mission.navigator.approach import Approach, towards
+from gcs.mission.navigator.approach import Approach, shed, towards
 from gcs.mission.navigator.axis import Axis, synchronize
 from gcs.mission.navigator.following import Follower, Following
 from gcs.mission.navigator.orders import Ability, Moment, Orders, Vector
@@ -61,6 +61,10 @@ class Px4Navigator:
             up_mps2=min(self.up_mps2, ability.vertical_mps2),
             down_mps2=min(self.down_mps2, ability.vertical_mps2),
         )
+
+    def sustained_mps(self, length_m: float) -> float:
+        """What can be shed within a leg: the waypoint after the next counts as a stop."""
+        return min(self.fastest_mps, shed(length_m, 0.0, self.acceleration_mps2, self.jerk_mps3))
 
     def fly(self, orders: Orders) -> Iterator[Moment]:
         """Every moment from the start on, without end."""

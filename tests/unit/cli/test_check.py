@@ -127,7 +127,7 @@ def test_an_export_tells_what_was_verified(
     path = tmp_path / "s.skein"
     save_plan(simulation1_plan, verify(simulation1_plan), path)
     arguments = ["export", str(path), "--to", str(tmp_path / "out"), "--format", "plan", "--format", "param"]
-    assert main.run([*arguments, "--autopilot", "px4", "--altitude", "amsl", "--json"]) == 0
+    assert main.run([*arguments, "--autopilot", "px4", "--altitude", "amsl", "--untimed", "--json"]) == 0
     out, err = capsys.readouterr()
     told = json.loads(out)
     assert (told["firmware"], told["altitude"]) == ("px4", "amsl")
@@ -137,4 +137,8 @@ def test_an_export_tells_what_was_verified(
     assert "returning: " in err
     assert "from any instant at least " in err
     assert main.run([*arguments[:-2], "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["firmware"] == "ardupilot"
+    out, err = capsys.readouterr()
+    told = json.loads(out)
+    assert told["firmware"] == "ardupilot"
+    assert [vehicle["sysid"] for vehicle in told["timing"]["vehicles"]] == list(simulation1_plan.sysids)
+    assert "missions read back and flown as ArduCopter flies them: at least" in err

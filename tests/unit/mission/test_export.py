@@ -99,7 +99,9 @@ def test_formats_by_name() -> None:
 
 
 def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Path) -> None:
-    export(simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Firmware.PX4, altitude=Altitude.AMSL)
+    export(
+        simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Firmware.PX4, altitude=Altitude.AMSL, timed=False
+    )
     plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
     assert plan.firmware is Firmware.PX4
     assert {i.frame for i in plan.items} == {0, 2}
@@ -111,7 +113,7 @@ def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Pat
 def test_px4_counts_no_home(simulation1_plan: Plan, tmp_path: Path) -> None:
     options = simulation1_plan.scenario.mission.model_copy(update={"autopilot": "px4"})
     plan = replace(simulation1_plan, scenario=simulation1_plan.scenario.model_copy(update={"mission": options}))
-    export(plan, tmp_path, setpoint_rate_hz=2)
+    export(plan, tmp_path, setpoint_rate_hz=2, timed=False)
     file = read_waypoints((tmp_path / "uav1.waypoints").read_bytes(), "w", home_first=False)
     assert file.items == build_missions(plan)[0].items
     assert json.loads((tmp_path / "uav1.plan").read_text())["mission"]["firmwareType"] == 12

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import VerificationError
-from gcs.mission import export as module
+from gcs.mission import mission_files as module
 from gcs.mission.build import build_missions
 from gcs.mission.export import export
 from gcs.mission.firmware import Firmware
@@ -71,11 +71,11 @@ def unknown(file: PlanFile) -> PlanFile:
 def test_a_file_that_does_not_hold_is_not_written(
     simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Tamper, reason: str
 ) -> None:
-    export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN])
+    export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
     before = (tmp_path / "out" / "uav1.plan").read_bytes()
     tampered(monkeypatch, change)
     with pytest.raises(VerificationError, match=reason) as caught:
-        export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN])
+        export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
     assert "setpoint stream" in caught.value.hint
     assert (tmp_path / "out" / "uav1.plan").read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
@@ -99,7 +99,7 @@ def test_what_is_written_holds_for_both_autopilots(
     simulation1_plan: Plan, tmp_path: Path, firmware: Firmware, altitude: Altitude
 ) -> None:
     formats = [Format.PLAN, Format.WAYPOINTS]
-    index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude)
+    index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)
     report = index.report
     assert report is not None
     assert {f.level.value for f in report.findings} <= {"note"}
