@@ -44,6 +44,18 @@ def fly(
     on_leader_loss: Annotated[
         str, typer.Option("--on-leader-loss", help="With --follow: promote (the next one leads) or return.")
     ] = "promote",
+    nav: Annotated[
+        str,
+        typer.Option(
+            "--nav",
+            help="With --sim --mode mission: who flies waypoints, the autopilot's own navigator (own), one that keeps "
+            "the plan's times (ideal), or own where the scenario's judge would be content (auto).",
+        ),
+    ] = "auto",
+    gates: Annotated[
+        int,
+        typer.Option("--gates", metavar="N", help="With --mode mission: points where all wait for their common time."),
+    ] = 0,
     to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
     yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without asking.")] = False,
     unverified: UnverifiedOption = False,
@@ -61,8 +73,10 @@ def fly(
     screen = Screen(json=json)
     _check(sim, bool(link), mode, speedup)
     _check_choices(follow, mode, on_loss, on_leader_loss)
+    _check_missions(mode, nav, gates)
     known = connection(link, systems, signing_key_file) if link else None
     from gcs.cli.flying import FlyRequest, fly_and_judge
+    from gcs.cli.missions_flown import TimeKeeping
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.flight.options import FlightMode, FlightOptions
     from gcs.flight.rules import OnLeaderLoss, OnLoss
@@ -80,9 +94,8 @@ def fly(
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
     faults = tuple(fault or ())
     safety = not missions_only
-    request = FlyRequest(
-        plan, report, FlightMode(mode), known, speedup, seed, faults, to, screen, watch, choices, safety
-    )
+    keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
+    request = FlyRequest(plan, report, keeping, known, speedup, seed, faults, to, screen, watch, choices, safety)
     return fly_and_judge(request)
 
 
@@ -114,6 +127,15 @@ def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -
     ):
         if word not in known:
             raise UsageError(f"{name} {word}: there are {', '.join(known)}")
+
+
+def _check_missions(mode: str, nav: str, gates: int) -> None:
+    if nav not in ("auto", "own", "ideal"):
+        raise UsageError(f"--nav {nav}: there are auto, own and ideal")
+    if gates < 0:
+        raise UsageError(f"--gates {gates}: give a number, 0 or more")
+    if gates and (mode != "mission" or nav == "ideal"):
+        raise UsageError("gates are for missions that fly themselves", hint="add --mode mission, leave --nav ideal out")
 
 
 def _confirm(link: str, vehicles: int) -> None:

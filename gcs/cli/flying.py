@@ -21,8 +21,9 @@ from rich.table import Table
 from gcs.cli.console import Screen
 from gcs.cli.going import go_or_no_go, put_back
 from gcs.cli.link_options import Connection
+from gcs.cli.missions_flown import TimeKeeping, export_for_flight
 from gcs.cli.planning import Stopwatch
-from gcs.errors import JudgementError
+from gcs.errors import JudgementError, PeerError
 from gcs.flight.events import Event
 from gcs.flight.fly import Flight
 from gcs.flight.journal import EventLog, TelemetryLog, asked, new_folder, report_data, write_report
@@ -36,9 +37,8 @@ from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.truth import Truth, load_truth
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.session import VehicleSession
-from gcs.mission.build import build_missions
-from gcs.mission.export import export
-from gcs.mission.model import SetpointStream
+from gcs.mission.firmware import Firmware
+from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints import build_stream
 from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan
@@ -57,7 +57,7 @@ class FlyRequest:
 
     plan: Plan
     report: Report
-    mode: FlightMode
+    keeping: TimeKeeping
     link: Connection | None  # None: emulated vehicles
     speedup: str
     seed: int
@@ -74,10 +74,10 @@ def fly_and_judge(request: FlyRequest) -> int:
     plan, screen, watch = request.plan, request.screen, request.watch
     folder = new_folder(request.root, plan.scenario.name, datetime.now())
     save_plan(plan, request.report, folder / "plan.skein")
-    index = export(plan, folder / "export")
+    index, navigator = export_for_flight(plan, folder / "export", request.keeping, screen)
     screen.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watch.lap("export")
-    times = asyncio.run(_fly(request, folder))
+    times = asyncio.run(_fly(request, folder, index.missions, navigator))
     watch.lap("fly")
     if request.link is not None:
         screen.say(f"landed. Telemetry: {folder / 'telemetry.tlog'}")
@@ -88,7 +88,7 @@ def fly_and_judge(request: FlyRequest) -> int:
     watch.lap("judge")
     _draw(plan, truth, times, folder)
     watch.lap("pictures")
-    extra = {"mode": request.mode.value, "folder": str(folder), "time_s": watch.laps_s}
+    extra = {"mode": request.keeping.mode.value, "folder": str(folder), "time_s": watch.laps_s}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     write_report(folder, data, verdict)
     _show(screen, verdict, folder)
@@ -103,10 +103,10 @@ def fly_and_judge(request: FlyRequest) -> int:
     raise failure
 
 
-async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
+async def _fly(request: FlyRequest, folder: Path, missions: tuple[VehicleMission, ...], navigator: str) -> FlightTimes:
     plan = request.plan
     lead_s = SIM_LEAD_S if request.link is None else 0.0
-    options = replace(request.options, mode=request.mode, lead_s=lead_s)
+    options = replace(request.options, mode=request.keeping.mode, lead_s=lead_s)
     loop = asyncio.get_running_loop()
     fleet: Fleet | None = None
 
@@ -125,7 +125,8 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
         known = request.link or Connection((SIM_LINK,))
         fleet = await stack.enter_async_context(known.open(on_frame=note))
         if request.link is None:
-            await stack.enter_async_context(simulator(_simulator_options(request, folder, fleet.local_address[1])))
+            simulated = _simulator_options(request, folder, fleet.local_address[1], navigator)
+            await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         events = stack.enter_context(EventLog(folder / "events.jsonl"))
@@ -140,7 +141,7 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
                 plan_hash=plan.hash,
                 links=() if request.link is None else request.link.links,
                 systems=known.systems,
-                mode=request.mode.value,
+                mode=request.keeping.mode.value,
                 follow=options.follow,
                 step=step.value,
                 t0_unix_s=t0_unix_s,
@@ -148,7 +149,7 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
             )
             write_logbook(folder, book)
 
-        flight = _flight(request, stream, fleet, sessions, options, tell, log_step)
+        flight = _flight(request, missions, stream, fleet, sessions, options, tell, log_step)
         showing = asyncio.ensure_future(_show_live(request.screen, flight))
         try:
             return await flight.run()
@@ -161,6 +162,7 @@ async def _fly(request: FlyRequest, folder: Path) -> FlightTimes:
 
 def _flight(
     request: FlyRequest,
+    missions: tuple[VehicleMission, ...],
     stream: SetpointStream,
     fleet: Fleet,
     sessions: dict[int, VehicleSession],
@@ -171,18 +173,32 @@ def _flight(
     """Emulated vehicles get their missions; others everything that is exported, once they have been looked at."""
     plan = request.plan
     if request.link is None:
-        return Flight(plan, build_missions(plan), stream, sessions, options, tell, log_step)
+        return Flight(plan, missions, stream, sessions, options, tell, log_step)
     autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
     loads = build_loads(plan, autopilots, safety=request.safety)
+    if request.keeping.mode is FlightMode.MISSION:
+        _refuse_others(plan, autopilots)
+        loads = tuple(replace(load, mission=mission) for load, mission in zip(loads, missions, strict=True))
 
     async def look() -> None:
         await go_or_no_go(request.screen, fleet, sessions, plan, PreflightLimits())
 
-    missions = [load.mission for load in loads]
-    return Flight(plan, missions, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
+    held = [load.mission for load in loads]
+    return Flight(plan, held, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
 
 
-def _simulator_options(request: FlyRequest, folder: Path, port: int) -> SimulatorOptions:
+def _refuse_others(plan: Plan, autopilots: dict[int, int]) -> None:
+    """Missions are timed for the scenario's autopilot. Raises `PeerError` where a vehicle has another."""
+    firmware = Firmware.named(plan.scenario.mission.autopilot)
+    for sysid, autopilot in autopilots.items():
+        if autopilot != firmware:
+            raise PeerError(
+                f"vehicle {sysid} does not run {firmware.title}, for which the missions were timed.",
+                hint="name its autopilot in the scenario (mission.autopilot), or fly the setpoint stream",
+            )
+
+
+def _simulator_options(request: FlyRequest, folder: Path, port: int, navigator: str) -> SimulatorOptions:
     """The emulated vehicles get the scenario the plan was made from, not what the file says by now."""
     scenario = folder / "scenario.json"
     scenario.write_text(request.plan.scenario.model_dump_json(indent=2))
@@ -194,6 +210,7 @@ def _simulator_options(request: FlyRequest, folder: Path, port: int) -> Simulato
         log=folder / "simulator.log",
         truth=folder / "truth.npz",
         faults=request.faults,
+        navigator=navigator,
     )
 
 

@@ -91,7 +91,7 @@ class Flight:
         }
         self.time = FleetTime(sessions)
         self.pilot = Pilot(plan, stream, self.crews, self.time, options)
-        self._leaving_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
+        self._leaving_s = next(iter(self.missions.values())).leaves_s
         self._start_unix_s = 0
         self._on_event = on_event
         self._on_step = on_step

@@ -32,7 +32,7 @@ class SimulatorOptions:
     log: Path = Path(os.devnull)  # what it says on stderr
     truth: Path | None = None
     faults: tuple[str, ...] = ()
-    navigator: str = "ideal"  # missions ask for their times as if they were kept; autopilots' own do not keep them
+    navigator: str = "ideal"  # who flies waypoints: one that keeps times, or the autopilot's own
 
 
 @asynccontextmanager

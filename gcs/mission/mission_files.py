@@ -92,7 +92,9 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     files = _texts(missions, firmware, safety, formats)
     if not files:
         return MadeMissions(legs, missions, files, None, None)
-    report = check_written(plan, firmware, files, (safety.fence.geofence, safety.rally), timed=corrected)
+    fence = safety.fence.geofence, safety.rally
+    leaves_s = None if order.start_s is None else legs.left_s
+    report = check_written(plan, firmware, files, fence, timed=corrected, leaves_s=leaves_s)
     timing = predicted(plan, firmware, legs, missions, report.flights) if corrected else None
     try:
         refuse_broken(report)

@@ -69,6 +69,7 @@ class Timing:
     vehicles: tuple[VehicleTiming, ...]
     spread_s: float  # the largest difference of two vehicles' lateness at the same waypoint
     nearest: NearMiss | None  # None: nobody to come near to
+    arrival_late_s: float  # of the last waypoint, the worst of all vehicles
     gates_early_s: tuple[float, ...]  # how long before each gate opens the last vehicle is there
 
     @property
@@ -110,6 +111,7 @@ def predicted(
         tuple(vehicles),
         _spread_s(late),
         _nearest(plan, t_s, flown, APART_S[firmware.name.lower()]),
+        float(max((one[-1] for one in late), key=abs)),
         tuple(np.min(early, axis=0).round(3).tolist()) if legs.gates else (),
     )
 

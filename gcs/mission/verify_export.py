@@ -51,12 +51,13 @@ def check_written(
     safety: tuple[Geofence, Sequence[RallyPoint]],
     *,
     timed: bool = False,
+    leaves_s: float | None = None,
 ) -> FleetReport:
     """Read the missions in `written` (file name to text) back, one or two files for every vehicle, and check them.
 
     They are flown at the speeds they ask for, or where those are corrected (`timed`) as the model of their autopilot
-    flies them. Tables hold no fence, so they are checked with the fleet's. Raises `VerificationError` where two files
-    of a vehicle differ.
+    flies them; those that wait for a time of day leave at plan time `leaves_s`. Tables hold no fence, so they are
+    checked with the fleet's. Raises `VerificationError` where two files of a vehicle differ.
     """
     fleets: dict[str, list[LoadedMission]] = {}
     fence, rally = safety
@@ -69,6 +70,8 @@ def check_written(
     first, *others = fleets.values()
     scenario = plan.scenario
     limits = limits_of(scenario)
+    if leaves_s is not None:
+        limits = replace(limits, leaves_s=leaves_s)
     if timed:
         limits = replace(limits, overspeed=OVERSPEED)
         modelled = Modelled(ability_of(plan.quadrotor, scenario.limits), climb_s(plan, firmware))

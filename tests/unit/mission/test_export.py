@@ -43,7 +43,7 @@ def test_everything_is_there_and_says_the_same(simulation1_plan: Plan, tmp_path:
     assert document["plan_hash"] == simulation1_plan.hash
     assert document["sha256"] == index.sha256
     assert {name: hashlib.sha256(data).hexdigest() for name, data in written.items()} == index.sha256
-    for mission in build_missions(simulation1_plan):
+    for mission in index.missions:
         waypoints = read_waypoints(written[f"uav{mission.sysid}.waypoints"], "w")
         plan = read_plan_file(written[f"uav{mission.sysid}.plan"], "p")
         assert waypoints.items == plan.items == mission.items
