@@ -6,6 +6,7 @@ Knows: names and formats of the files. Does not know: flying, judging.
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import asdict
@@ -93,12 +94,17 @@ def report_data(
         "mission": mission,
         "plan_hash": plan_hash,
         **extra,
-        "criteria": [{**asdict(c), "ok": c.ok} for c in verdict.criteria],
-        "position_rms_m": {str(k): v for k, v in verdict.rms_m.items()},
-        "position_max_m": {str(k): v for k, v in verdict.max_m.items()},
-        "formation_error_max_m": verdict.formation_error_m,
+        # Who never arrives is infinitely late, which JSON has no number for.
+        "criteria": [{**asdict(c), "value": _finite(c.value), "ok": c.ok} for c in verdict.criteria],
+        "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
+        "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
+        "formation_error_max_m": _finite(verdict.formation_error_m),
         "times": asdict(times),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:

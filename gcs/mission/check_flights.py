@@ -24,6 +24,7 @@ _STEP_M = 0.5  # between looks at the ground
 _LOOKS_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km
 _LENGTH_TOLERANCE_M = 0.01  # what degE7 and float32 round
 _BELOW_HOME_M = 0.5
+_STEP_ASIDE_M = 0.03  # to a place that is the same but for rounding
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def _speeds(mission: LoadedMission, flight: Flight, limits: FlightLimits) -> Ite
     if limits.speed_ned_mps is None:
         return
     leg_s = np.diff(flight.t_s)
-    moving = (leg_s > 0) & (flight.t_s[:-1] >= flight.up_s) & (flight.t_s[1:] <= flight.down_s)
+    far = np.linalg.norm(np.diff(flight.ned_m, axis=0), axis=1) > _STEP_ASIDE_M
+    moving = far & (leg_s > 0) & (flight.t_s[:-1] >= flight.up_s) & (flight.t_s[1:] <= flight.down_s)
     speeds = np.abs(np.diff(flight.ned_m, axis=0))[moving] / leg_s[moving, None]
     legs = np.flatnonzero(moving)
     for axis, name in enumerate(("north", "east", "vertically")):

@@ -29,8 +29,8 @@ _STEP_MAX = 0.6  # of the logarithm of a speed, per round
 _COARSE = 2.0  # times the navigator's step
 _PULL = 0.1  # s of lateness that a speed off by a factor of e is worth
 _ROUNDS, _TRIES = 8, 4
-_GOOD_S = 0.1
-_STALE = 0.02  # of what is to be brought down
+_GOOD_S = 0.2
+_STALE = 0.1  # of what is to be brought down
 _SLOW_COUNTS = 0.3  # how much a second counts between waypoints where the course is slow, against 1 where it is fastest
 
 
@@ -67,7 +67,7 @@ def correct(navigator: Navigator, course: Course, lead_s: tuple[float, float] = 
             break
         gained, now = now.cost - better.cost, better
         damping = max(damping / 3.0, 0.01)
-        if np.abs(now.late_s).max() < _GOOD_S or (number > 2 and gained < _STALE * now.cost):
+        if np.abs(now.late_s).max() < _GOOD_S or (number > 1 and gained < _STALE * now.cost):
             break
     return Corrected(np.exp(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
 

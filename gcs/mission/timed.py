@@ -43,7 +43,7 @@ _PLACEMENTS = (
     (1.5, 1.3),
     (0.5, 0.8),
 )  # times the path's tolerance; share of a speed that legs must sustain
-_GOOD_S, _GOOD_OWN_S = 0.5, 2.0  # no other placement is tried; where vehicles have legs of their own it takes long
+_GOOD_S, _GOOD_OWN_S = 1.0, 2.0  # no other placement is tried; where vehicles have legs of their own it takes long
 _TROUBLE_SPM = 100.0  # s of lateness that a metre inside a closed area is worth
 _MADE: dict[tuple[str, Firmware, int], TimedLegs] = {}  # what was worked out: it takes seconds
 _MADE_MAX = 16

@@ -16,7 +16,6 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.link.items import home_item
-from gcs.mission.build import build_missions
 from gcs.mission.export import export
 from gcs.mission.firmware import Firmware
 from gcs.mission.formats import Format
@@ -86,9 +85,9 @@ def exported(
 ) -> tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]:
     firmware, altitude = request.param
     folder = tmp_path_factory.mktemp("exported") / "out"
-    index = export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, altitude=altitude)
-    missions = build_missions(simulation1_plan, firmware=firmware, altitude=altitude)
-    return folder, firmware, missions, index.safety
+    timed = firmware is Firmware.ARDUPILOT and altitude is Altitude.RELATIVE
+    index = export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, altitude=altitude, timed=timed)
+    return folder, firmware, index.missions, index.safety
 
 
 Exported = tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]

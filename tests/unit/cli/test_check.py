@@ -31,7 +31,7 @@ def plans(folder: Path) -> list[str]:
 def test_our_own_export_is_clean(exported: Path, repo_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["check", *plans(exported), *PLANNED]) == 0
     text = capsys.readouterr().out
-    assert text.splitlines()[0] == "6 missions, 307 s at planned speeds"
+    assert text.splitlines()[0] == "6 missions, 292 s at planned speeds"
     assert "(asked 0.3 m)" in text
     assert text.splitlines()[-1] == "nothing found"
     assert (
@@ -40,10 +40,10 @@ def test_our_own_export_is_clean(exported: Path, repo_root: Path, capsys: pytest
     assert "m above the ground at" in capsys.readouterr().out
 
 
-def test_the_model_of_the_autopilot_is_late_and_keeps_together(
+def test_the_model_of_the_autopilot_takes_its_time_and_keeps_together(
     exported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All six miss their schedule by the same: the mission takes longer, and nobody comes nearer."""
+    """What is asked is faster than what the autopilot makes of it, for all alike: nobody comes nearer."""
     two = [str(exported / f"uav{n}.plan") for n in (2, 5)]
     assert main.run(["check", *two, "--json"]) == 0
     modelled = json.loads(capsys.readouterr().out)
@@ -81,7 +81,7 @@ def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -
     assert main.run(["check", *plans(exported), "--autopilot", "px4", *PLANNED]) == 0
     capsys.readouterr()
     path = exported / "uav1.waypoints"
-    path.write_text(path.read_text().replace("\t2\t93\t5.00000000", "\t2\t115\t5.00000000"))
+    path.write_text(path.read_text().replace("\t2\t93\t", "\t2\t115\t", 1))
     assert main.run(["check", str(path)]) == FINDINGS
     assert "[command]" not in capsys.readouterr().out
     text = path.read_text().splitlines()

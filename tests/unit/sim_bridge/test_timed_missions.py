@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from gcs.mission.firmware import Firmware
 from gcs.mission.navigator.fitted import by_name as navigator_named
 from gcs.mission.navigator.orders import Orders
 from gcs.mission.navigator.predict import passing_times, predict
+from gcs.mission.timed import corrected_legs
+from gcs.plan.trajectory import Plan
+from gcs.quadrotor import POSITION
 from sim_bridge.personality import by_name
 from tests.unit.sim_bridge.timed_missions import Fleet, Flight
 from tools.fit_navigator import MODELS, RECORDINGS, read_recording
@@ -31,6 +37,19 @@ def test_a_flight_is_what_the_model_predicts(name: str) -> None:
     predicted = predict(navigator_named(name), orders)
     np.testing.assert_allclose(passed_s(flight, orders), predicted.passed_s, atol=0.5)
     np.testing.assert_allclose(flight.reached_s, predicted.completed_s[: len(flight.reached_s)], atol=0.5)
+
+
+@NAMES
+def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("field/scenario.toml")
+    legs = corrected_legs(plan, Firmware.named(name))
+    assert legs.speeds_mps is not None
+    points = plan.motion(legs.t_s, slice(plan.leader, plan.leader + 1))[0][0][:, POSITION]
+    orders = Orders.through(points, legs.speeds_mps[0].tolist(), airborne_s=20.0)
+    (flight,) = Fleet(by_name(name), [orders]).fly()
+    late_s = passed_s(flight, orders) - (legs.t_s[1:] - legs.left_s)
+    print(f"{name}: late {late_s.round(2).tolist()}")
+    assert np.abs(late_s[:-1]).max() <= 1.0  # the last counts from where the plan is near
 
 
 @NAMES
