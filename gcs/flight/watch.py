@@ -66,6 +66,7 @@ class VehicleWatch:
         self._heard_s = unix_s
         self._silent = self._lost = False
         self._placed_s = unix_s
+        self._heard_since = self._placed_since = False
         self._no_fix_since_s = math.nan
         self._no_fix_told = 0
         self._battery_pct = 100
@@ -81,10 +82,12 @@ class VehicleWatch:
     def receive(self, message: Message, unix_s: float) -> None:
         """Any message of the vehicle is a sign of life; some say more."""
         self._heard_s = max(self._heard_s, unix_s)
+        self._heard_since = True
         fields = message.fields
         match message.name:
             case "LOCAL_POSITION_NED":
                 self._placed_s = unix_s
+                self._placed_since = True
             case "HEARTBEAT":
                 self._mode = int(fields["custom_mode"])
             case "GPS_RAW_INT":
@@ -100,7 +103,16 @@ class VehicleWatch:
                 self._fence = True  # PX4 has no other word for it
 
     def look(self, unix_s: float) -> list[Incident]:
-        """What is new at `unix_s`; every thing is told once."""
+        """What is new at `unix_s`; every thing is told once.
+
+        What came since the last look is as new as the look: in a burst of messages time on board passes faster than
+        anybody notices.
+        """
+        if self._heard_since:
+            self._heard_s = max(self._heard_s, unix_s)
+        if self._placed_since:
+            self._placed_s = max(self._placed_s, unix_s)
+        self._heard_since = self._placed_since = False
         found = self._silence(unix_s)
         if self._silent or self._lost:
             return found

@@ -21,6 +21,7 @@ def kinds(found: list[Incident]) -> list[Kind]:
 def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     ours = watch()
     ours.receive(PLACE, 100.0)
+    assert kinds(ours.look(100.0)) == []
     assert kinds(ours.look(102.9)) == []
     assert kinds(ours.look(103.1)) == [Kind.LINK_LOST]
     assert kinds(ours.look(109.9)) == []
@@ -33,6 +34,16 @@ def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     assert back.kind is Kind.LINK_BACK
     assert not back.usable
     assert kinds(ours.look(120.4)) == []
+
+
+def test_a_burst_of_messages_is_no_silence() -> None:
+    """On board a minute passed; what was read in one go bears the time from before it."""
+    ours = watch()
+    ours.look(100.0)
+    ours.receive(PLACE, 100.0)
+    assert kinds(ours.look(171.0)) == []
+    assert kinds(ours.look(173.9)) == []
+    assert kinds(ours.look(174.1)) == [Kind.LINK_LOST]
 
 
 def test_who_comes_back_in_another_mode_does_not_obey() -> None:
