@@ -29,7 +29,7 @@ from tests.fleets import free_port, running_fleet, wait_until
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
 
 
-def fly(*arguments: object, timeout_s: float = 120.0, **options: Any) -> subprocess.CompletedProcess[str]:
+def fly(*arguments: object, timeout_s: float = 300.0, **options: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*GCS, "fly", *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s, check=False, **options
     )
@@ -68,7 +68,7 @@ def simulation1_flight(
     """The README's first command, as fast as the machine can, with --json."""
     root = tmp_path_factory.mktemp("flights")
     mission = repo_root / "missions" / "simulation1"
-    return fly(mission, "--sim", "--speedup", "max", "--json", "--to", root, timeout_s=240.0), root
+    return fly(mission, "--sim", "--speedup", "max", "--json", "--to", root, timeout_s=400.0), root
 
 
 def test_simulation1_is_planned_uploaded_flown_and_held(
@@ -139,7 +139,7 @@ def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) ->
 
 def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None:
     mission = repo_root / "missions" / "simulation1"
-    done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=240.0)
+    done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=400.0)
     report = json.loads(done.stdout)
     assert done.returncode == 0, report
     assert report["mode"] == "mission"
@@ -197,7 +197,7 @@ def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
     while "take-off" not in (line := process.stdout.readline()):
         assert line, "it ended before the take-off"
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=30.0)
+    _, said = process.communicate(timeout=90.0)
     assert process.returncode == 130
     assert "Traceback" not in said
     assert simulators_running_under(tmp_path) == []
@@ -271,7 +271,7 @@ def test_ctrl_c_lands_vehicles_that_are_not_ours(
         assert line, "it ended before it flew"
     assert not fleet.airframes.landed.any()
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30.0)
+    process.communicate(timeout=90.0)
     assert process.returncode == 130
     wait_until(lambda: bool(fleet.airframes.landed.all()))
 

@@ -27,7 +27,7 @@ def test_a_script_with_mavutil_flies_a_mission(tmp_path: Path, autopilot: str, l
         where = f"udpin:127.0.0.1:{port}" if link == "udp" else "tcp:{}:{}".format(*fleet.address(SYSID))
         script = Path(__file__).with_name("fly_with_mavutil.py")
         done = subprocess.run(
-            [sys.executable, script, where, str(SYSID), path], capture_output=True, text=True, timeout=120, check=False
+            [sys.executable, script, where, str(SYSID), path], capture_output=True, text=True, timeout=400, check=False
         )
         assert done.returncode == 0, done.stderr + done.stdout
         told = json.loads(done.stdout.splitlines()[-1])

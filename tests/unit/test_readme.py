@@ -80,7 +80,7 @@ def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
     for block in runnable:
         command = ["sh", "-euc", block.commands] if block.language == "sh" else [sys.executable, "-c", block.code]
         done = subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=120, check=False
+            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=400, check=False
         )
         where = f"{block.document}:{block.line}"
         assert done.returncode == 0, f"{where} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
