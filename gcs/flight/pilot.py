@@ -20,7 +20,7 @@ from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
-from gcs.flight.stream import Streamed, send_due, wait_s
+from gcs.flight.stream import Streamed, numbered_message, send_due, wait_s
 from gcs.flight.together import each, sleep_sharply
 from gcs.link.command import CommandRefused
 from gcs.link.message import Message
@@ -91,7 +91,18 @@ class Pilot:
         if self._options.follow:
             self._let_follow(t0_unix_s)
         self._schedule(t0_unix_s, ends=True)
+        if self._emulated:
+            self._announce()
         return t0_unix_s
+
+    def _announce(self) -> None:
+        """Have everybody hold its first setpoint now: from then on emulated time waits for the ones that follow."""
+        assert self.scheduler is not None
+        for sysid, stream in self.scheduler.streams.items():
+            if stream.next == 0 and (first := self.scheduler.advance(sysid)) is not None:
+                message = numbered_message(self.scheduler, self.vehicles[sysid], first)
+                if message is not None:
+                    self._send(sysid, message)
 
     async def take_over(self, crew: Crew, course: Course) -> None:
         """Have one vehicle fly this course from now on, whatever it flies now. Raises as switching modes does."""

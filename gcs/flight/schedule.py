@@ -115,6 +115,15 @@ class Scheduler:
         stream.late_s.append(vehicle_unix_s - self._deadline_s(numbers[-1]))
         return kept
 
+    def advance(self, sysid: int) -> int | None:
+        """The next number whether it is due or not, for those who keep it until its time; None after the last."""
+        stream = self.streams.get(sysid)
+        if stream is None or stream.finished:
+            return None
+        stream.next += 1
+        stream.sent += 1
+        return stream.next - 1
+
     def _deadline_s(self, k: int) -> float:
         """The one expression for it: what `next_unix_s` says is due then, to the last bit."""
         return self.t0_unix_s + self.grid.at(k) - self._lead_s

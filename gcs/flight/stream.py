@@ -36,14 +36,18 @@ def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[
     vehicle_unix_s = vehicle.clock.now_unix_s(now_s)
     if vehicle_unix_s is None:
         return []
-    messages = []
-    for k in scheduler.due(vehicle.sysid, vehicle_unix_s):
-        t_s = scheduler.grid.at(k)
-        values = vehicle.course.at(k, t_s)
-        if values is not None:
-            stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
-            messages.append(setpoint_message(vehicle.station, stamp_ms, vehicle.pad_ned_m, values))
-    return messages
+    messages = (numbered_message(scheduler, vehicle, k) for k in scheduler.due(vehicle.sysid, vehicle_unix_s))
+    return [message for message in messages if message is not None]
+
+
+def numbered_message(scheduler: Scheduler, vehicle: Streamed, k: int) -> Message | None:
+    """Setpoint number `k` of the grid; None where the vehicle's course has none."""
+    t_s = scheduler.grid.at(k)
+    values = vehicle.course.at(k, t_s)
+    if values is None:
+        return None
+    stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
+    return setpoint_message(vehicle.station, stamp_ms, vehicle.pad_ned_m, values)
 
 
 def send_due(

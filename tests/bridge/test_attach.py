@@ -70,6 +70,7 @@ def test_it_is_found_shown_and_flown_to_its_end(left_alone: tuple[World, Path]) 
     assert "unfinished" in nothing.stderr
 
 
+@pytest.mark.slow
 def test_it_is_called_home(left_alone: tuple[World, Path]) -> None:
     world, flights = left_alone
     attach("--to", str(flights), "--return")
@@ -78,6 +79,7 @@ def test_it_is_called_home(left_alone: tuple[World, Path]) -> None:
     assert np.abs(world.airframes.truth[:, :2] - pads).max() < 1.0
 
 
+@pytest.mark.slow
 def test_it_lands(left_alone: tuple[World, Path]) -> None:
     world, flights = left_alone
     (folder,) = flights.iterdir()

@@ -124,6 +124,7 @@ def test_nothing_arms_before_every_mission_was_read_back(
     pytest.fail("nobody was armed")
 
 
+@pytest.mark.slow
 def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) -> None:
     errors = {}
     for speedup in ("8", "max"):
@@ -230,6 +231,7 @@ def vehicles_out_there(short_mission: Path) -> Iterator[tuple[World, str]]:
         yield fleet, f"udpin:127.0.0.1:{port}"
 
 
+@pytest.mark.slow
 def test_a_link_is_flown_like_the_simulation(
     short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:

@@ -54,6 +54,7 @@ def test_a_vehicle_is_lost_the_others_land(hop: Plan) -> None:
     assert flown.world.airframes.landed.all()
 
 
+@pytest.mark.slow
 def test_a_vehicle_is_lost_the_others_go_home_staggered(hop: Plan) -> None:
     flown = fly(hop, "2:die@30", on_loss=OnLoss.RETURN)
     assert flown.told(1) == flown.told(3) == ["return"]
@@ -67,6 +68,7 @@ def test_a_vehicle_is_lost_the_others_go_home_staggered(hop: Plan) -> None:
     assert apart.min() > flown.plan.scenario.judge.separation_min_m
 
 
+@pytest.mark.slow
 def test_a_vehicle_is_lost_the_others_go_on(hop: Plan) -> None:
     flown = fly(hop, "2:die@30", on_loss=OnLoss.CONTINUE)
     assert isinstance(flown.error, FlightError)
@@ -83,6 +85,7 @@ def test_a_link_that_comes_back_soon(hop: Plan) -> None:
     assert np.linalg.norm(flown.places[row, late] - flown.planned[row, late], axis=-1).max() < 0.5
 
 
+@pytest.mark.slow
 def test_a_link_that_comes_back_late(hop: Plan) -> None:
     flown = fly(hop, "3:silent@30..37")
     assert flown.told(3) == ["return"]
@@ -92,6 +95,7 @@ def test_a_link_that_comes_back_late(hop: Plan) -> None:
     kept_apart(flown)
 
 
+@pytest.mark.slow
 def test_a_short_outage_of_gnss(hop: Plan) -> None:
     flown = fly(hop, "2:gnss-outage@30..34")
     assert flown.error is None
@@ -106,6 +110,7 @@ def test_a_long_outage_of_gnss(hop: Plan) -> None:
     assert flown.world.airframes.landed.all()
 
 
+@pytest.mark.slow
 def test_a_low_battery_goes_home(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.18@30")
     assert flown.told(3) == ["return"]
@@ -131,6 +136,7 @@ def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
     flew_on(flown, 3)
 
 
+@pytest.mark.slow
 def test_on_board_missions_are_watched_as_well(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.18@75", mode=FlightMode.MISSION)
     assert flown.told(3) == ["return"]

@@ -150,6 +150,7 @@ def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
     run(scene())
 
 
+@pytest.mark.slow
 def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_sent(
     simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
 ) -> None:
