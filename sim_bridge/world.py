@@ -39,7 +39,7 @@ from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.wind import CALM, Wind
 
 WAITING_RATE = 10.0
-STREAM_PATIENCE_S = 5.0
+STREAM_PATIENCE_S = 1.5
 OFF_S = 1.0  # that a restart takes
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
