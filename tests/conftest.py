@@ -11,7 +11,6 @@ from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 
-
 LONG = ("test_readme.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 
 
