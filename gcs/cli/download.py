@@ -9,7 +9,7 @@ import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
-from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 from gcs.errors import PeerError, PeerTimeout
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def diff(
     missions_only: Annotated[bool, typer.Option("--missions-only", help="Look at missions alone.")] = False,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
+    untimed: UntimedOption = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -72,7 +73,7 @@ def diff(
     known = connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    found = asyncio.run(_differences(plan, known, backend, safety=not missions_only))
+    found = asyncio.run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
     for sysid, lines in found.items():
         screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
         for line in lines[:_TOLD_MAX]:
@@ -101,7 +102,9 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[He
         return list(every)
 
 
-async def _differences(plan: Plan, known: Connection, backend: str, *, safety: bool) -> dict[int, list[str]]:
+async def _differences(
+    plan: Plan, known: Connection, backend: str, *, timed: bool, safety: bool
+) -> dict[int, list[str]]:
     import asyncio
 
     from gcs.flight.loading import build_loads
@@ -109,7 +112,7 @@ async def _differences(plan: Plan, known: Connection, backend: str, *, safety: b
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
-        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, safety=safety)
+        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
         every = await asyncio.gather(*(read_held(sessions[load.sysid]) for load in loads))
         fleet.check()
     return {held.sysid: held.differences(load) for held, load in zip(every, loads, strict=True)}

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
@@ -52,13 +52,7 @@ def export(
         float | None,
         typer.Option("--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline this near to the plan."),
     ] = None,
-    untimed: Annotated[
-        bool,
-        typer.Option(
-            "--untimed",
-            help="Missions ask for the plan's own speeds, which autopilots do not keep, instead of corrected ones.",
-        ),
-    ] = False,
+    untimed: UntimedOption = False,
     gates: Annotated[
         int,
         typer.Option("--gates", metavar="N", help="Points on the way where all wait for their common time; ArduPilot."),

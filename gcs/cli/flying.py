@@ -175,7 +175,7 @@ def _flight(
     if request.link is None:
         return Flight(plan, missions, stream, sessions, options, tell, log_step)
     autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
-    loads = build_loads(plan, autopilots, safety=request.safety)
+    loads = build_loads(plan, autopilots, timed=False, safety=request.safety)
     if request.keeping.mode is FlightMode.MISSION:
         _refuse_others(plan, autopilots)
         loads = tuple(replace(load, mission=mission) for load, mission in zip(loads, missions, strict=True))

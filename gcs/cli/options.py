@@ -18,3 +18,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 # `gcs.cli.main.run` reads it from the arguments, since those may be what is wrong; it is declared for --help.
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 UnverifiedOption = Annotated[bool, typer.Option("--unverified", help="Use a plan although it does not hold.")]
+UntimedOption = Annotated[
+    bool,
+    typer.Option(
+        "--untimed",
+        help="Missions ask for the plan's own speeds, which autopilots do not keep, instead of corrected ones.",
+    ),
+]

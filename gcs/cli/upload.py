@@ -10,7 +10,7 @@ import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
-from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
+from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 
 if TYPE_CHECKING:
     from gcs.cli.planning import Stopwatch
@@ -33,6 +33,7 @@ def upload(
     to: Annotated[Path, typer.Option("--to", help="Folder for the record that `gcs restore` reads.")] = Path("uploads"),
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
+    untimed: UntimedOption = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -53,7 +54,9 @@ def upload(
     known = connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    loading = _upload(screen, plan, known, backend, safety=not missions_only, dry_run=dry_run, watch=watch)
+    loading = _upload(
+        screen, plan, known, backend, timed=not untimed, safety=not missions_only, dry_run=dry_run, watch=watch
+    )
     held, changes = asyncio.run(loading)
     record = None
     if held is not None:
@@ -106,7 +109,15 @@ def restore(
 
 
 async def _upload(
-    screen: Screen, plan: Plan, known: Connection, backend: str, *, safety: bool, dry_run: bool, watch: Stopwatch
+    screen: Screen,
+    plan: Plan,
+    known: Connection,
+    backend: str,
+    *,
+    timed: bool,
+    safety: bool,
+    dry_run: bool,
+    watch: Stopwatch,
 ) -> tuple[Holdings | None, tuple[Change, ...]]:
     from gcs.flight.loading import build_loads
     from gcs.link.upload import preview, upload_fleet
@@ -114,7 +125,7 @@ async def _upload(
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
-        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, safety=safety)
+        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
         watch.lap("missions")
         changes = await preview(sessions, loads)
         _show(screen, changes)

@@ -9,29 +9,36 @@ from collections.abc import Iterable, Mapping
 
 from gcs.errors import PeerError
 from gcs.link.load import VehicleLoad
-from gcs.mission.build import build_missions
 from gcs.mission.firmware import Firmware
+from gcs.mission.formats import Format
 from gcs.mission.geofence import fence_items, rally_items
+from gcs.mission.mission_files import MissionOrder, make_missions
 from gcs.mission.model import VehicleMission
 from gcs.mission.safety import build_safety
 from gcs.plan.trajectory import Plan
 
 
-def build_loads(plan: Plan, autopilots: Mapping[int, int], *, safety: bool = True) -> tuple[VehicleLoad, ...]:
+def build_loads(
+    plan: Plan, autopilots: Mapping[int, int], *, timed: bool, safety: bool = True
+) -> tuple[VehicleLoad, ...]:
     """The load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
 
-    With `safety` they carry the fence, the rally point and the parameters of an export. Raises `PeerError` for an
-    autopilot that missions are not written for, and `ScenarioError` for missions that it does not store.
+    Missions are those that an export writes, checked as such: `timed` ones may be flown by themselves, others ask for
+    the plan's own speeds, which autopilots do not keep. With `safety` loads carry the fence, the rally point and the
+    parameters too. Raises `PeerError` for an autopilot that missions are not written for, `ScenarioError` for missions
+    that it does not store, and `VerificationError` for missions that must not fly.
     """
     loads: dict[int, VehicleLoad] = {}
     for autopilot in sorted(set(autopilots.values())):
         firmware = _firmware(autopilots, autopilot)
-        missions = build_missions(plan, firmware=firmware)
+        safe = build_safety(plan, firmware)
+        made = make_missions(plan, MissionOrder(firmware, timed=timed), safe, (Format.PLAN,))
+        if made.refusal is not None:
+            raise made.refusal
         ours = {sysid for sysid, number in autopilots.items() if number == autopilot}
-        loads |= {m.sysid: VehicleLoad(m) for m in missions if m.sysid in ours}
+        loads |= {m.sysid: VehicleLoad(m) for m in made.missions if m.sysid in ours}
         if not safety:
             continue
-        safe = build_safety(plan, firmware)
         fence = fence_items(safe.fence.geofence)
         for row, sysid in enumerate(plan.sysids):
             if sysid in ours:

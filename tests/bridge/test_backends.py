@@ -44,7 +44,7 @@ async def vehicles(
 
 
 def loads_for(plan: Plan, autopilot: str):
-    every = build_loads(plan, dict.fromkeys(plan.sysids, int(Autopilot[autopilot.upper()])))
+    every = build_loads(plan, dict.fromkeys(plan.sysids, int(Autopilot[autopilot.upper()])), timed=False)
     short = []
     for load in every[:2]:
         items, times = load.mission.items[:12], load.mission.arrival_s[:12]

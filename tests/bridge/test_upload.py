@@ -56,7 +56,7 @@ def number(autopilot: str) -> int:
 
 
 def loads_for(plan: Plan, autopilot: str) -> tuple[VehicleLoad, ...]:
-    return build_loads(plan, dict.fromkeys(plan.sysids, number(autopilot)))
+    return build_loads(plan, dict.fromkeys(plan.sysids, number(autopilot)), timed=False)
 
 
 def held_by(fleet: Fleet, sysid: int, kind: MissionType = MissionType.MISSION) -> tuple[object, ...]:
