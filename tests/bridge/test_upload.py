@@ -55,8 +55,8 @@ def number(autopilot: str) -> int:
     return int(Autopilot[autopilot.upper()])
 
 
-def loads_for(plan: Plan, autopilot: str) -> tuple[VehicleLoad, ...]:
-    return build_loads(plan, dict.fromkeys(plan.sysids, number(autopilot)), timed=False)
+def loads_for(plan: Plan, autopilot: str, *, timed: bool = False) -> tuple[VehicleLoad, ...]:
+    return build_loads(plan, dict.fromkeys(plan.sysids, number(autopilot)), timed=timed)
 
 
 def held_by(fleet: Fleet, sysid: int, kind: MissionType = MissionType.MISSION) -> tuple[object, ...]:
@@ -204,10 +204,12 @@ def test_the_commands(
     assert parameter(fleet, 1, name) != old
     code, compared = call("diff", skein)
     assert code == 0, compared
+    code, compared = call("diff", skein, "--untimed")
+    assert code == 11, "speeds are corrected"
     code, _ = call("download", "--to", tmp_path / "held", "--listen", 1.5)
     assert code == 0
     files = load_missions(sorted((tmp_path / "held").glob("*.plan")))
-    loads = loads_for(simulation1_plan, autopilot)
+    loads = loads_for(simulation1_plan, autopilot, timed=True)
     assert [compare_missions(load.mission.items, f.items) for load, f in zip(loads, files, strict=True)] == [[]] * 6
     assert all(f.geofence.polygons and f.rally for f in files)
     code, _ = call("restore", told["record"])

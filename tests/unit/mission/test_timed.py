@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import ScenarioError, UsageError, VerificationError
+from gcs.flight.loading import build_loads
 from gcs.mission.export import export
 from gcs.mission.firmware import Firmware
 from gcs.mission.folder import INDEX
@@ -76,6 +77,13 @@ def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_p
     assert document["refused"] == index.refused
     assert document["timing"]["nearest"]["distance_m"] < field.scenario.judge.separation_min_m
     assert document["verified"] is None
+
+
+def test_nor_are_such_missions_uploaded(field: Plan) -> None:
+    autopilots = dict.fromkeys(field.sysids, int(Firmware.PX4))
+    with pytest.raises(VerificationError, match="not fit for mission mode"):
+        build_loads(field, autopilots, timed=True)
+    assert [load.sysid for load in build_loads(field, autopilots, timed=False)] == list(field.sysids)
 
 
 def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
