@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError, UsageError
 from sim_bridge.endpoints.spec import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 STOPPED = 130
 BUG = 70
-AUTOPILOTS = ("ardupilot", "px4")
+AUTOPILOTS = tuple(known.key for known in Autopilot)
 NAVIGATORS = ("own", "ideal")
 
 app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})

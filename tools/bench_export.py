@@ -35,8 +35,8 @@ from rich.console import Console
 from rich.table import Table
 
 import gcs
+from gcs.autopilot import Autopilot
 from gcs.mission.export import export
-from gcs.mission.firmware import Firmware
 from gcs.mission.formats import Format
 from gcs.mission.missionfile import read_mission
 from gcs.plan.trajectory import Plan
@@ -112,7 +112,7 @@ def importer() -> Iterator[MissionRaw]:
         link = ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
             while not enough.wait(0.1):
-                message = link.heartbeat_encode(2, int(Firmware.ARDUPILOT), 81, 0, 3)
+                message = link.heartbeat_encode(2, int(Autopilot.ARDUPILOT), 81, 0, 3)
                 vehicle.sendto(message.pack(link), ("127.0.0.1", port))
 
     heart = threading.Thread(target=beat)

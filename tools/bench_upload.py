@@ -23,7 +23,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from gcs.link.dialect import Autopilot
+from gcs.autopilot import Autopilot
 from tools.upload.air import Air, Weather, mission_of
 
 ROUND_TRIPS_S = (0.0, 0.05, 0.2)
@@ -100,7 +100,7 @@ def main() -> None:
     parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default=None)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
-    autopilots = [Autopilot[chosen.autopilot.upper()]] if chosen.autopilot else [Autopilot.ARDUPILOT, Autopilot.PX4]
+    autopilots = [Autopilot.named(chosen.autopilot)] if chosen.autopilot else list(Autopilot)
     rows = [
         cell(autopilot, Weather(round_trip_s, loss), chosen.uploads, chosen.items)
         for autopilot in autopilots

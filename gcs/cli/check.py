@@ -77,15 +77,15 @@ def check(
         raise UsageError(f"--separation {separation:g}: give a distance above 0")
     if timing not in (None, *TIMINGS):
         raise UsageError(f"--timing {timing}: there are {' and '.join(TIMINGS)}")
+    from gcs.autopilot import Autopilot
     from gcs.mission.check import check_fleet
-    from gcs.mission.firmware import Firmware
     from gcs.mission.flown import fly, surroundings
     from gcs.mission.flown_model import Modelled
     from gcs.mission.limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.missionfile import load_missions
     from gcs.mission.origin import exported_from
 
-    missions = load_missions(files, None if autopilot is None else Firmware.named(autopilot))
+    missions = load_missions(files, None if autopilot is None else Autopilot.named(autopilot))
     asked_m, changed = exported_from(missions)
     timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
     modelled = Modelled()

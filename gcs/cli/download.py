@@ -119,7 +119,7 @@ async def _differences(
 
 
 def _write(to: Path, every: list[Held]) -> list[str]:
-    from gcs.mission.firmware import Firmware
+    from gcs.autopilot import Autopilot
     from gcs.mission.folder import replaced
     from gcs.mission.formats import vehicle_name
     from gcs.mission.planfile import PlanFile, write_plan_file
@@ -127,7 +127,7 @@ def _write(to: Path, every: list[Held]) -> list[str]:
     texts: dict[str, str] = {}
     for held in every:
         try:
-            firmware = Firmware(held.autopilot)
+            firmware = Autopilot(held.autopilot)
         except ValueError:
             raise PeerError(
                 f"vehicle {held.sysid} runs autopilot number {held.autopilot}, for which no file is."

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from gcs.autopilot import Autopilot
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 from gcs.errors import UsageError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from gcs.mission.export_index import ExportIndex
     from gcs.plan.trajectory import Plan
 
-AUTOPILOTS = ("ardupilot", "px4")
+AUTOPILOTS = tuple(known.key for known in Autopilot)
 _SHOWN = 20  # vehicles
 ALTITUDES = ("relative", "amsl", "terrain")
 
@@ -84,7 +85,6 @@ def export(
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.mission.export import export as write
-    from gcs.mission.firmware import Firmware
     from gcs.mission.formats import formats_named
     from gcs.mission.model import Altitude
 
@@ -96,7 +96,7 @@ def export(
         plan,
         to,
         formats=wanted,
-        firmware=None if autopilot is None else Firmware.named(autopilot),
+        firmware=None if autopilot is None else Autopilot.named(autopilot),
         altitude=Altitude(altitude),
         smooth_m=smooth,
         timed=not untimed,
@@ -128,7 +128,7 @@ def export(
             "folder": to,
             "files": index.sha256,
             "plan_hash": index.plan_hash,
-            "firmware": index.firmware.name.lower(),
+            "firmware": index.firmware.key,
             "altitude": index.altitude,
             "waypoints": index.waypoints,
             "timing": None if index.timing is None else index.timing.data(),

@@ -18,6 +18,7 @@ import numpy as np
 from rich.live import Live
 from rich.table import Table
 
+from gcs.autopilot import Autopilot
 from gcs.cli.console import Screen
 from gcs.cli.going import go_or_no_go, put_back
 from gcs.cli.link_options import Connection
@@ -37,7 +38,6 @@ from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.truth import Truth, load_truth
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.session import VehicleSession
-from gcs.mission.firmware import Firmware
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints import build_stream
 from gcs.plan.store import save_plan
@@ -189,7 +189,7 @@ def _flight(
 
 def _refuse_others(plan: Plan, autopilots: dict[int, int]) -> None:
     """Missions are timed for the scenario's autopilot. Raises `PeerError` where a vehicle has another."""
-    firmware = Firmware.named(plan.scenario.mission.autopilot)
+    firmware = Autopilot.named(plan.scenario.mission.autopilot)
     for sysid, autopilot in autopilots.items():
         if autopilot != firmware:
             raise PeerError(

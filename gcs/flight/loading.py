@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError
 from gcs.link.load import VehicleLoad
-from gcs.mission.firmware import Firmware
 from gcs.mission.formats import Format
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.mission_files import MissionOrder, make_missions
@@ -52,9 +52,9 @@ def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]
     return tuple(VehicleLoad(mission) for mission in missions)
 
 
-def _firmware(autopilots: Mapping[int, int], autopilot: int) -> Firmware:
+def _firmware(autopilots: Mapping[int, int], autopilot: int) -> Autopilot:
     try:
-        return Firmware(autopilot)
+        return Autopilot(autopilot)
     except ValueError:
         who = next(sysid for sysid, number in autopilots.items() if number == autopilot)
         raise PeerError(

@@ -1,7 +1,7 @@
 """What differs between the autopilots in flight: one row of modes, readiness and habits for each.
 
 Knows: their numbers, with the reason where one surprises. Does not know: sending, waiting, plans. What differs in
-missions stands in `gcs.mission.firmware`.
+missions stands in `gcs.autopilot`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError
 from gcs.link.dialect import (
     PX4_HOLD,
@@ -22,14 +23,13 @@ from gcs.link.dialect import (
     ModeFlag,
 )
 from gcs.link.message import Message
-from gcs.mission.firmware import Firmware
 
 
 @dataclass(frozen=True)
 class Manners:
     """How one autopilot wants to be flown. Modes are values of HEARTBEAT.custom_mode."""
 
-    firmware: Firmware
+    firmware: Autopilot
     guided: int  # obeys setpoints
     mission: int
     hold: int
@@ -71,7 +71,7 @@ class Manners:
 
 
 ARDUPILOT = Manners(
-    firmware=Firmware.ARDUPILOT,
+    firmware=Autopilot.ARDUPILOT,
     guided=CopterMode.GUIDED,
     mission=CopterMode.AUTO,
     hold=CopterMode.LOITER,
@@ -90,7 +90,7 @@ ARDUPILOT = Manners(
 )
 
 PX4 = Manners(
-    firmware=Firmware.PX4,
+    firmware=Autopilot.PX4,
     guided=PX4_OFFBOARD,
     mission=PX4_MISSION,
     hold=PX4_HOLD,
@@ -114,13 +114,13 @@ PX4 = Manners(
     },
 )
 
-_BY_FIRMWARE = {Firmware.ARDUPILOT: ARDUPILOT, Firmware.PX4: PX4}
+_BY_FIRMWARE = {Autopilot.ARDUPILOT: ARDUPILOT, Autopilot.PX4: PX4}
 
 
 def manners_of(sysid: int, autopilot: int) -> Manners:
     """The manners of MAV_AUTOPILOT `autopilot`; raises PeerError for one that nobody here knows how to fly."""
     try:
-        return _BY_FIRMWARE[Firmware(autopilot)]
+        return _BY_FIRMWARE[Autopilot(autopilot)]
     except ValueError:
         raise PeerError(
             f"vehicle {sysid} runs autopilot number {autopilot}; only ArduCopter and PX4 can be flown.",

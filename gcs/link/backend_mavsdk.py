@@ -17,8 +17,9 @@ from typing import Any, TypeVar
 import mavsdk
 from mavsdk.plugins import mission_raw, param, telemetry
 
+from gcs.autopilot import Autopilot
 from gcs.errors import LinkError, PeerError, PeerTimeout
-from gcs.link.dialect import Autopilot, MissionType
+from gcs.link.dialect import GENERIC_AUTOPILOT, MissionType
 from gcs.link.endpoint import LinkMode, parse_link_spec
 from gcs.link.items import with_home
 from gcs.link.mission_compare import compare_missions
@@ -46,7 +47,7 @@ class MavsdkVehicle:
     @property
     def autopilot(self) -> int:
         """MAV_AUTOPILOT."""
-        return int(_AUTOPILOTS.get(self._system.autopilot_type(), Autopilot.GENERIC))
+        return int(_AUTOPILOTS.get(self._system.autopilot_type(), GENERIC_AUTOPILOT))
 
     @property
     def armed(self) -> bool:

@@ -26,8 +26,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import Autopilot, MissionResult, MissionType
+from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
 from gcs.link.mission_compare import Difference, compare_missions

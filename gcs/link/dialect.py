@@ -16,13 +16,8 @@ class MavType(IntEnum):
     GCS = 6
 
 
-class Autopilot(IntEnum):
-    """MAV_AUTOPILOT: whose firmware."""
-
-    GENERIC = 0
-    ARDUPILOT = 3
-    INVALID = 8
-    PX4 = 12
+GENERIC_AUTOPILOT = 0  # MAV_AUTOPILOT values that name no firmware; `gcs.autopilot` has those that do
+NO_AUTOPILOT = 8
 
 
 class MavState(IntEnum):

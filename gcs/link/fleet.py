@@ -16,7 +16,7 @@ from functools import partial
 from gcs.errors import PeerTimeout, ProtocolMisuse, UsageError
 from gcs.link.addressbook import AddressBook, Place
 from gcs.link.codec import Codec
-from gcs.link.dialect import Autopilot, MavCommand, MavState, MavType, MessageId
+from gcs.link.dialect import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 from gcs.link.endpoint import Address, Endpoint
 from gcs.link.endpoints import make_endpoint
 from gcs.link.message import GROUND, Message, Station
@@ -216,7 +216,7 @@ _HEARTBEAT = Message(
     "HEARTBEAT",
     {
         "type": int(MavType.GCS),
-        "autopilot": int(Autopilot.INVALID),
+        "autopilot": NO_AUTOPILOT,
         "base_mode": 0,
         "custom_mode": 0,
         "system_status": int(MavState.ACTIVE),
@@ -236,7 +236,7 @@ def _is_vehicle(message: Message) -> bool:
     return (
         message.name == "HEARTBEAT"
         and message.fields["type"] != MavType.GCS
-        and message.fields["autopilot"] != Autopilot.INVALID
+        and message.fields["autopilot"] != NO_AUTOPILOT
     )
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.link.dialect import Autopilot
+from gcs.autopilot import Autopilot
 from gcs.mission.model import Command, MissionItem
 
 _ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres

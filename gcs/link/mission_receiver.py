@@ -27,8 +27,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import Autopilot, MissionResult, MissionType, mission_result_words
+from gcs.link.dialect import MissionResult, MissionType, mission_result_words
 from gcs.link.items import item_from_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, doubt_s, mission_ack, mission_type_of

@@ -5,7 +5,8 @@ Knows: ArduCopter's and PX4's numbers and names. Does not know: how to change mo
 
 from __future__ import annotations
 
-from gcs.link.dialect import Autopilot
+from gcs.autopilot import Autopilot
+from gcs.link.dialect import GENERIC_AUTOPILOT
 
 _COPTER = {
     **dict(enumerate(("STABILIZE", "ACRO", "ALT_HOLD", "AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE"))),
@@ -22,7 +23,7 @@ _PX4_AUTO = {
     **{10: "VTOL_TAKEOFF"},
 }
 _AUTO = 4
-_AUTOPILOTS = {int(Autopilot.ARDUPILOT): "ArduCopter", int(Autopilot.PX4): "PX4", int(Autopilot.GENERIC): "generic"}
+_AUTOPILOTS = {GENERIC_AUTOPILOT: "generic"} | {int(known): known.title for known in Autopilot}
 
 
 def autopilot_name(autopilot: int) -> str:

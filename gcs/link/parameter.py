@@ -10,8 +10,8 @@ import math
 import struct
 from dataclasses import dataclass
 
+from gcs.autopilot import Autopilot
 from gcs.errors import UsageError
-from gcs.link.dialect import Autopilot
 from gcs.link.message import Message, Station
 
 REAL32 = 9

@@ -12,11 +12,12 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
 from gcs.link.delivery import Delivery
-from gcs.link.dialect import Autopilot, MavCommand, MessageId, MissionType, ModeFlag
+from gcs.link.dialect import MavCommand, MessageId, MissionType, ModeFlag
 from gcs.link.items import with_home
 from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station

@@ -10,10 +10,11 @@ import asyncio
 import math
 from dataclasses import dataclass
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError
 from gcs.link.addressbook import identity
 from gcs.link.command import CommandTimers
-from gcs.link.dialect import Autopilot, EkfFlag, MavState, MessageId
+from gcs.link.dialect import EkfFlag, MavState, MessageId
 from gcs.link.message import Message
 from gcs.link.modes import autopilot_name, mode_name
 from gcs.link.session import VehicleSession

@@ -12,23 +12,23 @@ import math
 
 import numpy as np
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 
 _MILLIMETRES = 3
 
 
-def kept_alt_m(alt_m: float, firmware: Firmware) -> float:
+def kept_alt_m(alt_m: float, firmware: Autopilot) -> float:
     """What the vehicle will hold where `alt_m` is sent; infinite beyond single precision."""
     with np.errstate(over="ignore"):
         single = np.float32(alt_m)
-        if firmware is not Firmware.ARDUPILOT:
+        if firmware is not Autopilot.ARDUPILOT:
             return float(single)
         return float(np.trunc(single * np.float32(100.0))) / 100.0
 
 
-def written_alt_m(alt_m: float, firmware: Firmware) -> float:
+def written_alt_m(alt_m: float, firmware: Autopilot) -> float:
     """The altitude to write, in whole millimetres, so that what is kept is as near to `alt_m` as can be."""
-    if firmware is not Firmware.ARDUPILOT:
+    if firmware is not Autopilot.ARDUPILOT:
         return round(alt_m, _MILLIMETRES)
     whole = round(alt_m, 2)
     if kept_alt_m(whole, firmware) == whole:

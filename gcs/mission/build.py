@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.autopilot import Autopilot
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.altitudes import kept_alt_m, written_alt_m
-from gcs.mission.firmware import Firmware
 from gcs.mission.legs import TimedLegs, rows_with_own_legs
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
@@ -75,7 +75,7 @@ def build_missions(
     plan: Plan,
     legs: TimedLegs | None = None,
     *,
-    firmware: Firmware | None = None,
+    firmware: Autopilot | None = None,
     altitude: Altitude = Altitude.RELATIVE,
 ) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
@@ -84,7 +84,7 @@ def build_missions(
     the ground under its pad. Raises `ScenarioError` when a mission has more items than the autopilot stores, or
     altitudes that it refuses.
     """
-    firmware = firmware or Firmware.named(plan.scenario.mission.autopilot)
+    firmware = firmware or Autopilot.named(plan.scenario.mission.autopilot)
     if altitude.frame not in firmware.frames:
         raise ScenarioError(
             f"{firmware.title} refuses altitudes above the ground in missions.",
@@ -101,7 +101,7 @@ def build_missions(
     return missions
 
 
-def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Firmware, altitude: Altitude) -> VehicleMission:
+def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:
     """Items of the vehicle in this row."""
     takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
     t_s = legs.t_s
@@ -215,7 +215,7 @@ class _Draft:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
 
 
-def _as_kept(places: Array, firmware: Firmware) -> Array:
+def _as_kept(places: Array, firmware: Autopilot) -> Array:
     """Places (N, 3) of lat_deg, lon_deg, alt_m as the vehicle will hold them."""
     return np.array(
         [

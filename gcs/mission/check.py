@@ -10,12 +10,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gcs.autopilot import Autopilot
 from gcs.mission.altitudes import kept_alt_m
 from gcs.mission.check_flights import Lowest, check_ground, check_limits, check_separation
 from gcs.mission.check_items import check_items, found
 from gcs.mission.check_safety import check_rally_apart, check_safety
 from gcs.mission.findings import Finding, Level, Rule, worst
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Flight, Surroundings, fly, together
 from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission
@@ -82,7 +82,7 @@ def as_on_the_wire(mission: LoadedMission) -> LoadedMission:
     return replace(mission, items=tuple(_kept(item, mission.firmware) for item in mission.items))
 
 
-def _kept(item: MissionItem, firmware: Firmware) -> MissionItem:
+def _kept(item: MissionItem, firmware: Autopilot) -> MissionItem:
     with np.errstate(over="ignore"):
         p1, p2, p3, p4 = np.array(item.params, dtype=np.float32).tolist()
     return replace(item, params=(p1, p2, p3, p4), alt_m=kept_alt_m(item.alt_m, firmware))

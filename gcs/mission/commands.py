@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 
 
 class Source(StrEnum):
@@ -36,12 +36,12 @@ class MissionCommand:
     ardupilot: Source
     px4: Source
 
-    def source(self, firmware: Firmware) -> Source:
+    def source(self, firmware: Autopilot) -> Source:
         """How it stands with an autopilot."""
-        return self.ardupilot if firmware is Firmware.ARDUPILOT else self.px4
+        return self.ardupilot if firmware is Autopilot.ARDUPILOT else self.px4
 
 
-def refusal(command: int, firmware: Firmware) -> str:
+def refusal(command: int, firmware: Autopilot) -> str:
     """Why an autopilot does not carry out a command; empty if it does."""
     known = COMMANDS.get(command)
     if known is None:

@@ -12,10 +12,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin
 from gcs.mission.export_index import ExportIndex, Smoothing, index_document
 from gcs.mission.fencefile import write_fence, write_rally
-from gcs.mission.firmware import Firmware
 from gcs.mission.folder import Folder, replaced
 from gcs.mission.formats import DEFAULT, FLEET, MAPS, Format, vehicle_name
 from gcs.mission.history import build_histories, write_history
@@ -48,7 +48,7 @@ def export(
     folder: Path | str,
     *,
     formats: Iterable[Format] | None = None,
-    firmware: Firmware | None = None,
+    firmware: Autopilot | None = None,
     altitude: Altitude = Altitude.RELATIVE,
     setpoint_rate_hz: float | None = None,
     smooth_m: float | None = None,
@@ -68,7 +68,7 @@ def export(
     """
     wanted = DEFAULT if formats is None else tuple(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    firmware = firmware or Firmware.named(plan.scenario.mission.autopilot)
+    firmware = firmware or Autopilot.named(plan.scenario.mission.autopilot)
     order = MissionOrder(firmware, altitude, timed, gates, start_s)
     order.refuse_impossible()
     with replaced(Path(folder)) as files:
@@ -108,7 +108,7 @@ def _smoothing(path: SmoothPath) -> Smoothing:
     return Smoothing(path.knots_every_s, path.deviation_m, yaw_deg, path.clearance_min_m)
 
 
-def _write_safety(files: Folder, plan: Plan, firmware: Firmware, safety: Safety, formats: tuple[Format, ...]) -> None:
+def _write_safety(files: Folder, plan: Plan, firmware: Autopilot, safety: Safety, formats: tuple[Format, ...]) -> None:
     for row, sysid in enumerate(plan.sysids):
         name = vehicle_name(sysid)
         if Format.FENCE in formats:

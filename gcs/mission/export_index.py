@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from gcs.autopilot import Autopilot
 from gcs.mission.check import FleetReport
-from gcs.mission.firmware import Firmware
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted import Timing
 from gcs.mission.safety import INCLUSION_MARGIN_M, Safety
@@ -37,7 +37,7 @@ class ExportIndex:
 
     scenario: str
     plan_hash: str
-    firmware: Firmware
+    firmware: Autopilot
     altitude: Altitude
     setpoint_rate_hz: float
     waypoints: int  # positions with a planned time, per vehicle
@@ -58,7 +58,7 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
         "version": _VERSION,
         "scenario": index.scenario,
         "plan_hash": index.plan_hash,
-        "firmware": index.firmware.name.lower(),
+        "firmware": index.firmware.key,
         "altitude": index.altitude.value,
         "setpoint_rate_hz": index.setpoint_rate_hz,
         "waypoints": index.waypoints,

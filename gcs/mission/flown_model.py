@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.errors import VerificationError
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Flight, Flying, Surroundings
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.model import MissionItem
@@ -145,10 +144,9 @@ class _Modelled(Flying):
             tuple(stop.hold_s for stop in stops),
             self.t_s - self.up_s + self.modelled.climb_s,
         )
-        name = "ardupilot" if self.mission.firmware is Firmware.ARDUPILOT else "px4"
         why = _too_long(orders)
         try:
-            way = None if why else self.modelled.way(name, orders)
+            way = None if why else self.modelled.way(self.mission.firmware.key, orders)
         except VerificationError as error:
             way, why = None, error.message
         if way is None:

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gcs.autopilot import Autopilot
 from gcs.errors import UsageError, VerificationError
 from gcs.mission.build import build_missions, timed_legs
 from gcs.mission.check import FleetReport
-from gcs.mission.firmware import Firmware
 from gcs.mission.formats import Format, vehicle_name
 from gcs.mission.legs import TimedLegs
 from gcs.mission.model import Altitude, Command, VehicleMission
@@ -35,7 +35,7 @@ _DAY_S = 86400
 class MissionOrder:
     """For whom missions are, and how they keep the plan's time."""
 
-    firmware: Firmware
+    firmware: Autopilot
     altitude: Altitude = Altitude.RELATIVE
     timed: bool = True  # speeds corrected for the autopilot
     gates: int = 0
@@ -43,7 +43,7 @@ class MissionOrder:
 
     def refuse_impossible(self) -> None:
         """Raise `UsageError` for gates or starts that this autopilot does not have."""
-        if (self.gates or self.start_s is not None) and self.firmware is Firmware.PX4:
+        if (self.gates or self.start_s is not None) and self.firmware is Autopilot.PX4:
             raise UsageError(
                 "PX4 can wait for some seconds, but not until a time of day: it has neither gates nor a common start, "
                 "and a hold takes no error out.",
@@ -109,7 +109,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
 
 
 def _texts(
-    missions: Sequence[VehicleMission], firmware: Firmware, safety: Safety, formats: Sequence[Format]
+    missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety, formats: Sequence[Format]
 ) -> dict[str, str]:
     """Missions in every format asked for, by file name."""
     written: dict[str, str] = {}

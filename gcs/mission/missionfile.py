@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.fencefile import read_fence, read_rally
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import NO_FENCE, FenceCommand, Geofence, RallyPoint
 from gcs.mission.json_lines import line_of
 from gcs.mission.model import Command, Frame, Home, MissionItem
@@ -28,7 +28,7 @@ class LoadedMission:
     """One vehicle's mission. `home` is None where the file does not say it (PX4's `.waypoints`)."""
 
     source: str
-    firmware: Firmware
+    firmware: Autopilot
     home: Home | None
     items: tuple[MissionItem, ...]
     geofence: Geofence = NO_FENCE
@@ -49,7 +49,7 @@ class LoadedMission:
         return line_of(self.text, ("mission", "items", index)) if self.text else None
 
 
-def load_missions(paths: Sequence[Path], firmware: Firmware | None = None) -> tuple[LoadedMission, ...]:
+def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[LoadedMission, ...]:
     """The missions in these files, one vehicle per file, for `firmware` or what each file says.
 
     Files that hold a fence or rally points (`.fence`, `.rally`) belong to the mission of the same name, else to all.
@@ -73,7 +73,7 @@ def load_missions(paths: Sequence[Path], firmware: Firmware | None = None) -> tu
     return tuple(missions)
 
 
-def read_mission(data: bytes, source: str, firmware: Firmware | None = None) -> LoadedMission:
+def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> LoadedMission:
     """The mission in a file's bytes. Raises `FileFormatError` with file, line and reason."""
     if not _is_table(data):
         file = read_plan_file(data, source)
@@ -85,7 +85,7 @@ def read_mission(data: bytes, source: str, firmware: Firmware | None = None) -> 
     # Without a word from the user, a first row that could be home is home.
     home_first = _begins_with_home(data) if firmware is None else firmware.home_is_item_0
     table = read_waypoints(data, source, home_first=home_first)
-    guessed = Firmware.ARDUPILOT if home_first else Firmware.PX4
+    guessed = Autopilot.ARDUPILOT if home_first else Autopilot.PX4
     return LoadedMission(
         source, firmware or guessed, table.home, table.items, lines=table.lines, jumps_from=int(home_first)
     )

@@ -10,10 +10,10 @@ import math
 import re
 from dataclasses import dataclass
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.firmware import Firmware
 
-SUFFIX = {Firmware.ARDUPILOT: ".param", Firmware.PX4: ".params"}
+SUFFIX = {Autopilot.ARDUPILOT: ".param", Autopilot.PX4: ".params"}
 _COMPONENT = 1  # the autopilot
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _NAME = re.compile(r"[A-Z0-9_]{1,16}")
@@ -24,14 +24,14 @@ _COLUMNS = 5
 class ParameterFile:
     """Contents of one file. Values of whole-number parameters are ints: PX4 stores and sends them differently."""
 
-    firmware: Firmware
+    firmware: Autopilot
     sysid: int
     values: tuple[tuple[str, int | float], ...]
 
 
 def write_parameters(file: ParameterFile) -> str:
     """The text of a file; `read_parameters` gives back the same values."""
-    if file.firmware is Firmware.PX4:
+    if file.firmware is Autopilot.PX4:
         lines = [f"# Onboard parameters for Vehicle {file.sysid}", "#", "# Vehicle-Id Component-Id Name Value Type"]
         lines += [f"{file.sysid}\t{_COMPONENT}\t{name}\t{value!r}\t{_type(value)}" for name, value in file.values]
     else:
@@ -39,7 +39,7 @@ def write_parameters(file: ParameterFile) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_parameters(text: str | bytes, source: str, firmware: Firmware) -> ParameterFile:
+def read_parameters(text: str | bytes, source: str, firmware: Autopilot) -> ParameterFile:
     """Contents of a file in the style of `firmware`. Raises `FileFormatError` with file, line and reason."""
     try:
         lines = (text if isinstance(text, str) else text.decode("utf-8-sig")).splitlines()
@@ -54,7 +54,7 @@ def read_parameters(text: str | bytes, source: str, firmware: Firmware) -> Param
                 sysid = int(found[1])
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            name, value = _qgroundcontrol(line) if firmware is Firmware.PX4 else _mission_planner(line)
+            name, value = _qgroundcontrol(line) if firmware is Autopilot.PX4 else _mission_planner(line)
             if not _NAME.fullmatch(name):
                 raise ValueError(f"'{name[:40]}' is not the name of a parameter")
             if name in values:

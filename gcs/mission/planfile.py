@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.json_lines import line_of
 from gcs.mission.model import Command, Frame, Home, MissionItem
@@ -38,7 +38,7 @@ PointAndAltitude = tuple[Latitude, Longitude, Finite]
 class PlanFile:
     """Contents of one file. The two speeds only serve QGroundControl's own time estimate."""
 
-    firmware: Firmware
+    firmware: Autopilot
     home: Home
     items: tuple[MissionItem, ...]
     cruise_speed_mps: float = 15.0
@@ -143,7 +143,7 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         first = error.errors(include_url=False, include_input=False)[0]
         raise _refusal(text, source, first["loc"], first["msg"]) from error
     mission = document.mission
-    if mission.firmwareType not in tuple(Firmware):
+    if mission.firmwareType not in tuple(Autopilot):
         reason = f"{mission.firmwareType} is neither PX4 (12) nor ArduPilot (3)"
         raise _refusal(text, source, ("mission", "firmwareType"), reason)
     jumps = any(item.type == "SimpleItem" and item.command == Command.DO_JUMP for item in mission.items)
@@ -154,7 +154,7 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         except ValueError as error:
             raise _refusal(text, source, ("mission", "items", index), str(error)) from error
     return PlanFile(
-        Firmware(mission.firmwareType),
+        Autopilot(mission.firmwareType),
         Home(*mission.plannedHomePosition),
         tuple(items),
         mission.cruiseSpeed,

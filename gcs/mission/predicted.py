@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import KDTree
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Flight
 from gcs.mission.legs import TimedLegs
 from gcs.mission.model import Altitude, Command, VehicleMission
@@ -84,7 +84,7 @@ class Timing:
 
 
 def predicted(
-    plan: Plan, firmware: Firmware, legs: TimedLegs, missions: Sequence[VehicleMission], flights: Sequence[Flight]
+    plan: Plan, firmware: Autopilot, legs: TimedLegs, missions: Sequence[VehicleMission], flights: Sequence[Flight]
 ) -> Timing:
     """Hold the flights of all missions, which left the end of their take-off together, against the plan."""
     t_s = np.arange(legs.left_s, plan.phase("landing").start_s, _GRID_S)
@@ -110,7 +110,7 @@ def predicted(
     return Timing(
         tuple(vehicles),
         _spread_s(late),
-        _nearest(plan, t_s, flown, APART_S[firmware.name.lower()]),
+        _nearest(plan, t_s, flown, APART_S[firmware.key]),
         float(max((one[-1] for one in late), key=abs)),
         tuple(np.min(early, axis=0).round(3).tolist()) if legs.gates else (),
     )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.returns import Returning, ReturnSpeeds
 from gcs.quadrotor import POSITION
 from gcs.scenario.terrain import ground_envelope_m
@@ -37,7 +37,7 @@ class Crossing:
 
 def return_cases(
     plan: Plan,
-    firmware: Firmware,
+    firmware: Autopilot,
     speeds: ReturnSpeeds,
     period_s: float,
     within: tuple[float, float] | None = None,
@@ -51,7 +51,7 @@ def return_cases(
     rally = np.broadcast_to(plan.landing_points_ned_m[:, None], start.shape)
     away = [np.linalg.norm(start[..., :2] - end[..., :2], axis=-1) for end in (homes, rally)]
     nearest = np.where((away[0] <= away[1])[..., None], homes, rally)
-    datum = [-homes[..., 2], -(homes if firmware is Firmware.ARDUPILOT else nearest)[..., 2]]
+    datum = [-homes[..., 2], -(homes if firmware is Autopilot.ARDUPILOT else nearest)[..., 2]]
     return [
         Returning(name, t_s, start, end, height, speeds)
         for name, end, height in zip(("home", "nearest"), (homes, nearest), datum, strict=True)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.return_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.quadrotor import Array
@@ -59,7 +59,7 @@ class ReturnPlan:
     crossings: tuple[Crossing, ...]
 
 
-def plan_returns(plan: Plan, firmware: Firmware) -> ReturnPlan:
+def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
     """Choose and verify the heights, and the fastest return that keeps everyone apart, for the fleet of a plan."""
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
@@ -95,7 +95,7 @@ def plan_returns(plan: Plan, firmware: Firmware) -> ReturnPlan:
     return best
 
 
-def _worst(plan: Plan, firmware: Firmware, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
+def _worst(plan: Plan, firmware: Autopilot, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
     """The nearest two of all returns to homes and to the nearest ends."""
     if len(altitudes_m) > _SEARCHED:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
@@ -116,11 +116,11 @@ def _rounded(altitudes_m: Array) -> Array:
     return np.asarray(np.ceil(altitudes_m * _CM - 1e-6) / _CM)
 
 
-def _speeds(plan: Plan, firmware: Firmware, share: float) -> ReturnSpeeds:
+def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:
     """A share of the speed the plan may fly, in cm/s; ArduPilot waits above its end for 5 s."""
     north, east, vertical = plan.scenario.limits.speed_ned_mps
     cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
-    return ReturnSpeeds(vertical, cruise_mps, vertical, 5.0 if firmware is Firmware.ARDUPILOT else 0.0)
+    return ReturnSpeeds(vertical, cruise_mps, vertical, 5.0 if firmware is Autopilot.ARDUPILOT else 0.0)
 
 
 def _levels(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:

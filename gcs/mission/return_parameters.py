@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.return_heights import ReturnPlan
 
 FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence
@@ -20,7 +20,7 @@ _PX4_DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
 
 
 def return_parameters(
-    firmware: Firmware, returns: ReturnPlan, row: int, home_m: float, takeoff_m: float
+    firmware: Autopilot, returns: ReturnPlan, row: int, home_m: float, takeoff_m: float
 ) -> tuple[tuple[str, int | float], ...]:
     """Parameters of the vehicle in this row, whose home is `home_m` above the origin and who takes off to `takeoff_m`.
 
@@ -28,7 +28,7 @@ def return_parameters(
     """
     altitude_m, speeds = returns.altitudes_m[row], returns.speeds
     fence_m = float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M))
-    if firmware is Firmware.ARDUPILOT:
+    if firmware is Autopilot.ARDUPILOT:
         return (
             ("RTL_ALT", round(altitude_m * _CM)),
             ("RTL_ALT_FINAL", 0),

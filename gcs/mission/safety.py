@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.return_parameters import return_parameters
@@ -60,7 +60,7 @@ class Safety:
     parameters: tuple[tuple[tuple[str, int | float], ...], ...]
 
 
-def build_safety(plan: Plan, firmware: Firmware) -> Safety:
+def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
     """The fence, the rally points and the returns of a plan, for one autopilot."""
     returns = plan_returns(plan, firmware)
     hover_m = -plan.states(np.array([plan.phase("takeoff").end_s]))[:, 0, 2]
@@ -114,7 +114,7 @@ def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
     return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]
 
 
-def build_rally(plan: Plan, firmware: Firmware, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
+def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
     """Where each vehicle lands, in the plan's order.
 
     ArduPilot returns to a rally point at its altitude or at RTL_ALT, whichever is higher: here the same. PX4 adds
@@ -122,7 +122,7 @@ def build_rally(plan: Plan, firmware: Firmware, altitudes_m: Sequence[float]) ->
     """
     places = _places(plan.landing_points_ned_m[:, :2], Origin(**plan.scenario.origin.model_dump()))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
-    above_m = list(altitudes_m) if firmware is Firmware.ARDUPILOT else ground_m.tolist()
+    above_m = list(altitudes_m) if firmware is Autopilot.ARDUPILOT else ground_m.tolist()
     return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
 
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.autopilot import Autopilot
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.correction import Corrected, correct
 from gcs.mission.course import Course, course_of
-from gcs.mission.firmware import Firmware
 from gcs.mission.legs import Gate, TimedLegs, rows_with_own_legs
 from gcs.mission.lift import Lift
 from gcs.mission.navigator.ability import ability_of
@@ -45,22 +45,22 @@ _PLACEMENTS = (
 )  # times the path's tolerance; share of a speed that legs must sustain
 _GOOD_S, _GOOD_OWN_S = 1.0, 2.0  # no other placement is tried; where vehicles have legs of their own it takes long
 _TROUBLE_SPM = 100.0  # s of lateness that a metre inside a closed area is worth
-_MADE: dict[tuple[str, Firmware, int], TimedLegs] = {}  # what was worked out: it takes seconds
+_MADE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # what was worked out: it takes seconds
 _MADE_MAX = 16
 
 
-def navigator_of(plan: Plan, firmware: Firmware) -> Navigator:
+def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
     """How this autopilot flies the plan's vehicles."""
-    return by_name(firmware.name.lower()).within(ability_of(plan.quadrotor, plan.scenario.limits))
+    return by_name(firmware.key).within(ability_of(plan.quadrotor, plan.scenario.limits))
 
 
-def climb_s(plan: Plan, firmware: Firmware) -> float:
+def climb_s(plan: Plan, firmware: Autopilot) -> float:
     """How long the highest vehicle takes to its hover: autopilots climb at a speed of their own."""
     hover_ned_m = plan.motion(np.array([plan.phase("takeoff").end_s]))[0][:, 0, POSITION]
     return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.climb_mps[0]
 
 
-def corrected_legs(plan: Plan, firmware: Firmware, gates: int = 0) -> TimedLegs:
+def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs:
     """Waypoints, speeds and gates with which the autopilot keeps the plan's times as well as it can.
 
     Raises `VerificationError` where it cannot be told: too many vehicles with legs of their own, or speeds that lead
@@ -118,7 +118,7 @@ class _Attempt:
 
 
 def _attempt(
-    plan: Plan, firmware: Firmware, sampled: _Samples, stops: list[int], placement: tuple[float, float]
+    plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int], placement: tuple[float, float]
 ) -> _Attempt:
     """Waypoints between the stops, then speeds; the leader's start decides when everybody leaves."""
     tolerances, share = placement
@@ -172,7 +172,7 @@ def _worst_s(found: Corrected, gate: bool) -> float:
 
 
 def _course(
-    plan: Plan, firmware: Firmware, sampled: _Samples, row: int, kept: list[int], early_s: float
+    plan: Plan, firmware: Autopilot, sampled: _Samples, row: int, kept: list[int], early_s: float
 ) -> tuple[Course, list[int]]:
     """Legs of one vehicle between two stops; the latter half is flown faster where the second is due early."""
     limits, takeoff = plan.scenario.limits, plan.phase("takeoff")

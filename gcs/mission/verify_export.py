@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.autopilot import Autopilot
 from gcs.errors import VerificationError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.check import FleetReport, check_fleet
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown_model import Modelled
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.limits import OVERSPEED, limits_of, surroundings_of
@@ -34,7 +34,7 @@ STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which ke
 
 def verify_written(
     plan: Plan,
-    firmware: Firmware,
+    firmware: Autopilot,
     written: Mapping[str, str],
     safety: tuple[Geofence, Sequence[RallyPoint]],
 ) -> FleetReport:
@@ -46,7 +46,7 @@ def verify_written(
 
 def check_written(
     plan: Plan,
-    firmware: Firmware,
+    firmware: Autopilot,
     written: Mapping[str, str],
     safety: tuple[Geofence, Sequence[RallyPoint]],
     *,
@@ -123,7 +123,7 @@ def refuse_broken(report: FleetReport) -> None:
     )
 
 
-def refuse_untimely(plan: Plan, firmware: Firmware, timing: Timing) -> None:
+def refuse_untimely(plan: Plan, firmware: Autopilot, timing: Timing) -> None:
     """Raise `VerificationError` where vehicles may come too near to each other, or miss a gate, for their timing."""
     near, asked_m = timing.nearest, plan.scenario.judge.separation_min_m
     if near is not None and near.distance_m < asked_m:

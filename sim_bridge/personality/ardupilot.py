@@ -6,17 +6,8 @@ so long is its GNSS receiver's start, and no ground station learns anything from
 
 from __future__ import annotations
 
-from gcs.link.dialect import (
-    Autopilot,
-    Capability,
-    CopterMode,
-    EkfFlag,
-    MavResult,
-    MavState,
-    MessageId,
-    ModeFlag,
-    Severity,
-)
+from gcs.autopilot import Autopilot
+from gcs.link.dialect import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
 from sim_bridge.personality.ardupilot_missions import MISSIONS
 from sim_bridge.personality.ardupilot_params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
@@ -190,7 +181,6 @@ _BEFORE_READY = (
 )
 
 ARDUPILOT = Personality(
-    name="ardupilot",
     identity=Identity(
         autopilot=Autopilot.ARDUPILOT,
         version=(4 << 24) | (5 << 16) | (6 << 8) | 255,

@@ -5,13 +5,13 @@ Knows: numbers and habits. Does not know: how they are used. Texts that also go 
 
 from __future__ import annotations
 
+from gcs.autopilot import Autopilot
 from gcs.link.dialect import (
     PX4_HOLD,
     PX4_LAND,
     PX4_MISSION,
     PX4_OFFBOARD,
     PX4_RTL,
-    Autopilot,
     Capability,
     MavCommand,
     MavResult,
@@ -156,7 +156,6 @@ _STREAMS = Streams(
 )
 
 PX4 = Personality(
-    name="px4",
     identity=Identity(
         autopilot=Autopilot.PX4,
         version=(1 << 24) | (17 << 16) | (0 << 8) | 64,

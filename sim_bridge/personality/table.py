@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gcs.link.dialect import Autopilot
+from gcs.autopilot import Autopilot
 from sim_bridge.missions.habits import MissionHabits
 from sim_bridge.personality.boot import Boot
 from sim_bridge.personality.guards import Guards, Setting
@@ -47,7 +47,6 @@ class Identity:
 class Personality:
     """Habits of one autopilot."""
 
-    name: str
     identity: Identity
     boot: Boot
     modes: Modes
@@ -64,6 +63,11 @@ class Personality:
     params: tuple[Param, ...]
     param_habits: ParamHabits
     link: LinkHabits
+
+    @property
+    def name(self) -> str:
+        """As scenarios and the command line name it."""
+        return self.identity.autopilot.key
 
     def booting_for_real(self) -> Personality:
         """The same, as long on the way to being ready as the original."""

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.cli.link_options import BACKENDS, Connection
 from gcs.errors import UsageError
 from gcs.flight.loading import build_loads
 from gcs.link.backend_mavsdk import mavsdk_url
-from gcs.link.dialect import Autopilot
 from gcs.link.held import read_held
 from gcs.link.loadable import Loadable
 from gcs.link.upload import UploadFailed, preview, restore, upload_fleet
@@ -44,7 +44,7 @@ async def vehicles(
 
 
 def loads_for(plan: Plan, autopilot: str):
-    every = build_loads(plan, dict.fromkeys(plan.sysids, int(Autopilot[autopilot.upper()])), timed=False)
+    every = build_loads(plan, dict.fromkeys(plan.sysids, int(Autopilot.named(autopilot))), timed=False)
     short = []
     for load in every[:2]:
         items, times = load.mission.items[:12], load.mission.arrival_s[:12]

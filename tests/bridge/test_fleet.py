@@ -6,11 +6,12 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.addressbook import DuplicateSystemId
 from gcs.link.codec import Codec, Message
 from gcs.link.command import CommandRefused, CommandTimers, command_ack
-from gcs.link.dialect import Autopilot, MavResult, MissionResult
+from gcs.link.dialect import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.message import GROUND, Station
@@ -37,7 +38,7 @@ ITEMS = tuple(MissionItem(16, 3, (0.0, 2.0, 0.0, 0.0), 10 * n, -10 * n, 5.0) for
 class Vehicle:
     """Heartbeats, stores a mission, obeys or refuses commands."""
 
-    def __init__(self, sysid, autopilot=Autopilot.GENERIC):
+    def __init__(self, sysid, autopilot=GENERIC_AUTOPILOT):
         self.me = Station(sysid, 1)
         self.autopilot = autopilot
         self.codec = Codec(*self.me)

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
 from gcs.flight.loading import build_loads, missions_only
-from gcs.link.dialect import Autopilot, MavCommand, MissionType
+from gcs.link.dialect import MavCommand, MissionType
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.load import VehicleLoad
 from gcs.link.mission_compare import compare_missions
@@ -52,7 +53,7 @@ def skein(simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> I
 
 
 def number(autopilot: str) -> int:
-    return int(Autopilot[autopilot.upper()])
+    return int(Autopilot.named(autopilot))
 
 
 def loads_for(plan: Plan, autopilot: str, *, timed: bool = False) -> tuple[VehicleLoad, ...]:

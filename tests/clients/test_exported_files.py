@@ -15,9 +15,9 @@ import pytest
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
+from gcs.autopilot import Autopilot
 from gcs.link.items import home_item
 from gcs.mission.export import export
-from gcs.mission.firmware import Firmware
 from gcs.mission.formats import Format
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
@@ -30,7 +30,7 @@ MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 
 
 @contextmanager
-def importer(firmware: Firmware) -> Iterator[MissionRaw]:
+def importer(firmware: Autopilot) -> Iterator[MissionRaw]:
     """MAVSDK's plug-in, which wants to know an autopilot before it reads files for it: heartbeats suffice."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -79,18 +79,18 @@ def assert_raw(raw: RawItem, item: MissionItem, seq: int, kind: int) -> None:
         assert bool(raw.autocontinue) == item.autocontinue
 
 
-@pytest.fixture(scope="module", params=[(f, a) for f in Firmware for a in (Altitude.RELATIVE, Altitude.AMSL)], ids=str)
+@pytest.fixture(scope="module", params=[(f, a) for f in Autopilot for a in (Altitude.RELATIVE, Altitude.AMSL)], ids=str)
 def exported(
     request: pytest.FixtureRequest, simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]:
+) -> tuple[Path, Autopilot, tuple[VehicleMission, ...], Safety]:
     firmware, altitude = request.param
     folder = tmp_path_factory.mktemp("exported") / "out"
-    timed = firmware is Firmware.ARDUPILOT and altitude is Altitude.RELATIVE
+    timed = firmware is Autopilot.ARDUPILOT and altitude is Altitude.RELATIVE
     index = export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, altitude=altitude, timed=timed)
     return folder, firmware, index.missions, index.safety
 
 
-Exported = tuple[Path, Firmware, tuple[VehicleMission, ...], Safety]
+Exported = tuple[Path, Autopilot, tuple[VehicleMission, ...], Safety]
 
 
 def test_mavsdk_reads_the_plans(exported: Exported) -> None:
@@ -122,8 +122,8 @@ def test_mavsdk_reads_circles_and_exclusions() -> None:
         (FenceCircle(corners[0], 138.25, False), FenceCircle(corners[1], 1e3, True)),
     )
     up = MissionItem(22, 3, (0.0, 0.0, 0.0, math.nan), 473970000, 85450000, 10.0)
-    text = write_plan_file(PlanFile(Firmware.PX4, Home(47.4, 8.5, 500.0), (up,), 5.0, 5.0, fence))
-    with importer(Firmware.PX4) as reader:
+    text = write_plan_file(PlanFile(Autopilot.PX4, Home(47.4, 8.5, 500.0), (up,), 5.0, 5.0, fence))
+    with importer(Autopilot.PX4) as reader:
         data = reader.import_qgroundcontrol_mission_from_string(text)
     assert_raw(data.mission_items[0], up, 0, MISSION)
     wanted = fence_items(fence)
@@ -179,7 +179,7 @@ def test_pymavlink_reads_the_parameters(exported: Exported) -> None:
 
     folder, firmware, missions, safety = exported
     for row, mission in enumerate(missions):
-        if firmware is Firmware.ARDUPILOT:
+        if firmware is Autopilot.ARDUPILOT:
             loaded = mavparm.MAVParmDict()
             assert loaded.load(str(folder / f"uav{mission.sysid}.param"))
             assert dict(loaded) == dict(safety.parameters[row])

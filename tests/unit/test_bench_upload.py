@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.link.dialect import Autopilot
+from gcs.autopilot import Autopilot
 from tools.bench_upload import cell
 from tools.upload.air import Air, Weather, mission_of
 

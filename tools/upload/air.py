@@ -12,10 +12,11 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
 from gcs.link.delivery import Delivery, DeliveryState
-from gcs.link.dialect import Autopilot, MissionType
+from gcs.link.dialect import MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission_compare import compare_missions
 from gcs.link.roundtrip import RoundTrip

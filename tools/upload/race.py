@@ -20,8 +20,8 @@ import mavsdk
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
+from gcs.autopilot import Autopilot
 from gcs.errors import GcsError
-from gcs.link.dialect import Autopilot
 from gcs.link.fleet import Direction
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission_compare import compare_missions
@@ -53,7 +53,7 @@ def fleet(autopilot: Autopilot, weather: Weather, port: int, seed: int) -> Itera
     faults = [f"all:loss={weather.loss}", f"all:duplicate={weather.duplicate}", f"all:reorder={weather.reorder}"]
     faults += [f"all:delay={one_way_s}"] if one_way_s else []
     line = [sys.executable, "-m", "sim_bridge", "missions/simulation1", "--udp", f"127.0.0.1:{port}", "--until-eof"]
-    line += ["--autopilot", autopilot.name.lower(), "--seed", str(seed)]
+    line += ["--autopilot", autopilot.key, "--seed", str(seed)]
     for fault in faults:
         line += ["--fault", f"{fault}@start:0"]
     process = subprocess.Popen(line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)

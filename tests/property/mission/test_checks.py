@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.check import check_fleet
 from gcs.mission.findings import Rule
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings, surroundings
 from gcs.mission.flown_model import fly_modelled
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
@@ -82,7 +82,7 @@ rallies = st.lists(st.builds(RallyPoint, spots, st.floats(-1e6, 1e6)), max_size=
 missions = st.builds(
     LoadedMission,
     st.sampled_from(["a.plan", "b.plan"]),
-    st.sampled_from(Firmware),
+    st.sampled_from(Autopilot),
     st.sampled_from([None, Home(47.4, 8.5, 500.0), Home(-90.0, 180.0, -1e6)]),
     st.lists(items, max_size=6).map(tuple),
     fences,
@@ -118,8 +118,8 @@ nearby = st.builds(
 
 
 @settings(slow, max_examples=25)
-@given(st.sampled_from(Firmware), st.lists(nearby, min_size=1, max_size=6).map(tuple))
-def test_any_items_are_flown_by_the_model_to_the_end(firmware: Firmware, some: tuple[MissionItem, ...]) -> None:
+@given(st.sampled_from(Autopilot), st.lists(nearby, min_size=1, max_size=6).map(tuple))
+def test_any_items_are_flown_by_the_model_to_the_end(firmware: Autopilot, some: tuple[MissionItem, ...]) -> None:
     one = LoadedMission("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
     report = check_fleet([one], Surroundings(Origin(47.4, 8.5, 500.0)), FlightLimits(), fly_modelled)
     assert math.isfinite(report.duration_s)

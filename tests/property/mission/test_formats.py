@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.fencefile import read_fence, read_rally, write_fence, write_rally
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.geojson import read_geojson, write_geojson
 from gcs.mission.history import History, read_history, write_history
@@ -92,9 +92,9 @@ rallies = st.lists(rally_points, max_size=3).map(tuple)
 
 
 @untimed
-@given(st.sampled_from(Firmware), homes, missions, st.tuples(finite, finite), fences, rallies)
+@given(st.sampled_from(Autopilot), homes, missions, st.tuples(finite, finite), fences, rallies)
 def test_plan_files_survive(
-    firmware: Firmware,
+    firmware: Autopilot,
     home: Home,
     items: tuple[MissionItem, ...],
     speeds: tuple[float, float],
@@ -119,8 +119,8 @@ values = st.integers(-(2**31), 2**31 - 1) | finite
 
 
 @untimed
-@given(st.sampled_from(Firmware), st.integers(1, 10_000), st.dictionaries(names, values, max_size=5))
-def test_parameters_survive(firmware: Firmware, sysid: int, table: dict[str, int | float]) -> None:
+@given(st.sampled_from(Autopilot), st.integers(1, 10_000), st.dictionaries(names, values, max_size=5))
+def test_parameters_survive(firmware: Autopilot, sysid: int, table: dict[str, int | float]) -> None:
     file = ParameterFile(firmware, sysid, tuple(table.items()))
     back = read_parameters(write_parameters(file), "x", firmware)
     assert back == file
@@ -245,7 +245,7 @@ FORMATS: dict[str, tuple[Callable[[bytes, str], Any], bytes]] = {
     name: (read, encoded(data))
     for name, read, data in (
         ("waypoints", read_waypoints, write_waypoints(WaypointFile(HOME, ITEMS))),
-        ("plan", read_plan_file, write_plan_file(PlanFile(Firmware.PX4, HOME, ITEMS, 5.0, 5.0, FENCE, RALLY))),
+        ("plan", read_plan_file, write_plan_file(PlanFile(Autopilot.PX4, HOME, ITEMS, 5.0, 5.0, FENCE, RALLY))),
         ("fence", read_fence, write_fence(FENCE)),
         ("rally", read_rally, write_rally(RALLY)),
         ("setpoints", read_setpoints, write_setpoints(STREAM)),
@@ -256,13 +256,13 @@ FORMATS: dict[str, tuple[Callable[[bytes, str], Any], bytes]] = {
         ("geojson", read_geojson, write_geojson(MAP)),
         (
             "param",
-            partial(read_parameters, firmware=Firmware.ARDUPILOT),
-            write_parameters(ParameterFile(Firmware.ARDUPILOT, 1, PARAMETERS)),
+            partial(read_parameters, firmware=Autopilot.ARDUPILOT),
+            write_parameters(ParameterFile(Autopilot.ARDUPILOT, 1, PARAMETERS)),
         ),
         (
             "params",
-            partial(read_parameters, firmware=Firmware.PX4),
-            write_parameters(ParameterFile(Firmware.PX4, 1, PARAMETERS)),
+            partial(read_parameters, firmware=Autopilot.PX4),
+            write_parameters(ParameterFile(Autopilot.PX4, 1, PARAMETERS)),
         ),
     )
 }

@@ -16,7 +16,7 @@ BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ardupilot", "p
 
 @BOTH
 def test_modes_are_what_they_are_for(manners: Manners) -> None:
-    modes = by_name(manners.firmware.name.lower()).modes
+    modes = by_name(manners.firmware.key).modes
     wanted = {
         manners.guided: Intent.GUIDED,
         manners.mission: Intent.MISSION,
@@ -49,7 +49,7 @@ def test_heights_of_take_off() -> None:
 
 @BOTH
 def test_ready_as_the_recordings_show_it(manners: Manners) -> None:
-    health = by_name(manners.firmware.name.lower()).health
+    health = by_name(manners.firmware.key).health
     assert not manners.position_is_known(Message(manners.estimator[0], {"flags": int(health.before_ready)}))
     assert manners.position_is_known(Message(manners.estimator[0], {"flags": int(health.ready)}))
     assert not manners.position_is_known(Message("HEARTBEAT", {}))

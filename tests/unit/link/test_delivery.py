@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.delivery import BUSY_S, Delivery, DeliveryState
-from gcs.link.dialect import Autopilot, MissionResult, MissionType
+from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import MissionRefused
 from gcs.link.mission_compare import compare_missions

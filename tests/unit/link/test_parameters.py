@@ -8,8 +8,8 @@ import struct
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
-from gcs.link.dialect import Autopilot
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
 from gcs.link.parameter_machine import ParameterReader, ParameterWriter
@@ -24,7 +24,7 @@ BOTH = pytest.mark.parametrize("autopilot", [Autopilot.ARDUPILOT, Autopilot.PX4]
 
 
 def table(autopilot):
-    return Params(by_name(autopilot.name.lower()), VEHICLE.sysid)
+    return Params(by_name(autopilot.key), VEHICLE.sysid)
 
 
 def talk(machine, params, loss=0.0, seed=0, meddle=lambda message: [message]):

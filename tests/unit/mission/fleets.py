@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings
 from gcs.mission.geofence import NO_FENCE, Geofence, Place, RallyPoint
 from gcs.mission.missionfile import LoadedMission
@@ -42,7 +42,7 @@ def mission(
     items: Iterable[MissionItem],
     *,
     name: str = "a.plan",
-    firmware: Firmware = Firmware.ARDUPILOT,
+    firmware: Autopilot = Autopilot.ARDUPILOT,
     home: tuple[float, float, float] = (0.0, 0.0, 0.0),
     geofence: Geofence = NO_FENCE,
     rally: tuple[RallyPoint, ...] = (),

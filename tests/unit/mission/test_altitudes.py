@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.altitudes import kept_alt_m, written_alt_m
 from gcs.mission.build import build_missions
-from gcs.mission.firmware import Firmware
 from gcs.mission.model import Command
 from gcs.plan.trajectory import Plan
 from sim_bridge.missions.keep import kept
@@ -23,30 +23,30 @@ _ALTITUDES = st.floats(-500.0, 9000.0)
 
 @given(_ALTITUDES)
 def test_arducopter_keeps_the_nearest_centimetre(alt_m: float) -> None:
-    written = written_alt_m(alt_m, Firmware.ARDUPILOT)
-    assert kept_alt_m(written, Firmware.ARDUPILOT) == pytest.approx(alt_m, abs=0.005 + 1e-9)
+    written = written_alt_m(alt_m, Autopilot.ARDUPILOT)
+    assert kept_alt_m(written, Autopilot.ARDUPILOT) == pytest.approx(alt_m, abs=0.005 + 1e-9)
     assert abs(written - alt_m) < 0.0061
 
 
 @given(_ALTITUDES)
 def test_px4_keeps_millimetres(alt_m: float) -> None:
-    written = written_alt_m(alt_m, Firmware.PX4)
-    assert kept_alt_m(written, Firmware.PX4) == pytest.approx(alt_m, abs=0.001)
+    written = written_alt_m(alt_m, Autopilot.PX4)
+    assert kept_alt_m(written, Autopilot.PX4) == pytest.approx(alt_m, abs=0.001)
 
 
 def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
-    assert kept_alt_m(2.059, Firmware.ARDUPILOT) == 2.05
-    assert kept_alt_m(0.53, Firmware.ARDUPILOT) == 0.52  # 0.53 is a little less in single precision
-    assert written_alt_m(0.53, Firmware.ARDUPILOT) == 0.531
-    assert written_alt_m(-0.53, Firmware.ARDUPILOT) == -0.531
-    assert math.isinf(kept_alt_m(1e300, Firmware.ARDUPILOT))
+    assert kept_alt_m(2.059, Autopilot.ARDUPILOT) == 2.05
+    assert kept_alt_m(0.53, Autopilot.ARDUPILOT) == 0.52  # 0.53 is a little less in single precision
+    assert written_alt_m(0.53, Autopilot.ARDUPILOT) == 0.531
+    assert written_alt_m(-0.53, Autopilot.ARDUPILOT) == -0.531
+    assert math.isinf(kept_alt_m(1e300, Autopilot.ARDUPILOT))
 
 
-@pytest.mark.parametrize("firmware", list(Firmware))
-def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Firmware) -> None:
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Autopilot) -> None:
     """Lengths of what an emulated vehicle keeps, at the speeds it is told, are the times between waypoints."""
     origin = Origin(**simulation1_plan.scenario.origin.model_dump())
-    keeping = by_name(firmware.name.lower()).missions.keeping[0]
+    keeping = by_name(firmware.key).missions.keeping[0]
     for mission in build_missions(simulation1_plan, firmware=firmware):
         items = [kept(item, keeping) for item in mission.items]
         speed_mps, before, left_s, legs = math.nan, None, math.nan, 0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.autopilot import Autopilot
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.build import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
-from gcs.mission.firmware import Firmware
 from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
 from gcs.mission.simplify import Flown, deviation
 from gcs.plan.formation.shape import rigid
@@ -133,7 +133,10 @@ def with_tolerance(plan: Plan, tolerance_m: float) -> Plan:
 
 
 def test_more_items_than_the_autopilot_stores(simulation1_plan: Plan) -> None:
-    for firmware, stores in ((Firmware.ARDUPILOT, "650 that ArduCopter stores"), (Firmware.PX4, "500 that PX4 stores")):
+    for firmware, stores in (
+        (Autopilot.ARDUPILOT, "650 that ArduCopter stores"),
+        (Autopilot.PX4, "500 that PX4 stores"),
+    ):
         with pytest.raises(ScenarioError, match=stores) as caught:
             build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4), firmware=firmware)
         assert "mission.tolerance_m" in caught.value.hint
@@ -162,7 +165,7 @@ def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan) -> None
 
 def test_heights_above_ground_are_refused_where_the_autopilot_refuses_them(simulation1_plan: Plan) -> None:
     with pytest.raises(ScenarioError, match="PX4 refuses altitudes above the ground"):
-        build_missions(simulation1_plan, firmware=Firmware.PX4, altitude=Altitude.TERRAIN)
+        build_missions(simulation1_plan, firmware=Autopilot.PX4, altitude=Altitude.TERRAIN)
 
 
 def test_a_tolerance_below_the_rounding_of_waypoints(simulation1_plan: Plan) -> None:

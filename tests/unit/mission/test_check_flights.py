@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.mission.check import as_on_the_wire, check_fleet
 from gcs.mission.check_flights import check_ground, check_limits, check_separation
 from gcs.mission.findings import Level, Rule
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings, fly
 from gcs.mission.limits import FlightLimits, limits_of, surroundings_of
 from gcs.scenario.model import NoFlyZone, Scenario
@@ -100,7 +100,7 @@ def test_a_fleet_is_checked_as_the_wire_carries_it() -> None:
     third = mission([at(22, 0, 0, 1 / 3), at(16, 10, 0, 1 / 3, p1=0.1), at(21, 10, 0, 0)])
     wired = as_on_the_wire(third)
     assert wired.items[0].alt_m == 0.33
-    assert as_on_the_wire(replace(third, firmware=Firmware.PX4)).items[0].alt_m == float(np.float32(1 / 3))
+    assert as_on_the_wire(replace(third, firmware=Autopilot.PX4)).items[0].alt_m == float(np.float32(1 / 3))
     assert wired.items[1].params[0] == float(np.float32(0.1))
     assert as_on_the_wire(mission([at(16, 0, 0, 1e300)])).items[0].alt_m == float("inf")
 

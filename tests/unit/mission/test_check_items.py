@@ -8,24 +8,24 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.mission.check_items import check_items
 from gcs.mission.commands import COMMANDS, Source, name_of, refusal
 from gcs.mission.findings import Finding, Level, Rule, worst
-from gcs.mission.firmware import Firmware
 from gcs.mission.missionfile import read_mission
 from gcs.mission.model import MissionItem
 from tests.unit.mission.fleets import at, do, mission, out_and_land, speed
 
-ARDUPILOT, PX4 = Firmware.ARDUPILOT, Firmware.PX4
+ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 GOOD = out_and_land(50.0)
 
 
-def findings(items: Iterable[MissionItem], firmware: Firmware = ARDUPILOT) -> list[Finding]:
+def findings(items: Iterable[MissionItem], firmware: Autopilot = ARDUPILOT) -> list[Finding]:
     return list(check_items(mission(items, firmware=firmware)))
 
 
-@pytest.mark.parametrize("firmware", list(Firmware))
-def test_a_good_mission_has_nothing(firmware: Firmware) -> None:
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_a_good_mission_has_nothing(firmware: Autopilot) -> None:
     assert findings(GOOD, firmware) == []
     loop = (*GOOD[:3], at(16, 0, 0, 10), do(177, 3.0, 2.0), GOOD[3])
     assert findings(loop, firmware) == []
@@ -84,7 +84,7 @@ def with_item(item: MissionItem, index: int = 2) -> list[MissionItem]:
     ],
 )
 def test_a_rule_and_who_breaks_it(
-    items: list[MissionItem], firmware: Firmware, rule: Rule, level: Level, message: str, number: int | None
+    items: list[MissionItem], firmware: Autopilot, rule: Rule, level: Level, message: str, number: int | None
 ) -> None:
     found = [f for f in findings(items, firmware) if message in f.message]
     assert [(f.rule, f.level, f.item) for f in found] == [(rule, level, number)]
@@ -102,7 +102,7 @@ def test_nothing_else_is_said_of_a_single_mistake() -> None:
 
 def test_commands_the_exporter_writes_are_carried_out_by_both() -> None:
     for command in (16, 21, 22, 93, 178):
-        for firmware in Firmware:
+        for firmware in Autopilot:
             assert COMMANDS[command].source(firmware) is Source.RECORDED
             assert refusal(command, firmware) == ""
     assert name_of(16) == "NAV_WAYPOINT"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.mission.check_safety import check_rally_apart, check_safety
 from gcs.mission.findings import Finding, Level, Rule
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import Surroundings, fly
 from gcs.mission.geofence import NO_FENCE, FenceCircle, FencePolygon, Geofence, RallyPoint
 from tests.unit.mission.fleets import FLAT, ORIGIN, mission, out_and_land, place
@@ -21,7 +21,10 @@ FIELD = Geofence((square(-20, 120, -20, 20),))
 
 
 def findings(
-    fence: Geofence, rally: tuple[RallyPoint, ...] = (), firmware: Firmware = Firmware.ARDUPILOT, north_m: float = 100.0
+    fence: Geofence,
+    rally: tuple[RallyPoint, ...] = (),
+    firmware: Autopilot = Autopilot.ARDUPILOT,
+    north_m: float = 100.0,
 ) -> list[Finding]:
     one = mission(out_and_land(north_m), firmware=firmware, geofence=fence, rally=rally)
     return list(check_safety(one, fly(one, FLAT), FLAT))
@@ -79,7 +82,7 @@ def test_fence_and_mission(fence: Geofence, rule: Rule | None, level: Level | No
 def test_inside_all_inclusions_or_one_of_them() -> None:
     """Two fields side by side: PX4 may be in either, ArduPilot must be in both."""
     two = Geofence((square(-20, 60, -20, 20), square(40, 120, -20, 20)))
-    assert findings(two, firmware=Firmware.PX4) == []
+    assert findings(two, firmware=Autopilot.PX4) == []
     assert "leaves the fence" in " ".join(f.message for f in findings(two))
 
 

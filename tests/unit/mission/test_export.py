@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.build import build_missions
 from gcs.mission.export import export
 from gcs.mission.fencefile import read_fence, read_rally
-from gcs.mission.firmware import Firmware
 from gcs.mission.folder import INDEX
 from gcs.mission.formats import DEFAULT, Format, formats_named
 from gcs.mission.geojson import read_geojson
@@ -66,7 +66,7 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         plan_file = read_plan_file(written[f"uav{sysid}.plan"], "p")
         assert read_fence(written[f"uav{sysid}.fence"], "f") == plan_file.geofence
         assert read_rally(written[f"uav{sysid}.rally"], "r") == plan_file.rally
-        parameters = read_parameters(written[f"uav{sysid}.param"], "p", Firmware.ARDUPILOT)
+        parameters = read_parameters(written[f"uav{sysid}.param"], "p", Autopilot.ARDUPILOT)
         assert dict(parameters.values) == json.loads(written[INDEX])["parameters"][str(sysid)]
         assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
         history = read_history(written[f"uav{sysid}.history.csv"], "h")
@@ -100,10 +100,10 @@ def test_formats_by_name() -> None:
 
 def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Path) -> None:
     export(
-        simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Firmware.PX4, altitude=Altitude.AMSL, timed=False
+        simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Autopilot.PX4, altitude=Altitude.AMSL, timed=False
     )
     plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
-    assert plan.firmware is Firmware.PX4
+    assert plan.firmware is Autopilot.PX4
     assert {i.frame for i in plan.items} == {0, 2}
     index = json.loads((tmp_path / INDEX).read_text())
     assert (index["firmware"], index["altitude"]) == ("px4", "amsl")

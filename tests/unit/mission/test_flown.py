@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.flown import ITEMS_FLOWN_MAX, Flight, Surroundings, fly, surroundings, together
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.model import MissionItem
@@ -18,7 +18,7 @@ def where(flight: Flight, t_s: float) -> list[float]:
     return [float(np.interp(t_s, flight.t_s, flight.ned_m[:, axis])) for axis in range(3)]
 
 
-def flown(*items: MissionItem, firmware: Firmware = Firmware.ARDUPILOT) -> Flight:
+def flown(*items: MissionItem, firmware: Autopilot = Autopilot.ARDUPILOT) -> Flight:
     return fly(mission(items, firmware=firmware), FLAT)
 
 
@@ -39,7 +39,7 @@ def test_speeds_up_and_down_and_the_autopilots_own() -> None:
     assert flight.down_s - flight.up_s == pytest.approx(10.0, abs=0.01)  # WPNAV_SPEED
     assert flight.ends_s - flight.down_s == pytest.approx(10.0, abs=0.01)
     items = (at(22, 0, 0, 10), at(16, 100, 0, 10), at(21, 100, 0, 0))
-    assert flown(*items, firmware=Firmware.PX4).down_s == pytest.approx(10 / 3 + 20.0, abs=0.01)
+    assert flown(*items, firmware=Autopilot.PX4).down_s == pytest.approx(10 / 3 + 20.0, abs=0.01)
     for ignored in (do(178, 1.0, -1.0), do(178, 1.0, math.nan), do(178, 1.0, 0.0)):
         assert flown(ignored, *items).down_s == pytest.approx(14.0, abs=0.01)
 
@@ -67,7 +67,7 @@ def test_jumps_that_lead_nowhere_are_passed_over(target: float) -> None:
 
 def test_jumps_count_as_the_file_does() -> None:
     items = (at(22, 0, 0, 10), speed(5), at(16, 50, 0, 10), at(16, 0, 0, 10), do(177, 2.0, 1.0), at(21, 0, 0, 0))
-    by_seq = LoadedMission("w", Firmware.PX4, mission(()).home, items, jumps_from=0)
+    by_seq = LoadedMission("w", Autopilot.PX4, mission(()).home, items, jumps_from=0)
     assert fly(by_seq, FLAT).down_s == pytest.approx(10 / 3 + 2 * 20.0, abs=0.05)
 
 
@@ -128,7 +128,7 @@ def test_landing_ends_on_the_ground_that_is_there() -> None:
 
 def test_px4_goes_to_where_it_takes_off() -> None:
     legs = [at(22, 20, 0, 10), at(21, 20, 0, 0)]
-    assert where(flown(*legs, firmware=Firmware.PX4), 99.0)[0] == pytest.approx(20.0, abs=0.01)
+    assert where(flown(*legs, firmware=Autopilot.PX4), 99.0)[0] == pytest.approx(20.0, abs=0.01)
     assert flown(*legs).ned_m[1, 0] == pytest.approx(0.0, abs=0.01)
 
 

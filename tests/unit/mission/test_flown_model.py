@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.flown import Flight, fly
 from gcs.mission.flown_model import fly_modelled
 from tests.unit.mission.fleets import FLAT, at, do, mission, out_and_land, speed
@@ -15,8 +15,8 @@ def where(flight: Flight, t_s: float) -> list[float]:
     return [float(np.interp(t_s, flight.t_s, flight.ned_m[:, axis])) for axis in range(3)]
 
 
-@pytest.mark.parametrize("firmware", list(Firmware))
-def test_starting_and_stopping_take_time(firmware: Firmware) -> None:
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_starting_and_stopping_take_time(firmware: Autopilot) -> None:
     one = mission(out_and_land(100.0), firmware=firmware)
     planned, modelled = fly(one, FLAT), fly_modelled(one, FLAT)
     assert modelled.up_s == planned.up_s

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.check import check_fleet
-from gcs.mission.firmware import Firmware
 from gcs.mission.flown import surroundings
 from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import load_missions
 from gcs.mission.model import Home
 
 FOLDER = Path(__file__).parent / "foreign"
-ARDUPILOT, PX4 = Firmware.ARDUPILOT, Firmware.PX4
+ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 ZURICH = Home(47.397742, 8.545594, 488.1)
 
 READ = {

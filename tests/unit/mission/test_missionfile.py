@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.fencefile import write_fence, write_rally
-from gcs.mission.firmware import Firmware
 from gcs.mission.folder import Folder
 from gcs.mission.geofence import FenceCircle, Geofence, RallyPoint
 from gcs.mission.missionfile import load_missions, read_mission
@@ -22,14 +22,14 @@ HOME = mission(ITEMS).home
 FENCE = Geofence((), (FenceCircle(place(0, 0), 100.0, True),))
 RALLY = (RallyPoint(place(50, 0), 10.0),)
 assert HOME is not None
-PLAN = write_plan_file(PlanFile(Firmware.PX4, HOME, ITEMS, 6.0, 4.0, FENCE, RALLY)).encode()
+PLAN = write_plan_file(PlanFile(Autopilot.PX4, HOME, ITEMS, 6.0, 4.0, FENCE, RALLY)).encode()
 WITH_HOME = write_waypoints(WaypointFile(HOME, ITEMS)).encode()
 WITHOUT_HOME = write_waypoints(WaypointFile(None, ITEMS)).encode()
 
 
 def test_a_plan_says_who_flies_it() -> None:
     loaded = read_mission(PLAN, "a.plan")
-    assert (loaded.firmware, loaded.home, loaded.items) == (Firmware.PX4, HOME, ITEMS)
+    assert (loaded.firmware, loaded.home, loaded.items) == (Autopilot.PX4, HOME, ITEMS)
     assert (loaded.geofence, loaded.rally, loaded.speed_mps) == (FENCE, RALLY, 4.0)
     assert [loaded.seq(n) for n in range(2)] == [0, 1]
     assert loaded.jumps_from == 1
@@ -39,21 +39,21 @@ def test_a_plan_says_who_flies_it() -> None:
         assert line is not None
         assert lines[line - 1].strip() == "{"
         assert f'"doJumpId": {index + 1},' in " ".join(lines[line - 1 : line + 8])
-    assert read_mission(PLAN, "a.plan", Firmware.ARDUPILOT).firmware is Firmware.ARDUPILOT
+    assert read_mission(PLAN, "a.plan", Autopilot.ARDUPILOT).firmware is Autopilot.ARDUPILOT
 
 
 @pytest.mark.parametrize(
     ("data", "asked", "firmware", "home", "seq"),
     [
-        (WITH_HOME, None, Firmware.ARDUPILOT, HOME, 1),
-        (WITHOUT_HOME, None, Firmware.PX4, None, 0),
-        (WITH_HOME, Firmware.ARDUPILOT, Firmware.ARDUPILOT, HOME, 1),
-        (WITHOUT_HOME, Firmware.PX4, Firmware.PX4, None, 0),
-        (b"\xef\xbb\xbf" + WITH_HOME.replace(b"\n", b"\r\n"), None, Firmware.ARDUPILOT, HOME, 1),
+        (WITH_HOME, None, Autopilot.ARDUPILOT, HOME, 1),
+        (WITHOUT_HOME, None, Autopilot.PX4, None, 0),
+        (WITH_HOME, Autopilot.ARDUPILOT, Autopilot.ARDUPILOT, HOME, 1),
+        (WITHOUT_HOME, Autopilot.PX4, Autopilot.PX4, None, 0),
+        (b"\xef\xbb\xbf" + WITH_HOME.replace(b"\n", b"\r\n"), None, Autopilot.ARDUPILOT, HOME, 1),
     ],
 )
 def test_a_table_begins_with_home_or_does_not(
-    data: bytes, asked: Firmware | None, firmware: Firmware, home: object, seq: int
+    data: bytes, asked: Autopilot | None, firmware: Autopilot, home: object, seq: int
 ) -> None:
     loaded = read_mission(data, "a.waypoints", asked)
     assert (loaded.firmware, loaded.home, loaded.items) == (firmware, home, ITEMS)
@@ -63,7 +63,7 @@ def test_a_table_begins_with_home_or_does_not(
 
 def test_a_home_row_that_is_missed() -> None:
     with pytest.raises(FileFormatError, match="row 0 is not a home position"):
-        read_mission(WITHOUT_HOME, "a.waypoints", Firmware.ARDUPILOT)
+        read_mission(WITHOUT_HOME, "a.waypoints", Autopilot.ARDUPILOT)
 
 
 def test_fences_go_with_the_mission_of_their_name(tmp_path: Path) -> None:

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
 
 FILE = PlanFile(
-    Firmware.ARDUPILOT,
+    Autopilot.ARDUPILOT,
     Home(47.39760099722707, 8.545373091190891, 488.8414160840376),
     (
         MissionItem(22, 3, (0.0, 0.0, 0.0, 45.0), 473976010, 85453731, 2.159),
@@ -62,21 +62,21 @@ def rally(points: list[Any]) -> dict[str, Any]:
     return plan
 
 
-@pytest.mark.parametrize("firmware", list(Firmware))
-def test_what_is_written_is_read(firmware: Firmware) -> None:
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_what_is_written_is_read(firmware: Autopilot) -> None:
     file = replace(FILE, firmware=firmware)
     assert read_plan_file(write_plan_file(file), "x") == file
 
 
 def test_nan_is_null() -> None:
     yaw_free = MissionItem(16, 3, (0.0, 0.0, 0.0, math.nan), 1, 2, 3.0)
-    text = write_plan_file(PlanFile(Firmware.PX4, FILE.home, (yaw_free,)))
+    text = write_plan_file(PlanFile(Autopilot.PX4, FILE.home, (yaw_free,)))
     assert json.loads(text)["mission"]["items"][0]["params"] == [0, 0, 0, None, 1e-7, 2e-7, 3]
     assert math.isnan(read_plan_file(text, "x").items[0].params[3])
 
 
 def test_the_keys_ground_stations_insist_on() -> None:
-    plan = json.loads(write_plan_file(PlanFile(Firmware.ARDUPILOT, FILE.home, FILE.items)))
+    plan = json.loads(write_plan_file(PlanFile(Autopilot.ARDUPILOT, FILE.home, FILE.items)))
     assert (plan["fileType"], plan["version"]) == ("Plan", 1)
     assert plan["geoFence"] == {"circles": [], "polygons": [], "version": 2}
     assert plan["rallyPoints"] == {"points": [], "version": 2}
@@ -111,10 +111,10 @@ def test_fence_and_rally_as_the_format_is_documented() -> None:
 def test_the_plan_says_the_altitude_frame_of_its_items(frame: int, mode: int) -> None:
     item = MissionItem(16, frame, (0.0,) * 4, 1, 2, 3.0)
     speed = MissionItem(178, 2, (1.0, 2.0, -1.0, 0.0), 0, 0, 0.0)
-    plan = json.loads(write_plan_file(PlanFile(Firmware.PX4, FILE.home, (speed, item, item))))
+    plan = json.loads(write_plan_file(PlanFile(Autopilot.PX4, FILE.home, (speed, item, item))))
     assert plan["mission"]["globalPlanAltitudeMode"] == mode
     mixed = json.loads(
-        write_plan_file(PlanFile(Firmware.PX4, FILE.home, (item, replace(item, frame=3), FILE.items[2])))
+        write_plan_file(PlanFile(Autopilot.PX4, FILE.home, (item, replace(item, frame=3), FILE.items[2])))
     )
     assert mixed["mission"]["globalPlanAltitudeMode"] == 0
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.return_cases import crossings, highest_ground_m, return_cases
 from gcs.mission.return_heights import STEP_MIN_M, ReturnPlan, plan_returns
 from gcs.mission.return_parameters import FENCE_ABOVE_M, return_parameters
@@ -21,7 +21,7 @@ from gcs.scenario.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=3.0)
-ARDUPILOT, PX4 = Firmware.ARDUPILOT, Firmware.PX4
+ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
 
 
 def returning(start: list[list[float]], ends: list[list[float]], datum_m: float = 0.0) -> Returning:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
+from gcs.autopilot import Autopilot
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.mission.firmware import Firmware
 from gcs.mission.geofence import Place
 from gcs.mission.safety import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
 from gcs.plan.trajectory import Plan
@@ -74,8 +74,8 @@ def test_a_fence_with_many_corners_is_made_simpler_and_keeps_the_margin(
 def test_rally_points_are_landing_points(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     altitudes = (10.0, 11.0, 12.0, 13.0, 14.0, 15.0)
-    ardupilot = build_rally(plan, Firmware.ARDUPILOT, altitudes)
-    px4 = build_rally(plan, Firmware.PX4, altitudes)
+    ardupilot = build_rally(plan, Autopilot.ARDUPILOT, altitudes)
+    px4 = build_rally(plan, Autopilot.PX4, altitudes)
     assert [p.place for p in ardupilot] == [p.place for p in px4]
     assert flat(tuple(p.place for p in px4), plan) == pytest.approx(plan.landing_points_ned_m[:, :2], abs=0.01)
     assert tuple(p.alt_m for p in ardupilot) == altitudes

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import ScenarioError, UsageError, VerificationError
 from gcs.flight.loading import build_loads
 from gcs.mission.export import export
-from gcs.mission.firmware import Firmware
 from gcs.mission.folder import INDEX
 from gcs.mission.formats import Format
 from gcs.mission.mission_files import MissionOrder, make_missions
@@ -34,15 +34,15 @@ def field(plan_of: Plans) -> Plan:
 @pytest.mark.parametrize(
     ("name", "firmware"),
     [
-        ("field", Firmware.ARDUPILOT),
-        ("field", Firmware.PX4),
-        pytest.param("simulation1", Firmware.ARDUPILOT, marks=pytest.mark.slow),
-        pytest.param("simulation1", Firmware.PX4, marks=pytest.mark.slow),
-        pytest.param("simulation2", Firmware.ARDUPILOT, marks=pytest.mark.slow),
-        pytest.param("simulation2", Firmware.PX4, marks=pytest.mark.slow),
+        ("field", Autopilot.ARDUPILOT),
+        ("field", Autopilot.PX4),
+        pytest.param("simulation1", Autopilot.ARDUPILOT, marks=pytest.mark.slow),
+        pytest.param("simulation1", Autopilot.PX4, marks=pytest.mark.slow),
+        pytest.param("simulation2", Autopilot.ARDUPILOT, marks=pytest.mark.slow),
+        pytest.param("simulation2", Autopilot.PX4, marks=pytest.mark.slow),
     ],
 )
-def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Firmware) -> None:
+def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     made = make_missions(plan, MissionOrder(firmware), build_safety(plan, firmware), [Format.PLAN])
     assert made.timing is not None
@@ -57,19 +57,19 @@ def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Firmware) -> 
 
 
 def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
-    legs = corrected_legs(field, Firmware.ARDUPILOT)
+    legs = corrected_legs(field, Autopilot.ARDUPILOT)
     assert legs.speeds_mps is not None
     assert legs.speeds_mps.shape == (1, len(legs.t_s) - 1)
     assert field.phase("takeoff").end_s <= legs.left_s <= legs.t_s[0]
-    assert corrected_legs(field, Firmware.ARDUPILOT) is legs  # worked out once
+    assert corrected_legs(field, Autopilot.ARDUPILOT) is legs  # worked out once
 
 
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
     with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m .* at .* s") as caught:
-        export(field, tmp_path / "asked", formats=[Format.PLAN], firmware=Firmware.PX4)
+        export(field, tmp_path / "asked", formats=[Format.PLAN], firmware=Autopilot.PX4)
     assert "setpoint stream" in caught.value.hint
     assert not (tmp_path / "asked").exists()
-    index = export(field, tmp_path / "unasked", firmware=Firmware.PX4, setpoint_rate_hz=1)
+    index = export(field, tmp_path / "unasked", firmware=Autopilot.PX4, setpoint_rate_hz=1)
     assert index.refused == caught.value.message
     names = {p.name for p in (tmp_path / "unasked").iterdir()}
     assert names == {INDEX, *(f"uav{sysid}.setpoints" for sysid in field.sysids)}
@@ -87,14 +87,14 @@ def test_nor_are_such_missions_uploaded(field: Plan) -> None:
 
 
 def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
-    index = export(field, tmp_path, formats=[Format.PLAN], firmware=Firmware.PX4, timed=False)
+    index = export(field, tmp_path, formats=[Format.PLAN], firmware=Autopilot.PX4, timed=False)
     assert (index.timing, index.refused) == (None, "")
     assert (tmp_path / "uav1.plan").exists()
 
 
 def test_everybody_waits_at_gates(field: Plan) -> None:
-    order = MissionOrder(Firmware.ARDUPILOT, gates=2, start_s=DAY_START_S)
-    made = make_missions(field, order, build_safety(field, Firmware.ARDUPILOT), [Format.PLAN])
+    order = MissionOrder(Autopilot.ARDUPILOT, gates=2, start_s=DAY_START_S)
+    made = make_missions(field, order, build_safety(field, Autopilot.ARDUPILOT), [Format.PLAN])
     assert made.refusal is None
     assert made.timing is not None
     assert len(made.timing.gates_early_s) == 2
@@ -112,11 +112,11 @@ def test_everybody_waits_at_gates(field: Plan) -> None:
 @pytest.mark.parametrize(
     ("order", "reason"),
     [
-        (MissionOrder(Firmware.PX4, gates=1, start_s=0), "not until a time of day"),
-        (MissionOrder(Firmware.ARDUPILOT, gates=1), "say when"),
-        (MissionOrder(Firmware.ARDUPILOT, gates=1, start_s=0, timed=False), "corrected"),
-        (MissionOrder(Firmware.ARDUPILOT, Altitude.TERRAIN, gates=1, start_s=0), "corrected"),
-        (MissionOrder(Firmware.ARDUPILOT, start_s=86_400), "a day has no second"),
+        (MissionOrder(Autopilot.PX4, gates=1, start_s=0), "not until a time of day"),
+        (MissionOrder(Autopilot.ARDUPILOT, gates=1), "say when"),
+        (MissionOrder(Autopilot.ARDUPILOT, gates=1, start_s=0, timed=False), "corrected"),
+        (MissionOrder(Autopilot.ARDUPILOT, Altitude.TERRAIN, gates=1, start_s=0), "corrected"),
+        (MissionOrder(Autopilot.ARDUPILOT, start_s=86_400), "a day has no second"),
     ],
 )
 def test_gates_that_nobody_has(order: MissionOrder, reason: str) -> None:
@@ -126,7 +126,7 @@ def test_gates_that_nobody_has(order: MissionOrder, reason: str) -> None:
 
 def test_too_many_gates(field: Plan) -> None:
     with pytest.raises(ScenarioError, match="30 gates do not fit"):
-        corrected_legs(field, Firmware.ARDUPILOT, 30)
+        corrected_legs(field, Autopilot.ARDUPILOT, 30)
 
 
 def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
@@ -135,11 +135,11 @@ def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
     changes = plan_of("changes/scenario.toml")
     monkeypatch.setattr("gcs.mission.timed.VEHICLES_MAX", 3)
     with pytest.raises(VerificationError, match="7 vehicles with legs of their own"):
-        corrected_legs(changes, Firmware.ARDUPILOT)
+        corrected_legs(changes, Autopilot.ARDUPILOT)
 
 
 def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
-    legs = corrected_legs(simulation1_plan, Firmware.ARDUPILOT)
+    legs = corrected_legs(simulation1_plan, Autopilot.ARDUPILOT)
     assert legs.lift_m is not None
     assert legs.lift_m[0] == legs.lift_m[-1] == 0.0
     assert 0.0 < legs.lift_m.max() < 1.0

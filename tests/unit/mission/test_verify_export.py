@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from gcs.autopilot import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission import mission_files as module
 from gcs.mission.build import build_missions
 from gcs.mission.export import export
-from gcs.mission.firmware import Firmware
 from gcs.mission.folder import INDEX
 from gcs.mission.formats import Format
 from gcs.mission.model import Altitude
@@ -93,10 +93,10 @@ def test_two_formats_must_hold_one_mission(
         export(simulation1_plan, tmp_path / "out")
 
 
-@pytest.mark.parametrize("firmware", list(Firmware))
+@pytest.mark.parametrize("firmware", list(Autopilot))
 @pytest.mark.parametrize("altitude", [Altitude.RELATIVE, Altitude.AMSL])
 def test_what_is_written_holds_for_both_autopilots(
-    simulation1_plan: Plan, tmp_path: Path, firmware: Firmware, altitude: Altitude
+    simulation1_plan: Plan, tmp_path: Path, firmware: Autopilot, altitude: Altitude
 ) -> None:
     formats = [Format.PLAN, Format.WAYPOINTS]
     index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gcs.mission.firmware import Firmware
+from gcs.autopilot import Autopilot
 from gcs.mission.navigator.fitted import by_name as navigator_named
 from gcs.mission.navigator.orders import Orders
 from gcs.mission.navigator.predict import passing_times, predict
@@ -42,7 +42,7 @@ def test_a_flight_is_what_the_model_predicts(name: str) -> None:
 @NAMES
 def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str], Plan]) -> None:
     plan = plan_of("field/scenario.toml")
-    legs = corrected_legs(plan, Firmware.named(name))
+    legs = corrected_legs(plan, Autopilot.named(name))
     assert legs.speeds_mps is not None
     points = plan.motion(legs.t_s, slice(plan.leader, plan.leader + 1))[0][0][:, POSITION]
     orders = Orders.through(points, legs.speeds_mps[0].tolist(), airborne_s=20.0)
