@@ -80,7 +80,7 @@ def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_p
 
 
 def test_nor_are_such_missions_uploaded(field: Plan) -> None:
-    autopilots = dict.fromkeys(field.sysids, int(Firmware.PX4))
+    autopilots = dict.fromkeys(field.sysids, int(Autopilot.PX4))
     with pytest.raises(VerificationError, match="not fit for mission mode"):
         build_loads(field, autopilots, timed=True)
     assert [load.sysid for load in build_loads(field, autopilots, timed=False)] == list(field.sysids)
