@@ -131,15 +131,15 @@ class Limits(Performance):
 
 
 class Ripple(Part):
-    """Coefficients of Eq. 52."""
+    """Eq. 52: |sin(y + a) + b sin(x) + c cos(d r) + e cos(y) + f sin(g r)| m, of x north, y east and distance r, m."""
 
-    a: Number
-    b: Number
-    c: Number
-    d: Number
-    e: Number
-    f: Number
-    g: Number
+    a: Number = Field(description="phase of the wave east, rad")
+    b: Number = Field(description="height of the wave north, m")
+    c: Number = Field(description="height of the first rings around the origin, m")
+    d: Number = Field(description="wave number of the first rings, rad/m")
+    e: Number = Field(description="height of the second wave east, m")
+    f: Number = Field(description="height of the second rings, m")
+    g: Number = Field(description="wave number of the second rings, rad/m")
 
 
 class Mountains(Part):

@@ -1,0 +1,23 @@
+"""docs/scenario.md says what the program takes: it is made from the models, and nobody edited it by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs.scenario.model import Scenario
+from tools.reference import reference
+
+
+def test_the_page_is_up_to_date(repo_root: Path) -> None:
+    told = (repo_root / "docs" / "scenario.md").read_text(encoding="utf-8")
+    assert told == reference(), "run ./tools/run python tools/reference.py"
+
+
+def test_every_key_is_there_with_its_meaning() -> None:
+    rows = [line.split(" | ") for line in reference().splitlines() if line.startswith(("| **`", "| `"))]
+    keys = {row[0].strip("|* `") for row in rows}
+    top = {name for name, field in Scenario.model_fields.items() if field.annotation in (str, int)}
+    assert top <= keys
+    assert {"flight_s", "mass_kg", "polygon_m", "offsets_m", "assignment", "dem", "file", "shear"} <= keys
+    assert "relief" not in keys
+    assert [row[0] for row in rows if not row[1].strip()] == []

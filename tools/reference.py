@@ -1,0 +1,126 @@
+"""Writes docs/scenario.md, every key of a scenario file, from the schema:  ./tools/run python tools/reference.py"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gcs.files import atomic_write
+from gcs.scenario.json_schema import scenario_schema
+
+FILE = Path(__file__).resolve().parent.parent / "docs" / "scenario.md"
+HEAD = """# Scenario files
+
+<!-- made by tools/reference.py from the models in gcs/scenario; change those -->
+
+A mission is a folder with a `scenario.toml`. `gcs new FOLDER` writes one that plans at once and comments what people
+change first; the missions under `missions/` are examples of everything else. Positions are metres north, east and up
+from the origin (of height 0, not above the ground), headings degrees clockwise from north. A key that is missing,
+unknown, out of range or at odds with another is told with its line, all of them at once, and nothing is planned.
+
+Keys in **bold** must be there. With a `vehicle_type`, `[vehicle]` and those of `[limits]` that say what the vehicle
+can do may be left out; what the scenario says goes before. `gcs schema` prints the same as JSON Schema, for editors.
+"""
+HIDDEN = {("Terrain", "relief")}  # what programs hand on, and nobody writes
+Schema = dict[str, Any]
+
+
+def reference() -> str:
+    """The page."""
+    schema = scenario_schema()
+    return "\n".join([HEAD, "## Keys before the first table\n", *_section(schema, schema, "Scenario", "")])
+
+
+def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[str]:
+    """One table and those below it."""
+    rows = ["| key | what | values | if left out |", "| --- | --- | --- | --- |"]
+    below: list[str] = []
+    for key, value in definition["properties"].items():
+        if (name, key) in HIDDEN:
+            continue
+        required = key in definition.get("required", ())
+        what = value.get("description", "")
+        target, many = _definition(value)
+        if target is not None:
+            inner = f"{path}.{key}".lstrip(".")
+            heading = f"`[[{inner}]]`" if many else f"`[{inner}]`"
+            below += [f"## {heading}\n", f"{schema['$defs'][target].get('description', '')}\n"]
+            below += _section(schema, schema["$defs"][target], target, inner)
+            if not path:
+                continue
+            what = f"see {heading}"
+        shown = f"**`{key}`**" if required else f"`{key}`"
+        rows.append(f"| {shown} | {_cell(what)} | {_cell(_values(value))} | {_default(value, required)} |")
+    return ["\n".join(rows) + "\n", *below]
+
+
+def _definition(value: Schema) -> tuple[str | None, bool]:
+    """Name of the table that a key holds, and whether there may be many of it."""
+    if "$ref" in value:
+        return value["$ref"].rpartition("/")[2], False
+    if "$ref" in value.get("items", {}):
+        return value["items"]["$ref"].rpartition("/")[2], True
+    for choice in value.get("anyOf", ()):
+        if "$ref" in choice:
+            return choice["$ref"].rpartition("/")[2], False
+    return None, False
+
+
+def _values(value: Schema) -> str:
+    """What may stand there, in a few words."""
+    if "const" in value:
+        return f"`{value['const']}`"
+    if "enum" in value:
+        return ", ".join(f'`"{one}"`' for one in value["enum"])
+    if "anyOf" in value:
+        return " or ".join(_values(one) for one in value["anyOf"] if one.get("type") != "null")
+    if "$ref" in value or "$ref" in value.get("items", {}):
+        return "table" if "$ref" in value else "tables"
+    kind = value.get("type")
+    if kind == "array":
+        parts = value.get("prefixItems")
+        if parts is None:
+            return "list of " + _plural(_values(value["items"])).removeprefix("of ")
+        texts = [_values(part) for part in parts]
+        return f"{len(texts)} {_plural(texts[0])}" if len(set(texts)) == 1 else f"[{'; '.join(texts)}]"
+    if kind in ("number", "integer"):
+        return _range(value, "number" if kind == "number" else "whole number")
+    return {"boolean": "`true`, `false`", "string": "text"}.get(str(kind), str(kind))
+
+
+def _plural(text: str) -> str:
+    """Of what `_values` says about one."""
+    return text.replace("number", "numbers", 1) if text.startswith("number") else f"of [{text}]"
+
+
+def _range(value: Schema, noun: str) -> str:
+    low, above = value.get("minimum"), value.get("exclusiveMinimum")
+    high, below = value.get("maximum"), value.get("exclusiveMaximum")
+    words = [f"> {above:g}"] if above is not None else []
+    words += [f"< {below:g}"] if below is not None else []
+    if low is not None and high is not None:
+        words.append(f"{low:g} to {high:g}")
+    else:
+        words += [f"at least {low:g}"] if low is not None else []
+        words += [f"at most {high:g}"] if high is not None else []
+    return " ".join([noun, ", ".join(words)]).strip()
+
+
+def _default(value: Schema, required: bool) -> str:
+    if required or "default" not in value or value["default"] is None:
+        return ""
+    default = value["default"]
+    if isinstance(default, bool):
+        return "`true`" if default else "`false`"
+    if isinstance(default, str):
+        return f'`"{default}"`'
+    return "none" if default in ([], {}) or isinstance(default, dict) else f"`{default}`"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    atomic_write(FILE, reference())
+    print(FILE)
