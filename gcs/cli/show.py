@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gcs.scenario.model import Scenario
 
 STEP_S = 0.2
+_SHOWN = 20  # vehicles
 
 
 def show(
@@ -41,12 +42,14 @@ def show(
     width = max(map(len, found))
     for name, text in found.items():
         screen.say(f"  {name:<{width}}  {text}")
+    pads = _pads(scenario)
+    _say_pads(screen, pads)
     if picture is not None:
         from gcs.flight.overview import save_overview
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
-    screen.result({"name": scenario.name, **found, **({"picture": picture} if picture else {})})
+    screen.result({"name": scenario.name, **found, "pads": pads, **({"picture": picture} if picture else {})})
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
@@ -91,3 +94,37 @@ def _plan(plan: Plan) -> dict[str, Any]:
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
         "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
     }
+
+
+def _pads(scenario: Scenario) -> list[dict[str, Any]]:
+    """Where every vehicle has to stand before the flight."""
+    from gcs.frames import Origin, ned_to_geodetic
+    from gcs.scenario.physical import pads_ned_m, sysids
+
+    pads = pads_ned_m(scenario)
+    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, Origin(**scenario.origin.model_dump()))
+    return [
+        {
+            "sysid": sysid,
+            "lat_deg": round(float(lat_deg[row]), 7),
+            "lon_deg": round(float(lon_deg[row]), 7),
+            "alt_amsl_m": round(float(alt_m[row]), 3),
+            "north_m": round(float(pads[row, 0]), 3),
+            "east_m": round(float(pads[row, 1]), 3),
+        }
+        for row, sysid in enumerate(sysids(scenario))
+    ]
+
+
+def _say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("vehicle", "latitude", "longitude", "above the sea", "north, east of the origin", title="pads")
+    for pad in pads[:_SHOWN]:
+        place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
+        table.add_row(
+            str(pad["sysid"]), f"{pad['lat_deg']:.7f}", f"{pad['lon_deg']:.7f}", f"{pad['alt_amsl_m']:.2f} m", place
+        )
+    screen.show(table)
+    if len(pads) > _SHOWN:
+        screen.say(f"and {len(pads) - _SHOWN} more (--json has all)")

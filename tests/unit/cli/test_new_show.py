@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pymap3d
 import pytest
 from matplotlib import image
 
@@ -33,6 +34,14 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert gcs("show", tmp_path / "first.skein", "--picture", tmp_path / "plan.png", "--json") == 0
     shown = json.loads(capsys.readouterr().out)
     assert shown["verified"].startswith("yes: clearance 15.0")
+    assert [pad["sysid"] for pad in shown["pads"]] == [1, 2, 3, 4, 5, 6]
+    north, east, _ = pymap3d.geodetic2ned(
+        *np.array([[p["lat_deg"], p["lon_deg"], p["alt_amsl_m"]] for p in shown["pads"]]).T, -33.4, -70.6, 740
+    )
+    assert north == pytest.approx([p["north_m"] for p in shown["pads"]], abs=0.02)
+    assert east == pytest.approx([p["east_m"] for p in shown["pads"]], abs=0.02)
+    assert gcs("show", tmp_path / "first.skein") == 0
+    assert f"{shown['pads'][5]['lat_deg']:.7f}" in capsys.readouterr().out
     assert is_drawn(tmp_path / "scenario.png")
     assert is_drawn(tmp_path / "plan.png")
 
