@@ -67,7 +67,7 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
     table = Table(title=f"{len(reports)} vehicle{'s' * (len(reports) != 1)}")
     for column in ("system", "autopilot", "mode", "health", "home", "battery", "link"):
-        table.add_column(column, no_wrap=column not in ("health", "link"))
+        table.add_column(column, no_wrap=column not in ("health", "link"), overflow="fold")
     for r in reports:
         table.add_row(
             str(r.system),
