@@ -81,7 +81,7 @@ async def _take_up(request: AttachRequest, book: Logbook, plan: Plan, known: Con
 
         def tell(event: Event) -> None:
             events.write(event)
-            screen.say(f"t = {event.t_s:.1f} s: vehicle {event.sysid} {event.what}. {event.rule}".rstrip(". "))
+            screen.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
             write_logbook(

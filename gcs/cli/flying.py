@@ -133,7 +133,7 @@ async def _fly(request: FlyRequest, folder: Path, missions: tuple[VehicleMission
 
         def tell(event: Event) -> None:
             events.write(event)
-            request.screen.say(f"t = {event.t_s:.1f} s: vehicle {event.sysid} {event.what}. {event.rule}".rstrip(". "))
+            request.screen.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
             book = Logbook(

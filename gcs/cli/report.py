@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as text
 import math
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +29,7 @@ def report(
 
     from gcs.errors import FileFormatError
     from gcs.flight.compare import compare, skew_s
+    from gcs.flight.journal import EVENTS, read_events
     from gcs.flight.logbook import read_logbook
     from gcs.flight.record import NAME, write_record
     from gcs.flight.truth import load_truth
@@ -39,11 +39,10 @@ def report(
     if book.t0_unix_s is None:
         raise FileFormatError(f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.")
     plan, _ = load_plan(folder / "plan.skein")
-    record = write_record(folder, plan, book.t0_unix_s)
+    record = write_record(folder, plan, book.t0_unix_s, book.systems)
     truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
     found = compare(plan, record, book.t0_unix_s, truth)
-    events = folder / "events.jsonl"
-    happened = [text.loads(line) for line in events.read_text().splitlines()] if events.is_file() else []
+    happened = read_events(folder / EVENTS)
     title = f"{book.mission}: m RMS from T0 to the planned arrival"
     table = Table("vehicle", "plan - estimate", "estimate - truth", "plan - truth", "late", title=title)
     for c in found:
@@ -53,7 +52,7 @@ def report(
     screen.show(table)
     screen.say(f"vehicles fly the plan within {1e3 * skew_s(found):.0f} ms of each other; step reached: {book.step}")
     for event in happened:
-        screen.say(f"t = {event['t_s']:.1f} s: vehicle {event['sysid']} {event['what']}. {event['rule']}".rstrip(". "))
+        screen.say(str(event))
     screen.say(f"{record.num_rows} positions in {folder / NAME}")
     data = [{k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(c).items()} for c in found]
     skew = skew_s(found)
@@ -62,7 +61,7 @@ def report(
             "folder": folder,
             "vehicles": data,
             "skew_s": None if math.isnan(skew) else skew,
-            "events": happened,
+            "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,
         }

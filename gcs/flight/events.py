@@ -17,3 +17,6 @@ class Event:
     sysid: int
     what: str
     rule: str = ""
+
+    def __str__(self) -> str:
+        return f"t = {self.t_s:.1f} s: vehicle {self.sysid} {self.what}. {self.rule}".rstrip(". ")

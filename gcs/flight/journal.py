@@ -65,6 +65,20 @@ class TelemetryLog:
             self._file.write(struct.pack(">Q", self._last_us) + frame)
 
 
+EVENTS = "events.jsonl"
+
+
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Lines of `events.jsonl`, none where there is no file; a line that was cut off is left out."""
+    found = []
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
+        try:
+            found.append(Event(**json.loads(line)))
+        except (ValueError, TypeError):
+            continue
+    return tuple(found)
+
+
 class EventLog:
     """`events.jsonl`: one line for everything that went wrong and what was done, there as soon as it happened."""
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 
-from gcs.flight.pictures import DPI, draw_map_on
+from gcs.flight.pictures import draw_map_on, save
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, Array
@@ -25,9 +25,7 @@ _STEP_S = 0.5
 def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
     """Draw a scenario, with its plan where there is one, into a picture of the kind that the file's name ends in."""
     figure = _of_scenario(scenario) if plan is None else _of_plan(plan)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=DPI)
-    plt.close(figure)
+    save(figure, path)
 
 
 def _of_scenario(scenario: Scenario) -> Any:

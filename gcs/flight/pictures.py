@@ -5,12 +5,15 @@ Knows: matplotlib. Does not know: where tracks come from; planned and flown ones
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 
+from gcs.errors import UsageError
+from gcs.files import atomic_write
 from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
@@ -23,9 +26,10 @@ from matplotlib.patches import Polygon
 
 _COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
 DPI = 110
+_KINDS = (".png", ".svg", ".pdf")
 _GRID = 141
 _LEVEL_M = 0.1
-_NAMED = 12  # vehicles that a legend has room for
+NAMED = 12  # vehicles that a legend has room for
 _CLOSE_UP_S = 6.0
 
 
@@ -36,13 +40,29 @@ def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned
         "map.png": draw_map(scenario, sysids, tracks_ned_m),
         "formation.png": draw_formation(scenario, sysids, t_s, tracks_ned_m),
     }
-    paths = []
     for name, figure in pictures.items():
-        path = folder / name
-        figure.savefig(path, dpi=DPI)
+        save(figure, folder / name)
+    return [folder / name for name in pictures]
+
+
+def refuse_kind(path: Path) -> None:
+    """Raises UsageError for a file whose name ends in no kind of picture."""
+    if path.suffix.lower() not in _KINDS:
+        raise UsageError(f"{path} is no name of a picture.", hint="end it in .png, .svg or .pdf")
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure as its file's name ends, whole or not at all, and let go of it. Raises UsageError."""
+    drawn = io.BytesIO()
+    try:
+        refuse_kind(path)
+        figure.savefig(drawn, dpi=DPI, format=path.suffix[1:].lower())
+    finally:
         plt.close(figure)
-        paths.append(path)
-    return paths
+    try:
+        atomic_write(path, drawn.getvalue())
+    except OSError as problem:
+        raise UsageError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 
 
 def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:
@@ -53,7 +73,7 @@ def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_
     axes: Any = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)
     shade = LightSource(315, 50).shade(height, plt.get_cmap("terrain"), vert_exag=4, vmin=-22, vmax=62)
     axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
-    for colour, track in zip(_colours(sysids), tracks_ned_m, strict=True):
+    for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], 0 * track[:, 2], color="black", lw=0.4, alpha=0.3, zorder=8)
         axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, zorder=9)
     axes.set(xlabel="east, m", ylabel="north, m", zlabel="height, m", title=scenario.title)
@@ -66,7 +86,7 @@ def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_
 def _draw_close_up(axes: Any, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, middle_s: float) -> None:
     """Ten seconds from above: what looks like one line from afar."""
     during = np.flatnonzero(np.abs(t_s - middle_s) <= _CLOSE_UP_S / 2)
-    for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
+    for colour, sysid, track in zip(colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[during, 1], track[during, 0], color=colour, lw=1.3, label=f"vehicle {sysid}")
         axes.plot(track[during[-1], 1], track[during[-1], 0], "o", color=colour, ms=5)
     axes.set(
@@ -79,7 +99,8 @@ def _draw_close_up(axes: Any, sysids: tuple[int, ...], t_s: Array, tracks_ned_m:
     axes.legend(fontsize=8)
 
 
-def _colours(sysids: tuple[int, ...]) -> list[str]:
+def colours(sysids: tuple[int, ...]) -> list[str]:
+    """One for each vehicle."""
     return [_COLOURS[i % len(_COLOURS)] for i in range(len(sysids))]
 
 
@@ -92,6 +113,13 @@ def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -
 
 def draw_map_on(axes: Any, scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array, style: str = "-") -> None:
     """The same on axes that are there."""
+    draw_ground_on(axes, scenario, tracks_ned_m)
+    draw_ways_on(axes, sysids, tracks_ned_m, style)
+    axes.set(title=f"{scenario.name}: from above")
+
+
+def draw_ground_on(axes: Any, scenario: Scenario, tracks_ned_m: Array) -> None:
+    """Ground and closed areas around tracks (V, N, 3) and the box of Eq. 51, from above."""
     north, east, height = _ground(scenario, tracks_ned_m)
     if np.ptp(height) > _LEVEL_M:
         filled = axes.contourf(east, north, height, levels=24, cmap="YlOrBr", alpha=0.8)
@@ -101,12 +129,20 @@ def draw_map_on(axes: Any, scenario: Scenario, sysids: tuple[int, ...], tracks_n
         for moved in displacement_m(zone, np.array([0.0, scenario.time.flight_s])[: 1 + bool(zone.moves)]):
             corners = np.array(outline(zone).exterior.coords) + moved
             axes.add_patch(Polygon(corners[:, ::-1], color="red", alpha=0.35))
-    for colour, sysid, track in zip(_colours(sysids), sysids, tracks_ned_m, strict=True):
+
+
+def draw_ways_on(axes: Any, sysids: tuple[int, ...], tracks_ned_m: Array, style: str = "-") -> None:
+    """Tracks (V, N, 3) from above with their ends; NaN where nothing is known."""
+    ends = []
+    for colour, sysid, track in zip(colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, ls=style, label=f"vehicle {sysid}")
-    axes.plot(tracks_ned_m[:, 0, 1], tracks_ned_m[:, 0, 0], "k^", ms=5, label="take-off")
-    axes.plot(tracks_ned_m[:, -1, 1], tracks_ned_m[:, -1, 0], "ks", ms=5, label="landing")
-    axes.set(xlabel="east, m", ylabel="north, m", title=f"{scenario.name}: from above", aspect="equal")
-    if len(sysids) <= _NAMED:
+        known = track[~np.isnan(track[:, 0])]
+        ends += [known[[0, -1]]] if len(known) else []
+    first, last = np.stack(ends, axis=1)
+    axes.plot(first[:, 1], first[:, 0], "k^", ms=5, label="take-off")
+    axes.plot(last[:, 1], last[:, 0], "ks", ms=5, label="landing")
+    axes.set(xlabel="east, m", ylabel="north, m", aspect="equal")
+    if len(sysids) <= NAMED:
         axes.legend(fontsize=8, loc="lower right")
 
 
@@ -117,7 +153,7 @@ def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, trac
     for axes, share in zip(panels, (0.0, 1 / 3, 2 / 3, 1.0), strict=True):
         instant = int(np.argmin(np.abs(t_s - share * scenario.time.flight_s)))
         relative = tracks_ned_m[:, instant] - tracks_ned_m[leader, instant]
-        for colour, sysid, place in zip(_colours(sysids), sysids, relative, strict=True):
+        for colour, sysid, place in zip(colours(sysids), sysids, relative, strict=True):
             axes.plot(place[1], place[0], "o", ms=9, color=colour)
             axes.annotate(str(sysid), (place[1], place[0]), xytext=(7, 4), textcoords="offset points", fontsize=8)
         axes.set(title=f"t = {t_s[instant]:.0f} s", xlabel="east of leader, m", aspect="equal")
@@ -130,8 +166,8 @@ def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, trac
 def _ground(scenario: Scenario, tracks_ned_m: Array) -> tuple[Array, Array, Array]:
     """North, east and height (G, G) of the area of the flight; the ripple, finer than the grid, is left out."""
     limits = scenario.limits
-    low = np.minimum([limits.north_m[0], limits.east_m[0]], tracks_ned_m[..., :2].min(axis=(0, 1)))
-    high = np.maximum([limits.north_m[1], limits.east_m[1]], tracks_ned_m[..., :2].max(axis=(0, 1)))
+    low = np.minimum([limits.north_m[0], limits.east_m[0]], np.nanmin(tracks_ned_m[..., :2], axis=(0, 1)))
+    high = np.maximum([limits.north_m[1], limits.east_m[1]], np.nanmax(tracks_ned_m[..., :2], axis=(0, 1)))
     grids = np.meshgrid(np.linspace(low[0], high[0], _GRID), np.linspace(low[1], high[1], _GRID), indexing="ij")
     smooth = scenario.terrain.model_copy(update={"ripple": None})
     return grids[0], grids[1], ground_height_m(smooth, grids[0], grids[1])

@@ -6,64 +6,48 @@ from the log, so that there is one of a flight that was cut short as well.
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gcs.errors import FileFormatError
+from gcs.flight.tlog import read_messages
 from gcs.link.clock import VehicleClock
-from gcs.link.codec import Codec
-from gcs.link.dialect import ModeFlag
-from gcs.link.message import GROUND, Message
+from gcs.link.dialect import Autopilot, ModeFlag
+from gcs.link.message import Message
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY
 
 NAME = "record.parquet"
-Row = tuple[float, int, float, float, float, float, float, float, bool, int, int]
+Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]
 _AXES = ("north", "east", "down")
 
 
-def read_tlog(path: Path) -> Iterator[Message]:
-    """Messages of a `.tlog` in both directions, up to where it was cut off. Raises FileFormatError."""
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise FileFormatError(f"{path}: {problem.strerror}") from None
-    codec = Codec(*GROUND)
-    at = 0
-    while at + 10 <= len(data):
-        (_,) = struct.unpack_from(">Q", data, at)
-        magic, length = data[at + 8], data[at + 9]
-        if magic not in (0xFD, 0xFE) or at + 11 > len(data):
-            raise FileFormatError(f"{path} is damaged {at} bytes from its start.")
-        size = length + 12 + 13 * (data[at + 10] & 1) if magic == 0xFD else length + 8
-        frame = data[at + 8 : at + 8 + size]
-        at += 8 + size
-        if len(frame) == size:
-            yield from codec.decode(frame, ("log", 0))
-
-
-def build_record(plan: Plan, t0_unix_s: float, messages: Iterator[Message]) -> pa.Table:
+def build_record(
+    plan: Plan, t0_unix_s: float, messages: Iterable[Message], systems: Mapping[int, int] | None = None
+) -> pa.Table:
     """One row for every position that a vehicle told once its time was known.
 
     Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
-    mode, battery_pct (-1: not told). Common local NED frame.
+    mode, battery_pct (-1: not told), autopilot. Common local NED frame. `systems` are the MAVLink systems of vehicles
+    that are not called what the plan calls them.
     """
+    vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
     clocks = {sysid: VehicleClock() for sysid in plan.sysids}
     modes = dict.fromkeys(plan.sysids, (False, 0))
+    autopilots = dict.fromkeys(plan.sysids, 0)
     battery = dict.fromkeys(plan.sysids, -1)
     rows: list[Row] = []
     for n, message in enumerate(messages):
-        sysid = message.sysid
-        if sysid not in clocks:
+        sysid = vehicle_of.get(message.sysid)
+        if sysid is None:
             continue
         clocks[sysid].receive(message, float(n))
         fields = message.fields
-        if message.name == "HEARTBEAT":
+        if message.name == "HEARTBEAT" and fields["autopilot"] != Autopilot.INVALID:
+            autopilots[sysid] = int(fields["autopilot"])
             modes[sysid] = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
         elif message.name == "SYS_STATUS":
             battery[sysid] = int(fields["battery_remaining"])
@@ -71,22 +55,25 @@ def build_record(plan: Plan, t0_unix_s: float, messages: Iterator[Message]) -> p
             unix_s = clocks[sysid].unix_s(fields["time_boot_ms"])
             if unix_s is not None:
                 motion = (fields[name] for name in ("x", "y", "z", "vx", "vy", "vz"))
-                rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid]))
+                rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid]))
     return _table(plan, rows)
 
 
-def write_record(folder: Path, plan: Plan, t0_unix_s: float) -> pa.Table:
+def telemetry_logs(folder: Path) -> list[Path]:
+    """The logs of a flight's folder, oldest first: its own, and one of every `gcs attach`."""
+    return sorted(folder.glob("telemetry*.tlog"), key=lambda path: path.stat().st_mtime)
+
+
+def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[int, int] | None = None) -> pa.Table:
     """Make the record of a flight's folder from its telemetry, and keep it there."""
-    logs = sorted(folder.glob("telemetry*.tlog"), key=lambda path: path.stat().st_mtime)
-    table = build_record(plan, t0_unix_s, (message for path in logs for message in read_tlog(path)))
+    logs = telemetry_logs(folder)
+    table = build_record(plan, t0_unix_s, (message for path in logs for message in read_messages(path)), systems)
     pq.write_table(table, folder / NAME, compression="zstd")
     return table
 
 
-def _table(
-    plan: Plan, rows: list[tuple[float, int, float, float, float, float, float, float, bool, int, int]]
-) -> pa.Table:
-    columns = list(zip(*rows, strict=True)) or [()] * 11
+def _table(plan: Plan, rows: list[Row]) -> pa.Table:
+    columns = list(zip(*rows, strict=True)) or [()] * 12
     t_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
     told = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
     planned = np.full((len(t_s), 6), np.nan)
@@ -104,5 +91,6 @@ def _table(
         data |= {f"{name}v_{axis}_mps": values[:, 3 + n] for n, axis in enumerate(_AXES)}
     data["error_m"] = np.linalg.norm(told[:, :3] - planned[:, :3], axis=1)
     data["armed"] = np.array(columns[8], dtype=bool)
-    data["mode"], data["battery_pct"] = (np.array(columns[n], dtype=np.int64) for n in (9, 10))
+    for n, name in enumerate(("mode", "battery_pct", "autopilot"), start=9):
+        data[name] = np.array(columns[n], dtype=np.int64)
     return pa.table(data)

@@ -23,7 +23,7 @@ from gcs.link.layout import Layout
 from gcs.link.message import Message, Station
 from gcs.link.signing import Signature
 
-__all__ = ["Codec", "Message", "Station", "item_from_message", "item_to_message"]
+__all__ = ["Codec", "Message", "Station", "frame_length", "item_from_message", "item_to_message"]
 
 
 _CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
@@ -128,7 +128,7 @@ class Codec:
         messages: list[Message] = []
         at, size, cut = 0, len(data), -1
         while at < size:
-            length = _frame_length(data, at)
+            length = frame_length(data, at)
             if length > size - at:
                 cut = at if cut < 0 else cut
                 length = 0
@@ -146,8 +146,12 @@ class Codec:
             self._tails[source] = data[cut:]
         return messages
 
+    def decode_frame(self, frame: bytes) -> Message | None:
+        """One whole frame, as `frame_length` has measured it; None where its checksum is wrong or its kind unknown."""
+        return self._decode_frame(frame)
+
     def _begins_with_frame(self, data: bytes) -> bool:
-        length = _frame_length(data, 0) if data else 0
+        length = frame_length(data, 0) if data else 0
         return 0 < length <= len(data) and self._decode_frame(data[:length]) is not None
 
     def _decode_frame(self, frame: bytes) -> Message | None:
@@ -173,8 +177,8 @@ class Codec:
         return Message(name, fields, header.srcSystem, header.srcComponent, frame)
 
 
-def _frame_length(data: bytes, at: int) -> int:
-    """Length the header at `at` claims: 0 where there is none, more than is left while it is cut."""
+def frame_length(data: bytes, at: int) -> int:
+    """Length the header at `at` claims: 0 where there is none, more than is left of `data` where it is cut."""
     marker, left = data[at], len(data) - at
     if marker == _V2:
         if left < 3:

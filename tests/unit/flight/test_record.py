@@ -10,7 +10,8 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.flight.compare import compare, lateness_s, skew_s
-from gcs.flight.record import build_record, read_tlog
+from gcs.flight.record import build_record
+from gcs.flight.tlog import read_messages
 from gcs.flight.truth import Truth
 from gcs.link.codec import Codec
 from gcs.link.message import Message
@@ -26,7 +27,9 @@ def told(plan: Plan, late_s: dict[int, float]) -> list[Message]:
         Message("SYSTEM_TIME", {"time_unix_usec": round((BOOT_S + 1.0) * 1e6), "time_boot_ms": 1000}, sysid, 1)
         for sysid in plan.sysids
     ]
-    messages += [Message("HEARTBEAT", {"base_mode": 128 | 1, "custom_mode": 4}, s, 1) for s in plan.sysids]
+    messages += [
+        Message("HEARTBEAT", {"autopilot": 3, "base_mode": 128 | 1, "custom_mode": 4}, s, 1) for s in plan.sysids
+    ]
     for t_s in np.arange(0.0, 270.0, 0.5):
         for row, sysid in enumerate(plan.sysids):
             state = plan.states(np.array([t_s - late_s[sysid]]))[row, 0]
@@ -89,9 +92,9 @@ def test_logs_are_read_up_to_where_they_were_cut(tmp_path: Path) -> None:
     frames = [codec.encode(Message("HEARTBEAT", beat)) for _ in range(3)]
     path = tmp_path / "telemetry.tlog"
     path.write_bytes(b"".join(struct.pack(">Q", 1) + frame for frame in frames)[:-4])
-    assert [m.name for m in read_tlog(path)] == ["HEARTBEAT"] * 2
+    assert [m.name for m in read_messages(path)] == ["HEARTBEAT"] * 2
     path.write_bytes(b"no log at all, but long enough")
     with pytest.raises(FileFormatError, match="damaged 0 bytes"):
-        list(read_tlog(path))
+        list(read_messages(path))
     with pytest.raises(FileFormatError, match="No such file"):
-        list(read_tlog(tmp_path / "none.tlog"))
+        list(read_messages(tmp_path / "none.tlog"))

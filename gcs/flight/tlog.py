@@ -1,0 +1,166 @@
+"""Telemetry logs (`.tlog`) of any ground station: frames in both directions, each behind its time in microseconds.
+
+Knows: the layout, how to find the next frame behind a damaged place. Does not know: what messages mean, flights.
+Stamps are the writer's clock, big-endian, since 1970; frames from before that clock was set carry 0.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gcs.errors import FileFormatError
+from gcs.link.codec import Codec, frame_length
+from gcs.link.message import GROUND, Message
+from gcs.quadrotor import Array
+
+_STAMP = 8
+_SHORTEST = 8  # bytes of a frame without payload
+_V1, _MARKERS = 0xFE, (0xFD, 0xFE)
+_MARKER = re.compile(b"[\xfd\xfe]")
+_LEAST_SHARE = 0.1  # of a file: less is chance
+_PAUSE_S = 600.0  # more silence than that is another flight, or a clock that was set
+_BIG_ENDIAN = struct.Struct(">Q")
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedFrame:
+    """One frame: `message` is None where its kind is not of our dialect, or its checksum wrong."""
+
+    at: int  # where in the file its stamp begins
+    stamp_us: int
+    data: bytes
+    message: Message | None
+
+    @property
+    def sysid(self) -> int:
+        """System id in its header."""
+        return self.data[3] if self.data[0] == _V1 else self.data[5]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Bytes that are no frames; `cut`: the file ends within a frame, as when its writer was killed."""
+
+    at: int
+    size: int
+    cut: bool
+
+
+@dataclass(frozen=True)
+class Tlog:
+    """A whole log. `unix_s` (N,) is when each frame was noted, in order; stamps that cannot be are mended."""
+
+    path: Path
+    frames: tuple[LoggedFrame, ...]
+    unix_s: Array
+    notes: tuple[str, ...]  # what was left out, in sentences
+
+
+def scan(path: Path) -> Iterator[LoggedFrame | Gap]:
+    """Everything in a file, in order. Raises FileFormatError when it cannot be read."""
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise FileFormatError(f"{path}: {problem.strerror}", hint="name a flight's folder or a .tlog") from None
+    codec = Codec(*GROUND)
+    at = 0
+    while at < len(data):
+        frame = _frame(data, at, codec)
+        if frame is None:
+            after = at + 1
+            while after < len(data) and not _certain(data, after, codec):
+                after = _next_candidate(data, after)
+            yield Gap(at, min(after, len(data)) - at, after >= len(data) and _is_cut(data, at))
+            at = after
+        else:
+            yield frame
+            at += _STAMP + len(frame.data)
+
+
+def read_messages(path: Path) -> Iterator[Message]:
+    """Messages of an undamaged log, up to where it was cut off. Raises FileFormatError."""
+    for one in scan(path):
+        if isinstance(one, LoggedFrame):
+            if one.message is not None:
+                yield one.message
+        elif not one.cut:
+            raise FileFormatError(f"{path} is damaged {one.at} bytes from its start.")
+
+
+def load_tlog(path: Path) -> Tlog:
+    """Whatever can be read of a log. Raises FileFormatError for a file without a single frame."""
+    found = list(scan(path))
+    frames = tuple(one for one in found if isinstance(one, LoggedFrame))
+    understood = sum(_STAMP + len(frame.data) for frame in frames if frame.message)
+    if understood <= _LEAST_SHARE * sum(one.size if isinstance(one, Gap) else len(one.data) for one in found):
+        raise FileFormatError(
+            f"{path} holds no telemetry: no MAVLink frame behind a time.", hint="name a flight's folder or a .tlog"
+        )
+    notes = []
+    damaged = [gap for gap in found if isinstance(gap, Gap) and not gap.cut]
+    if damaged:
+        size = sum(gap.size for gap in damaged)
+        notes.append(f"{path.name} is damaged {damaged[0].at} bytes from its start: {size} bytes were left out.")
+    if len(damaged) < sum(isinstance(one, Gap) for one in found):
+        notes.append(f"{path.name} ends within a frame: its writer was cut off.")
+    unread = sum(frame.message is None for frame in frames)
+    if unread:
+        notes.append(f"{unread} of {len(frames)} frames are of kinds that are not known here, or broken.")
+    unix_s, left_out_s = mend_times(np.array([frame.stamp_us for frame in frames], dtype=np.float64) / 1e6)
+    if left_out_s:
+        notes.append(f"pauses of {_PAUSE_S / 60:g} minutes and more were left out, {left_out_s:.0f} s together.")
+    return Tlog(path, frames, unix_s, tuple(notes))
+
+
+def mend_times(stamps_s: Array) -> tuple[Array, float]:
+    """Stamps (N,) without zeros, single wrong ones, steps back and long pauses; and how long those were together."""
+    times = stamps_s.copy()
+    known = np.flatnonzero(times > 0.0)
+    if not len(known):
+        return np.zeros_like(times), 0.0
+    times[: known[0]] = times[known[0]]
+    if len(times) > 2:  # one that lies outside of its neighbours is not believed
+        inner = np.sort(np.stack([times[:-2], times[1:-1], times[2:]]), axis=0)[1]
+        alone = np.abs(times[1:-1] - inner) > 1.0
+        times[1:-1][alone] = inner[alone]
+    steps = np.diff(times, prepend=times[0])
+    long, back = steps > _PAUSE_S, steps < -1.0
+    left_out = np.cumsum(np.where(long | back, steps, 0.0))
+    return np.maximum.accumulate(times - left_out), float(np.sum(steps[long]))
+
+
+def _frame(data: bytes, at: int, codec: Codec) -> LoggedFrame | None:
+    """The frame whose stamp begins at `at`, if it is one, or if at least another follows where it should."""
+    begin = at + _STAMP
+    length = frame_length(data, begin) if begin < len(data) else 0
+    if not _SHORTEST <= length <= len(data) - begin:
+        return None
+    end = begin + length
+    frame = data[begin:end]
+    message = codec.decode_frame(frame)
+    if message is None and end < len(data) and (end + _STAMP >= len(data) or data[end + _STAMP] not in _MARKERS):
+        return None
+    return LoggedFrame(at, _BIG_ENDIAN.unpack_from(data, at)[0], frame, message)
+
+
+def _certain(data: bytes, at: int, codec: Codec) -> bool:
+    frame = _frame(data, at, codec)
+    return frame is not None and frame.message is not None
+
+
+def _next_candidate(data: bytes, at: int) -> int:
+    """The next place whose frame would begin with a marker; the end of the data where there is none."""
+    marker = _MARKER.search(data, at + 1 + _STAMP)
+    return len(data) if marker is None else marker.start() - _STAMP
+
+
+def _is_cut(data: bytes, at: int) -> bool:
+    """Whether what is left could be the beginning of a frame."""
+    begin = at + _STAMP
+    return begin >= len(data) or (data[begin] in _MARKERS and frame_length(data, begin) > len(data) - begin)
