@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import bisect
 import math
+from collections import deque
 from contextlib import AsyncExitStack, nullcontext
 from dataclasses import dataclass
 
@@ -52,7 +53,8 @@ async def play(
     happened = sorted((*recording.events, *recording.remarks), key=lambda event: event.t_s)
     happened = [event for event in happened if window[0] <= event.t_s <= window[1]]
     step_s = _LINE_EVERY_S * rate if math.isfinite(rate) else (window[1] - window[0]) / _LINES
-    sent, told, line_s = 0, 0, window[0]
+    lines = deque([*np.arange(window[0], window[1] - 0.1 * step_s, step_s).tolist(), window[1]])
+    sent = told = 0
     async with AsyncExitStack() as stack:
         endpoint = await _opened(to_link, stack)
         frames = _Frames(recalled, window)
@@ -64,10 +66,9 @@ async def play(
                 t_s = min(window[0] + past_s, window[1])
                 if endpoint is not None:
                     sent += await frames.send(endpoint, t_s)
-                while line_s <= t_s and live is None:
-                    told = _tell(screen, happened, told, line_s)
-                    screen.say(_line(recording, line_s))
-                    line_s += step_s
+                while lines and lines[0] <= t_s and live is None:
+                    told = _tell(screen, happened, told, lines[0])
+                    screen.say(_line(recording, lines.popleft()))
                 if live is not None:
                     told = bisect.bisect_right(happened, t_s, key=lambda event: event.t_s)
                     live.update(_table(recording, window, t_s, happened[:told][-_SAID:]))
@@ -77,9 +78,7 @@ async def play(
                     break
                 await asyncio.sleep(_TICK_S if endpoint is None else _SENDING_S)
         if live is not None:
-            for event in happened:
-                screen.say(str(event))
-        if line_s - step_s < window[1] or live is not None:
+            _tell(screen, happened, 0, window[1])
             screen.say(_line(recording, window[1]))
         if endpoint is not None:
             lost = getattr(endpoint, "lost", 0)
@@ -155,9 +154,10 @@ def _line(recording: Recording, t_s: float) -> str:
         heights = [m.height_m for m in heard]
         said += f", {sum(m.armed for m in heard)} armed, height {min(heights):.1f} to {max(heights):.1f} m"
         said += f", at most {max(m.speed_mps for m in heard):.1f} m/s"
-    errors = [m.error_m for m in heard if not math.isnan(m.error_m)]
-    if errors:
-        said += f", off the plan by at most {max(errors):.2f} m"
+    planned = [m for m in heard if not math.isnan(m.error_m)]
+    if planned:
+        worst = max(planned, key=lambda m: m.error_m)
+        said += f", off the plan by at most {worst.error_m:.2f} m (vehicle {worst.sysid})"
     nearest = _nearest(recording, t_s)
     return said if math.isnan(nearest) else f"{said}, nearest two {nearest:.2f} m"
 

@@ -131,16 +131,22 @@ def draw_ground_on(axes: Any, scenario: Scenario, tracks_ned_m: Array) -> None:
             axes.add_patch(Polygon(corners[:, ::-1], color="red", alpha=0.35))
 
 
-def draw_ways_on(axes: Any, sysids: tuple[int, ...], tracks_ned_m: Array, style: str = "-") -> None:
+def draw_ways_on(
+    axes: Any,
+    sysids: tuple[int, ...],
+    tracks_ned_m: Array,
+    style: str = "-",
+    ends: tuple[str, str] = ("take-off", "landing"),
+) -> None:
     """Tracks (V, N, 3) from above with their ends; NaN where nothing is known."""
-    ends = []
+    places = []
     for colour, sysid, track in zip(colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, ls=style, label=f"vehicle {sysid}")
         known = track[~np.isnan(track[:, 0])]
-        ends += [known[[0, -1]]] if len(known) else []
-    first, last = np.stack(ends, axis=1)
-    axes.plot(first[:, 1], first[:, 0], "k^", ms=5, label="take-off")
-    axes.plot(last[:, 1], last[:, 0], "ks", ms=5, label="landing")
+        places += [known[[0, -1]]] if len(known) else []
+    first, last = np.stack(places, axis=1)
+    axes.plot(first[:, 1], first[:, 0], "k^", ms=5, label=ends[0], clip_on=False, zorder=5)
+    axes.plot(last[:, 1], last[:, 0], "ks", ms=5, label=ends[1], clip_on=False, zorder=5)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal")
     if len(sysids) <= NAMED:
         axes.legend(fontsize=8, loc="lower right")
