@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from gcs.flight.tlog import read_messages
 from gcs.link.clock import VehicleClock
-from gcs.link.dialect import Autopilot, ModeFlag
+from gcs.link.dialect import NO_AUTOPILOT, ModeFlag
 from gcs.link.message import Message
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY
@@ -46,7 +46,7 @@ def build_record(
             continue
         clocks[sysid].receive(message, float(n))
         fields = message.fields
-        if message.name == "HEARTBEAT" and fields["autopilot"] != Autopilot.INVALID:
+        if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
             autopilots[sysid] = int(fields["autopilot"])
             modes[sysid] = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
         elif message.name == "SYS_STATUS":

@@ -16,7 +16,7 @@ import numpy as np
 from gcs.flight.events import Event
 from gcs.flight.recording import VehicleTrack
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.link.dialect import Autopilot, MavType, ModeFlag, Severity
+from gcs.link.dialect import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.link.message import GROUND, Message
 from gcs.link.modes import mode_name
 from gcs.link.statustext import StatusTextJoiner
@@ -30,7 +30,7 @@ _AXES = ("x", "y", "z", "vx", "vy", "vz")
 class _Heard:
     """What one system told so far."""
 
-    autopilot: int = int(Autopilot.GENERIC)
+    autopilot: int = GENERIC_AUTOPILOT
     beats: int = 0
     armed: bool = False
     mode: int = 0
@@ -74,7 +74,7 @@ def retrace(
 
 def _beat(one: _Heard, fields: dict[str, Any]) -> list[str]:
     """Take a heartbeat in; what has changed, in words."""
-    if fields["autopilot"] == Autopilot.INVALID:  # a gimbal, a camera
+    if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
         return []
     armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
     one.autopilot = int(fields["autopilot"])
