@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from gcs.link.command import command_ack
 from gcs.link.dialect import MavType, MessageId, MissionType, Severity
+from gcs.link.ftp import NAME as FTP
 from gcs.link.message import Message, Station
 from gcs.link.signing import Signature
 from gcs.mission.model import MissionItem
@@ -19,7 +20,9 @@ from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands
 from sim_bridge.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.failsafe import Failsafe
+from sim_bridge.ftp import FileServer
 from sim_bridge.missions.fence import places, shapes
+from sim_bridge.missions.files import MissionFiles
 from sim_bridge.missions.keep import flyable
 from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.params import Params
@@ -53,6 +56,7 @@ class Vehicle:
             self._shelved,
             self._say,
         )
+        self._files = FileServer(MissionFiles(self._shelf)) if personality.missions.as_files else None
         self._clock = TimeKeeper(personality.link, self.station)
         self._trust = Trust(personality.link)
         self._dead = False
@@ -121,6 +125,9 @@ class Vehicle:
         if name.startswith("MISSION_"):
             self._shelf.current_seq = self.autopilot.current_seq
             return self._shelf.receive(message, now_s) + self._params.news()
+        if name == FTP and self._files is not None:
+            self._shelf.current_seq = self.autopilot.current_seq
+            return self._files.receive(message, now_s) + self._params.news()
         if name.startswith("PARAM_"):
             return self._talk_of_params(message)
         if name == "TIMESYNC":

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import KeyOption, LinkOption, MapOption, connection
+from gcs.cli.link_options import KeyOption, LinkOption, MapOption, TransferOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 from gcs.errors import UsageError
 
@@ -23,6 +23,7 @@ def fly(
     link: LinkOption = None,
     systems: MapOption = None,
     signing_key_file: KeyOption = None,
+    transfer: TransferOption = "auto",
     missions_only: Annotated[
         bool,
         typer.Option("--missions-only", help="With --link: leave fences, rally points and parameters as they are."),
@@ -74,7 +75,7 @@ def fly(
     _check(sim, bool(link), mode, speedup)
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
-    known = connection(link, systems, signing_key_file) if link else None
+    known = connection(link, systems, signing_key_file, transfer) if link else None
     from gcs.cli.flying import FlyRequest, fly_and_judge
     from gcs.cli.missions_flown import TimeKeeping
     from gcs.cli.planning import Stopwatch, plan_for

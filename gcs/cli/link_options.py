@@ -52,6 +52,15 @@ BackendOption = Annotated[
     typer.Option("--backend", help="skein: our own machines; mavsdk: MAVSDK's, which neither sign nor are quick."),
 ]
 BACKENDS = ("skein", "mavsdk")
+TransferOption = Annotated[
+    str,
+    typer.Option(
+        "--transfer",
+        help="How ArduPilot gets its mission: auto (as one file where the vehicle offers MAVLink FTP, and item by item "
+        "where not), items, or file.",
+    ),
+]
+TRANSFERS = ("auto", "items", "file")
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,7 @@ class Connection:
     links: tuple[str, ...]
     systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles that are called something else
     key: bytes | None = field(default=None, repr=False)
+    transfer: str = "auto"  # one of TRANSFERS
 
     @asynccontextmanager
     async def open_backend(self, backend: str) -> AsyncIterator[Fleet | MavsdkFleet]:
@@ -73,6 +83,8 @@ class Connection:
             return
         if self.key is not None:
             raise UsageError("MAVSDK cannot sign", hint="leave the key away, or use --backend skein")
+        if self.transfer == "file":
+            raise UsageError("MAVSDK sends missions item by item", hint="leave --transfer away, or use --backend skein")
         from gcs.link.backend_mavsdk import MavsdkFleet
 
         async with MavsdkFleet.open(self.links) as foreign:
@@ -85,17 +97,22 @@ class Connection:
 
         from gcs.link.fleet import Fleet
         from gcs.link.keys import signing_with
+        from gcs.link.transfer import Transfer
 
         signing = signing_with(self.key, asyncio.get_running_loop().time())
-        async with Fleet.open(self.links, on_frame=on_frame, signing=signing) as fleet:
+        async with Fleet.open(
+            self.links, on_frame=on_frame, signing=signing, transfer=Transfer(self.transfer)
+        ) as fleet:
             yield fleet
 
     def __str__(self) -> str:
         return ", ".join(self.links)
 
 
-def connection(links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None) -> Connection:
-    """What the three options ask for. Raises `UsageError`."""
+def connection(
+    links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None, transfer: str = "auto"
+) -> Connection:
+    """What the options ask for. Raises `UsageError`."""
     from gcs.link.endpoint import parse_link_spec
     from gcs.link.keys import load_key
 
@@ -104,7 +121,9 @@ def connection(links: Sequence[str] | None, systems: str | None = None, key_file
         parse_link_spec(link)
         if link in chosen[:number]:
             raise UsageError(f"--link {link} is given twice")
-    return Connection(chosen, parse_map(systems), load_key(key_file))
+    if transfer not in TRANSFERS:
+        raise UsageError(f"--transfer {transfer}: there are {', '.join(TRANSFERS)}")
+    return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
 
 
 def parse_map(text: str | None) -> dict[int, int]:

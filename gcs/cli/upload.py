@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
+from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, TransferOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def upload(
     to: Annotated[Path, typer.Option("--to", help="Folder for the record that `gcs restore` reads.")] = Path("uploads"),
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
+    transfer: TransferOption = "auto",
     untimed: UntimedOption = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
@@ -51,7 +52,7 @@ def upload(
     from gcs.cli.planning import Stopwatch, plan_for
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
-    known = connection(link, systems, signing_key_file)
+    known = connection(link, systems, signing_key_file, transfer)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     loading = _upload(

@@ -31,14 +31,13 @@ from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
-from gcs.link.mission_compare import Difference, compare_missions
+from gcs.link.mission_compare import Difference, compare_missions, not_held
 from gcs.link.mission_receiver import MissionReceiver, reader
 from gcs.link.mission_sender import MissionSender
 from gcs.link.roundtrip import RoundTrip
 from gcs.mission.model import MissionItem
 
 BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s
-_TOLD_MAX = 5
 _READS = 5  # of one upload
 _NAMES = {int(MissionType.MISSION): "mission", int(MissionType.FENCE): "fence", int(MissionType.RALLY): "rally points"}
 
@@ -81,6 +80,7 @@ class Delivery:
         self.error: GcsError | None = None
         self.sent = 0  # times the items were sent
         self.read = 0  # times they were read back
+        self.sending_ended_s: float | None = None  # when the last upload was over
         self._timers = timers
         self._round_trip = round_trip or RoundTrip()
         self._tries = tries
@@ -169,7 +169,7 @@ class Delivery:
             if not differences:
                 self.state = DeliveryState.DONE
                 return []
-            self._last_error = self._doubt or _different(self, differences)
+            self._last_error = self._doubt or not_held(self.peer, self.name, differences)
             return self._send(now_s)
         self._last_error = error
         self._reads_left -= 1
@@ -203,6 +203,8 @@ class Delivery:
 
     def _read(self, now_s: float) -> list[Message]:
         self.read += 1
+        if self.state is DeliveryState.SENDING:
+            self.sending_ended_s = now_s
         self.state = DeliveryState.READING
         machine = reader(
             self.peer,
@@ -229,12 +231,3 @@ class Delivery:
         self.error = error
         self.state = DeliveryState.FAILED
         return []
-
-
-def _different(delivery: Delivery, differences: list[Difference]) -> PeerError:
-    listed = "; ".join(str(d) for d in differences[:_TOLD_MAX])
-    more = f"; and {len(differences) - _TOLD_MAX} more" if len(differences) > _TOLD_MAX else ""
-    return PeerError(
-        f"{delivery.peer} does not hold the {delivery.name} it was sent: {listed}{more}.",
-        hint="upload again; if it persists, the autopilot does not store these items as they are",
-    )

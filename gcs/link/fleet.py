@@ -23,6 +23,7 @@ from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.session import VehicleSession
 from gcs.link.signing import Signing
+from gcs.link.transfer import Transfer
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
@@ -49,6 +50,7 @@ class Fleet:
         on_frame: FrameHook | None = None,
         timers: Timers = GROUND_TIMERS,
         signing: Signing | None = None,
+        transfer: Transfer = Transfer.AUTO,
     ) -> None:
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
@@ -58,6 +60,7 @@ class Fleet:
         self._book = AddressBook()
         self._on_frame = on_frame
         self._timers = timers
+        self._transfer = transfer
         self._signing = signing or Signing()
         self._found = asyncio.Event()
         self._loop = asyncio.get_running_loop()
@@ -72,15 +75,16 @@ class Fleet:
         on_frame: FrameHook | None = None,
         timers: Timers = GROUND_TIMERS,
         signing: Signing | None = None,
+        transfer: Transfer = Transfer.AUTO,
     ) -> AsyncIterator[Fleet]:
         """Opens the endpoints that `specs` name (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers; with
-        `signing` that is on everything is signed, and what is not signed is not believed. Raises `UsageError`,
-        `LinkError`.
+        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers, `transfer` is
+        their way; with `signing` that is on everything is signed, and what is not signed is not believed. Raises
+        `UsageError`, `LinkError`.
         """
         endpoints = [make_endpoint(spec) for spec in ([specs] if isinstance(specs, str) else specs)]
-        fleet = cls(endpoints, me=me, on_frame=on_frame, timers=timers, signing=signing)
+        fleet = cls(endpoints, me=me, on_frame=on_frame, timers=timers, signing=signing, transfer=transfer)
         beating: asyncio.Task[None] | None = None
         try:
             for link, endpoint in enumerate(endpoints):
@@ -185,7 +189,7 @@ class Fleet:
     def _meet(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
         self.sessions[system] = VehicleSession(
-            heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers
+            heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers, transfer=self._transfer
         )
         self._found.set()
 

@@ -19,8 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.autopilot import Autopilot
+from gcs.errors import PeerError
+from gcs.link.message import Station
 from gcs.mission.model import Command, MissionItem
 
+_TOLD_MAX = 5
 _ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
 _FILE_FRAMES = {5: 0, 6: 3, 11: 10}
 _LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
@@ -57,6 +60,16 @@ def compare_missions(
     for index, (ours, theirs) in enumerate(zip(sent, read_back, strict=False)):
         differences += [Difference(index, *d) for d in _item_differences(ours, theirs, exact=exact)]
     return differences
+
+
+def not_held(peer: Station, name: str, differences: Sequence[Difference]) -> PeerError:
+    """The error of a vehicle that does not hold what it was sent."""
+    listed = "; ".join(str(d) for d in differences[:_TOLD_MAX])
+    more = f"; and {len(differences) - _TOLD_MAX} more" if len(differences) > _TOLD_MAX else ""
+    return PeerError(
+        f"{peer} does not hold the {name} it was sent: {listed}{more}.",
+        hint="upload again; if it persists, the autopilot does not store these items as they are",
+    )
 
 
 def has_position(command: int) -> bool:

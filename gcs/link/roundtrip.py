@@ -37,5 +37,5 @@ class RoundTrip:
 
     def wait_s(self, repeats: int = 0) -> float:
         """How long to wait after a question that has been put `repeats` times before."""
-        grown_s = self._wait_s * min(_GROWTH**repeats, _MOST_GROWTH)
+        grown_s = self._wait_s * min(_GROWTH ** min(repeats, 9), _MOST_GROWTH)
         return min(max(grown_s, self._quickest_s), self._slowest_s)

@@ -8,6 +8,7 @@ awaited.
 from __future__ import annotations
 
 import asyncio
+import random
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -17,7 +18,9 @@ from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
 from gcs.link.delivery import Delivery
-from gcs.link.dialect import MavCommand, MessageId, MissionType, ModeFlag
+from gcs.link.dialect import Capability, MavCommand, MessageId, MissionType, ModeFlag
+from gcs.link.file_delivery import FileDelivery
+from gcs.link.ftp_requests import FtpNumbers
 from gcs.link.items import with_home
 from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
@@ -28,6 +31,7 @@ from gcs.link.parameter_machine import ParameterReader, ParameterWriter
 from gcs.link.quality import LinkQuality
 from gcs.link.roundtrip import RoundTrip
 from gcs.link.statustext import StatusText, StatusTextJoiner
+from gcs.link.transfer import Preferred, Transfer, goes_as_file
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 _REASON_S = 0.7  # the reasons for a refusal come up to so much before or after it
@@ -43,6 +47,7 @@ class VehicleSession:
         *,
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
+        transfer: Transfer = Transfer.AUTO,
     ) -> None:
         self.station = heartbeat.source
         self.sysid = heartbeat.sysid  # the vehicle's number among its fellows: its system id unless mapped
@@ -55,6 +60,9 @@ class VehicleSession:
         self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
         self._send = send
         self._timers = timers
+        self._transfer = transfer
+        self._numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
+        self._offers_files: bool | None = None
         self._loop = asyncio.get_running_loop()
         self._joiner = StatusTextJoiner()
         self._machines: list[tuple[Machine, asyncio.Event]] = []
@@ -196,13 +204,22 @@ class VehicleSession:
         finally:
             stop()
 
-    async def deliver(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> Delivery:
+    async def deliver(
+        self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION
+    ) -> Delivery | FileDelivery:
         """Sends items as they are (an empty list clears) until the vehicle holds them, read back and compared.
 
-        Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `PeerTimeout`.
+        Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `FtpRefused`,
+        `PeerTimeout`.
         """
+        wanted = self._transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
+        if wanted and not self.home_is_item_0:
+            raise PeerError(
+                f"vehicle {self.sysid} takes no missions as files: only ArduPilot does.",
+                hint="use --transfer auto or items",
+            )
         async with self._mission_lock:
-            machine = Delivery(
+            item_by_item = Delivery(
                 items,
                 self.station,
                 self.autopilot,
@@ -211,8 +228,31 @@ class VehicleSession:
                 timers=self._timers,
                 round_trip=self.round_trip,
             )
-            await self.run(machine)
-            return machine
+            may_be_file = goes_as_file(self._transfer, self.autopilot, mission_type, len(items))
+            if not may_be_file or (not wanted and not await self.offers_files()):
+                await self.run(item_by_item)
+                return item_by_item
+            as_file = FileDelivery(
+                items,
+                self.station,
+                me=self.me,
+                timers=self._timers,
+                round_trip=self.round_trip,
+                numbers=self._numbers,
+            )
+            await self.run(as_file if wanted else Preferred(as_file, item_by_item))
+            return as_file if as_file.error is None else item_by_item
+
+    async def offers_files(self) -> bool:
+        """Whether it claims MAVLink FTP (AUTOPILOT_VERSION); asked once."""
+        if self._offers_files is None:
+            told = self.latest.get("AUTOPILOT_VERSION")
+            try:
+                told = told or await self.request_message(MessageId.AUTOPILOT_VERSION, "AUTOPILOT_VERSION", 2.0)
+            except PeerError:
+                return False
+            self._offers_files = bool(told.fields["capabilities"] & Capability.FTP)
+        return self._offers_files
 
     async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
         """Reads what the vehicle holds, home included where it is item 0. Raises as `deliver` does."""
@@ -255,7 +295,7 @@ class VehicleSession:
             return None
         return Home(told["latitude"] / 1e7, told["longitude"] / 1e7, told["altitude"] / 1e3)
 
-    async def upload_mission(self, mission: VehicleMission) -> Delivery:
+    async def upload_mission(self, mission: VehicleMission) -> Delivery | FileDelivery:
         """Delivers a mission, with home where the autopilot wants it. Raises as `deliver` does."""
         return await self.deliver(self.as_sent(mission.items, mission.home))
 

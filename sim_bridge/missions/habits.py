@@ -63,6 +63,7 @@ class MissionHabits:
     gave_up: Answer  # {name} is the mission type's
     int_requests: bool  # asks with MISSION_REQUEST_INT
     home_is_item_0: bool
+    as_files: bool  # serves and takes them by MAVLink FTP too
     one_at_a_time: bool  # one transfer in all, downloads included; else one upload for each mission type
     restarts: bool  # a second MISSION_COUNT begins anew; else only the first request is repeated
     any_item_is_life: bool  # an item out of sequence counts as a sign that the station is there

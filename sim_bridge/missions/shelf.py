@@ -97,6 +97,34 @@ class MissionShelf:
         items = self._items[mission_type]
         return len(items) + (count_shapes(items) if mission_type == MissionType.FENCE else 0)
 
+    def told(self, mission_type: int) -> list[Message]:
+        """All items as they read back, addressed to nobody."""
+        nobody = Station(0, 0)
+        return [
+            self._told(item, seq, nobody, mission_type) for seq, item in enumerate(self._items.get(mission_type, ()))
+        ]
+
+    def replace(self, mission_type: int, items: Items, *, start: int = 0, clear: bool = True) -> bool:
+        """Take items all at once, as from a file, the first as item `start`, instead of all others or among them.
+
+        False is a refusal. It may leave a part behind where items are kept as they come, as the original does.
+        """
+        keeping = self._habits.keeping[mission_type]
+        held = () if clear else self._items[mission_type]
+        if keeping.checks_shapes and what_is_wrong(items) is not None:
+            return False
+        if not (clear or keeping.item_by_item):
+            return False
+        for seq, item in enumerate(items, start):
+            pleases = not self.rejects and verdict(item, keeping) == MissionResult.ACCEPTED
+            if not pleases or too_few_vertices(item, keeping) or seq > len(held) or seq >= capacity(keeping):
+                if keeping.item_by_item:
+                    self._store(mission_type, held)
+                return False
+            held = in_wire_order(held, seq, kept(item, keeping))
+        self._store(mission_type, held)
+        return True
+
     def move_home(self, home: Origin) -> None:
         """Home is somewhere else now."""
         self.home = home

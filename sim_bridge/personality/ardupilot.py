@@ -188,6 +188,7 @@ ARDUPILOT = Personality(
         | Capability.PARAM_FLOAT
         | Capability.MISSION_INT
         | Capability.COMMAND_INT
+        | Capability.FTP
         | Capability.SET_POSITION_TARGET_LOCAL_NED
         | Capability.SET_POSITION_TARGET_GLOBAL_INT
         | Capability.MAVLINK2

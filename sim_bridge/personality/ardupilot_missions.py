@@ -62,6 +62,7 @@ MISSIONS = MissionHabits(
     gave_up=Answer(MissionResult.OPERATION_CANCELLED, "{name} upload timeout", Severity.WARNING),
     int_requests=False,
     home_is_item_0=True,
+    as_files=True,
     one_at_a_time=False,
     restarts=True,
     any_item_is_life=False,

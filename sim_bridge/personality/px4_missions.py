@@ -54,6 +54,7 @@ MISSIONS = MissionHabits(
     gave_up=Answer(None, "Operation timeout\t"),
     int_requests=True,
     home_is_item_0=False,
+    as_files=False,
     one_at_a_time=True,
     restarts=False,
     any_item_is_life=True,

@@ -15,12 +15,17 @@ from dataclasses import dataclass
 from gcs.autopilot import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
-from gcs.link.delivery import Delivery, DeliveryState
+from gcs.link.delivery import Delivery
 from gcs.link.dialect import MissionType
+from gcs.link.file_delivery import FileDelivery
+from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission_compare import compare_missions
 from gcs.link.roundtrip import RoundTrip
+from gcs.link.transfer import Preferred, Transfer, goes_as_file
 from gcs.mission.model import MissionItem
+from sim_bridge.ftp import FileServer
+from sim_bridge.missions.files import MissionFiles
 from sim_bridge.missions.shelf import MissionShelf
 from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
 from sim_bridge.personality.px4_missions import MISSIONS as PX4
@@ -53,6 +58,7 @@ class Arrived:
     messages_up: int
     messages_down: int
     tries: int
+    as_file: bool  # and not item by item, whether from the beginning or in the end
 
 
 class Air:
@@ -64,6 +70,7 @@ class Air:
             VEHICLE, _HABITS[autopilot], Origin(47.0, 8.0, 400.0), lambda *_: None, lambda *_: None
         )
         self.shelf._items[MissionType.MISSION] = mission_of(12, seed=-1)
+        self.files = FileServer(MissionFiles(self.shelf)) if autopilot is Autopilot.ARDUPILOT else None
         self.weather = weather
         self.now_s = 0.0
         self.sent = {GROUND: 0, VEHICLE: 0}
@@ -72,17 +79,27 @@ class Air:
         self._under_way: list[tuple[float, int, Message]] = []
         self._order = itertools.count()
 
-    def deliver(self, items: Sequence[MissionItem], round_trip: RoundTrip | None = None) -> Arrived:
-        """Until the machine has ended."""
-        machine = Delivery(items, VEHICLE, self.autopilot, round_trip=round_trip)
-        began_s = sent_s = self.now_s
+    def deliver(
+        self,
+        items: Sequence[MissionItem],
+        round_trip: RoundTrip | None = None,
+        transfer: Transfer = Transfer.ITEMS,
+    ) -> Arrived:
+        """Until the machine has ended. A vehicle that takes files is known to."""
+        learned = round_trip or RoundTrip()
+        by_items = Delivery(items, VEHICLE, self.autopilot, round_trip=learned)
+        as_file = FileDelivery(items, VEHICLE, round_trip=learned)
+        machine: Machine = by_items
+        if goes_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
+            machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)
+        began_s = self.now_s
         self._send(machine.start(self.now_s), GROUND)
         while not machine.done:
-            if machine.state is DeliveryState.SENDING:
-                sent_s = self.now_s
             self._step(machine)
             if self.now_s - began_s > _LIMIT_S:
                 raise RuntimeError("the delivery does not end")
+        last = as_file if machine is not by_items and by_items.sent == 0 else by_items
+        sent_s = self.now_s if last.sending_ended_s is None else last.sending_ended_s
         first = int(self.autopilot is Autopilot.ARDUPILOT)
         there = self.shelf.items()[first:]
         held = compare_missions(items[first:], there, autopilot=self.autopilot) == []
@@ -94,10 +111,11 @@ class Air:
             ended_s - began_s,
             self.sent[GROUND],
             self.sent[VEHICLE],
-            machine.sent,
+            by_items.sent,
+            last is as_file,
         )
 
-    def _step(self, machine: Delivery) -> None:
+    def _step(self, machine: Machine) -> None:
         tick_s = self._tick_s if self.shelf.waits else float("inf")
         arrival_s = self._under_way[0][0] if self._under_way else float("inf")
         deadline_s = machine.deadline_s
@@ -105,7 +123,9 @@ class Air:
         while self._under_way and self._under_way[0][0] <= self.now_s:
             message = heapq.heappop(self._under_way)[2]
             if message.source == GROUND:
-                self._send(self.shelf.receive(message, self.now_s), VEHICLE)
+                answers = self.shelf.receive(message, self.now_s)
+                answers += self.files.receive(message, self.now_s) if self.files is not None else []
+                self._send(answers, VEHICLE)
             else:
                 self._send(machine.receive(message, self.now_s), GROUND)
         if self.now_s >= tick_s:
