@@ -74,7 +74,8 @@ class Airframes:
         self._steps = 0
         self._still = np.zeros((4, vehicles))
         self._rotors = self._commanded = self._given = self._still
-        self._wind = self._wind_field.draw(-self._plant.state[2])
+        self._more_wind: Array | None = None  # (3, V) beyond the field, where faults ask for it
+        self._wind = self._draw_wind()
         self._gnss = np.full((6, vehicles), np.nan)
 
     @property
@@ -150,7 +151,7 @@ class Airframes:
         if self.t_s >= self.faults.due_s:
             self._break()
         if self._steps % _STEPS_PER_GUST == 0:
-            self._wind = self._wind_field.draw(-self._plant.state[2])
+            self._wind = self._draw_wind()
         plant, estimator = self._plant, self.estimator
         self._drive(reference, motors_on & estimator.aligned)
         plant.step(self._given, self._wind)
@@ -192,7 +193,13 @@ class Airframes:
             self.battery.drain(row, remaining)
         self.sensors.effects = effects
         self.controller.slow_down(effects.speed_max_mps)
+        self._plant.push(effects.push_ned_mps2.T.copy() if effects.push_ned_mps2.any() else None)
+        self._more_wind = effects.wind_ned_mps.T if effects.wind_ned_mps.any() else None
         self._weaken()
+
+    def _draw_wind(self) -> Array:
+        drawn = self._wind_field.draw(-self._plant.state[2])
+        return drawn if self._more_wind is None else drawn + self._more_wind
 
     def _weaken(self) -> None:
         strength = self.sensors.effects.motor_strength.T * ~self.battery.empty

@@ -1,4 +1,4 @@
-"""What can break on a vehicle's body, and when: motors, sensors, battery, strength.
+"""What can befall a vehicle's body, and when: motors, sensors, battery, strength, the air around it.
 
 Knows: kinds of breakdown as intervals of simulated time, and one schedule per vehicle. Does not know: who asks for
 them (command line, scenario, MAVLink), nor links and missions, whose faults are another file's.
@@ -109,6 +109,30 @@ class Slow(Breakdown):
             raise ValueError(f"Slow at {self.speed_mps:g} m/s would never arrive: give a speed above 0")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindStep(Breakdown):
+    """The air around the vehicle moves by so much more than the fleet's wind says."""
+
+    wind_ned_mps: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        Breakdown.__post_init__(self)
+        if not all(map(math.isfinite, self.wind_ned_mps)):
+            raise ValueError(f"WindStep by {self.wind_ned_mps} m/s is no wind")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push(Breakdown):
+    """Something pushes the vehicle, evenly over its mass, so that its accelerometer feels it as it feels drag."""
+
+    push_ned_mps2: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        Breakdown.__post_init__(self)
+        if not all(map(math.isfinite, self.push_ned_mps2)):
+            raise ValueError(f"Push by {self.push_ned_mps2} m/s² is no push")
+
+
 class Schedule:
     """The breakdowns of one vehicle."""
 
@@ -146,6 +170,8 @@ class Effects:
     gnss_offset_ned_m: Array  # (V, 3)
     stuck: Mask  # (V, 5), columns as in `Sensor`
     speed_max_mps: Array  # (V,)
+    wind_ned_mps: Array  # (V, 3) beyond the fleet's wind
+    push_ned_mps2: Array  # (V, 3)
     drained: dict[int, float] = field(default_factory=dict)  # row -> share of the charge it has left at most
     sound: bool = True  # nothing is wrong with anybody
 
@@ -158,6 +184,8 @@ class Effects:
             gnss_offset_ned_m=np.zeros((vehicles, 3)),
             stuck=np.zeros((vehicles, len(Sensor)), dtype=bool),
             speed_max_mps=np.full(vehicles, math.inf),
+            wind_ned_mps=np.zeros((vehicles, 3)),
+            push_ned_mps2=np.zeros((vehicles, 3)),
         )
 
 
@@ -198,6 +226,10 @@ class Breakdowns:
                 effects.motor_strength[row, motor - 1] *= 1.0 - share
             case Slow(speed_mps=speed):
                 effects.speed_max_mps[row] = min(effects.speed_max_mps[row], speed)
+            case WindStep(wind_ned_mps=wind):
+                effects.wind_ned_mps[row] += wind
+            case Push(push_ned_mps2=push):
+                effects.push_ned_mps2[row] += push
             case LowBattery(remaining=remaining) if id(breakdown) not in self._struck:
                 self._struck[id(breakdown)] = breakdown
                 effects.drained[row] = min(effects.drained.get(row, 1.0), remaining)

@@ -18,9 +18,11 @@ from sim_bridge.breakdowns import (
     GnssOutage,
     LowBattery,
     MotorLoss,
+    Push,
     Sensor,
     Slow,
     StuckSensor,
+    WindStep,
 )
 from sim_bridge.faults import Direction, Fault, Kind
 from sim_bridge.faulty_link import NO_TROUBLE, FaultyLink, Trouble
@@ -54,6 +56,8 @@ _BREAKDOWN: dict[Kind, Callable[[float, Sequence[float]], Breakdown]] = {
     f.BATTERY: lambda t_s, v: LowBattery(from_s=t_s, remaining=v[0]),
     f.STUCK: lambda t_s, v: StuckSensor(from_s=t_s, sensor=Sensor(round(v[0]))),
     f.SLOW: lambda t_s, v: Slow(from_s=t_s, speed_mps=v[0]),
+    f.WIND: lambda t_s, v: WindStep(from_s=t_s, wind_ned_mps=(v[0], v[1], v[2])),
+    f.PUSH: lambda t_s, v: Push(from_s=t_s, push_ned_mps2=(v[0], v[1], v[2])),
 }
 
 

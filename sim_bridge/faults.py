@@ -121,10 +121,31 @@ STUCK = Kind(
     "stuck", 14, "a sensor repeats its last sample", (Value("sensor", 0.0, len(SENSORS) - 1.0, words=SENSORS),)
 )
 SLOW = Kind("slow", 15, "it flies no faster than this", (Value("speed_mps", 0.01, 1000.0),))
+_STRONGEST_MPS, _HARDEST_MPS2 = 30.0, 30.0
+WIND = Kind(
+    "wind",
+    16,
+    "the air around it moves by so much more",
+    (
+        Value("north_mps", -_STRONGEST_MPS, _STRONGEST_MPS),
+        Value("east_mps", -_STRONGEST_MPS, _STRONGEST_MPS, 0.0),
+        Value("down_mps", -_STRONGEST_MPS, _STRONGEST_MPS, 0.0),
+    ),
+)
+PUSH = Kind(
+    "push",
+    17,
+    "something pushes it",
+    (
+        Value("north_mps2", -_HARDEST_MPS2, _HARDEST_MPS2),
+        Value("east_mps2", -_HARDEST_MPS2, _HARDEST_MPS2, 0.0),
+        Value("down_mps2", -_HARDEST_MPS2, _HARDEST_MPS2, 0.0),
+    ),
+)
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
-    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW),
+    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
 _WHOLE = frozenset({"motor", "sensor"})

@@ -88,6 +88,7 @@ class Stepper:
         self._gravity = np.array([[0.0], [0.0], [q.gravity_mps2]])
         self._drag = (np.array(q.drag_Nspm) / q.mass_kg)[:, None]
         self._wind_ned_mps = self._steady = self._gravity  # of the last step; nobody's wind
+        self._push: Array | None = None
         # Rows: angles at the two Gauss points and at the end, rates at the end; columns: angles, rates and their
         # first three derivatives at the start.
         tau = np.array([_GAUSS[0] * h, _GAUSS[1] * h, h])
@@ -97,6 +98,11 @@ class Stepper:
         self._decay, self._lag = _decay(self._drag, h), _lag(self._drag, h)
         # Share of an acceleration at each Gauss point in the velocity and in the position at the end.
         self._weights = 0.5 * h * np.stack([_decay(self._drag, left), _lag(self._drag, left)])  # (2, 2, 3, 1)
+
+    def push(self, push_ned_mps2: Array | None) -> None:
+        """From now on something pushes the vehicles by these accelerations (3, V), or nothing does."""
+        self._push = push_ned_mps2
+        self._wind_ned_mps = self._gravity
 
     def __call__(self, state: Array, control: Array, wind_ned_mps: Array) -> tuple[Array, Turn]:
         """State (12, V), control (4, V), wind (3, V) -> state at the end, and the turn just before it."""
@@ -123,6 +129,8 @@ class Stepper:
         pull *= thrust
         if wind_ned_mps is not self._wind_ned_mps:
             self._wind_ned_mps, self._steady = wind_ned_mps, self._gravity + self._drag * wind_ned_mps
+            if self._push is not None:
+                self._steady = self._steady + self._push
         pull += self._steady
         moved = np.add.reduce(self._weights * pull, axis=1)
 
@@ -134,9 +142,11 @@ class Stepper:
         return out, Turn(sr[1], sp[1], sy[1], cr[1], cp[1], cy[1])
 
     def specific_force(self, state: Array, control: Array, wind_ned_mps: Array, turn: Turn) -> Array:
-        """What an accelerometer feels, (3, V) in body axes: thrust and drag, not gravity."""
-        drag = self._drag * (wind_ned_mps - state[3:6])
-        force = turn.to_body(drag)
+        """What an accelerometer feels, (3, V) in body axes: thrust, drag and pushes, not gravity."""
+        pushed = self._drag * (wind_ned_mps - state[3:6])
+        if self._push is not None:
+            pushed += self._push
+        force = turn.to_body(pushed)
         force[2] -= control[0] / self._mass_kg
         return force
 

@@ -45,6 +45,10 @@ class Plant:
         self.any_landed = True
         self.specific_force_mps2 = np.tile(self._at_rest, len(pads_ned_m))
 
+    def push(self, push_ned_mps2: Array | None) -> None:
+        """From now on something pushes the vehicles by these accelerations (3, V), or nothing does."""
+        self._stepper.push(push_ned_mps2)
+
     def step(self, control: Array, wind_ned_mps: Array) -> None:
         """Advance by one step under controls (4, V) and wind (3, V), both held."""
         if self.any_landed:

@@ -67,6 +67,8 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "battery=0.3": lambda fleet, row: fleet.airframes.battery.remaining[row] < 0.31,
     "stuck=barometer": stuck,
     "slow=0.5": crept,
+    "wind=0,4,-1": lambda fleet, row: fleet.airframes.wind_ned_mps[row].tolist() == [0.0, 4.0, -1.0],
+    "push=0,5": lambda fleet, row: bool(fleet.airframes.truth[row, 4] > 0.5),
 }
 
 

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.breakdowns import Breakdowns, GnssJump, GnssOutage, LowBattery, MotorLoss, Sensor, Slow, StuckSensor
+from sim_bridge.breakdowns import (
+    Breakdowns,
+    GnssJump,
+    GnssOutage,
+    LowBattery,
+    MotorLoss,
+    Push,
+    Sensor,
+    Slow,
+    StuckSensor,
+    WindStep,
+)
 from sim_bridge.reference import Reference, hold
 from sim_bridge.sensors import RTK
 from tests.unit.sim_bridge.flights import F150, F150_LIMITS, FIELD, FIELD_LIMITS, YAW_RAD, course, fly, stand, steps
@@ -38,6 +49,9 @@ def test_schedules_begin_end_and_add_up():
     faults[2].add(GnssJump(from_s=0.0, offset_ned_m=(1.0, 0.0, 0.0)))
     faults[2].add(GnssJump(from_s=3.0, offset_ned_m=(0.0, 2.0, 0.0)))
     faults[2].add(Slow(from_s=3.0, speed_mps=2.0))
+    faults[1].add(WindStep(from_s=3.0, wind_ned_mps=(3.0, 0.0, 0.0)))
+    faults[1].add(WindStep(from_s=3.0, wind_ned_mps=(1.0, -2.0, 0.0)))
+    faults[0].add(Push(from_s=3.0, push_ned_mps2=(0.0, 0.0, 1.5)))
     assert faults.due_s == -np.inf
     early = faults.effects(1.0)
     assert faults.due_s == 2.0 and not early.sound and not early.gnss_lost.any()
@@ -48,6 +62,8 @@ def test_schedules_begin_end_and_add_up():
     assert np.argwhere(late.stuck).tolist() == [[1, Sensor.COMPASS]]
     np.testing.assert_array_equal(late.gnss_offset_ned_m[2], [1.0, 2.0, 0.0])
     np.testing.assert_array_equal(late.speed_max_mps, [np.inf, np.inf, 2.0])
+    np.testing.assert_array_equal(late.wind_ned_mps, [[0.0] * 3, [4.0, -2.0, 0.0], [0.0] * 3])
+    np.testing.assert_array_equal(late.push_ned_mps2, [[0.0, 0.0, 1.5], [0.0] * 3, [0.0] * 3])
     for row in range(3):
         faults[row].clear()
     assert faults.effects(5.0).sound and faults.due_s == np.inf
@@ -76,6 +92,8 @@ def test_a_battery_is_drained_once_by_each_fault():
         lambda: MotorLoss(from_s=0.0, motor=1, share=1.1),
         lambda: LowBattery(from_s=0.0, remaining=-0.1),
         lambda: Slow(from_s=0.0, speed_mps=0.0),
+        lambda: WindStep(from_s=0.0, wind_ned_mps=(np.inf, 0.0, 0.0)),
+        lambda: Push(from_s=0.0, push_ned_mps2=(0.0, np.nan, 0.0)),
     ],
 )
 def test_nonsense_is_refused(make):
@@ -95,6 +113,30 @@ def test_a_motor_that_weakens_is_made_good_and_the_neighbour_feels_nothing(q, li
     np.testing.assert_allclose(truth[:, 1], healthy[:, 1], atol=1e-9)
     assert airframes.rotors_radps[0, 2] > (1.0 + 0.4 * share) * airframes.rotors_radps[1, 2]  # for the same thrust
     np.testing.assert_allclose(airframes.control[0], airframes.control[1], atol=0.15 * q.weight_N)
+
+
+def test_a_push_moves_its_vehicle_its_sensors_feel_it_and_it_comes_back():
+    airframes, there = hovering(FIELD, FIELD_LIMITS)
+    start_s = airframes.t_s
+    airframes.faults[0].add(Push(from_s=start_s, until_s=start_s + 1.0, push_ned_mps2=(0.0, 6.0, 0.0)))
+    truth = go_on(airframes, there, 15.0)
+    off_m = truth[:, :, :3] - there.position_ned_m
+    assert off_m[:, 0, 1].max() > 1.0
+    assert np.linalg.norm(off_m[:, 1], axis=-1).max() < 0.1
+    assert np.linalg.norm(off_m[steps(12.0) :, 0], axis=-1).max() < 0.1
+    assert airframes.healthy.all()  # an estimate without the push would have been refused the fixes
+
+
+def test_a_step_of_wind_is_leant_against():
+    airframes, there = hovering(FIELD, FIELD_LIMITS)
+    airframes.faults[0].add(WindStep(from_s=airframes.t_s, wind_ned_mps=(-6.0, 0.0, 0.0)))
+    truth = go_on(airframes, there, 15.0)
+    assert airframes.wind_ned_mps.tolist() == [[-6.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    off_m = truth[:, :, :3] - there.position_ned_m
+    assert off_m[:, 0, 0].min() < -0.1
+    assert np.linalg.norm(off_m[steps(10.0) :, 0], axis=-1).max() < 0.1
+    drag = FIELD.drag_Nspm[0] * 6.0 / FIELD.weight_N
+    assert np.hypot(*truth[steps(10.0) :, 0, 6:8].mean(axis=0)) == pytest.approx(drag, rel=0.1)  # its tilt
 
 
 def test_a_motor_that_stands_brings_its_vehicle_down_and_no_other():

@@ -33,6 +33,8 @@ IDS = (1, 2, 3)
         ("3:battery", Fault(f.BATTERY, (0.15,))),
         ("3:stuck=barometer@20..", Fault(f.STUCK, (3.0,), when=When(20.0, math.inf, Since.TAKEOFF))),
         ("3:slow=1.5", Fault(f.SLOW, (1.5,))),
+        ("3:wind=4,-3@30", Fault(f.WIND, (4.0, -3.0, 0.0), when=When(30.0, math.inf, Since.TAKEOFF))),
+        ("3:push=0,6@30..31", Fault(f.PUSH, (0.0, 6.0, 0.0), when=When(30.0, 31.0, Since.TAKEOFF))),
     ],
 )
 def test_faults_as_people_write_them(text, fault):
@@ -49,7 +51,7 @@ def test_all_means_every_vehicle_and_faults_add_up():
     [
         *("9:silent", "silent", "3:lame", "3:die@", "3:die@-1", "3:die@nan", "x:silent", "3:", ""),
         *("3:loss", "3:loss=2", "3:loss=nan", "3:loss=0.1,0.2", "3:loss=x", "3:up.reboot", "3:loss=0.1@30..10"),
-        *("3:motor=5", "3:motor=1.5", "3:stuck=nose", "3:reboot@upload:x", "3:loss=0.1@landing:3", "3:delay=0.1@5..5"),
+        *("3:motor=5", "3:motor=1.5", "3:stuck=nose", "3:reboot@upload:x", "3:loss=0.1@landing:3", "3:delay=0.1@5..5", "3:wind", "3:wind=31", "3:push=inf"),
     ],
 )
 def test_wrong_faults_are_quoted(text):
