@@ -5,8 +5,7 @@ Knows: the leader's last report, the plan, smoothing. Does not know: links, who 
 A place beside the leader, plus what the leader is off its plan, is the leader's own place plus the offset; so a
 follower's setpoint is the planned one moved by the leader's deviation. That is predicted over the time from the
 report's stamp to the instant of the setpoint, and smoothed by a damped filter whose acceleration is soft, and bounded
-like that of a change of formation: a leader that is blown off takes its followers along, noise and jumps of its
-position do not.
+(`accel_bound_mps2`): a leader that is blown off takes its followers along, noise and jumps of its position do not.
 """
 
 from __future__ import annotations
@@ -17,14 +16,27 @@ import numpy as np
 
 from gcs.flight.courses import TimedCourse, Values
 from gcs.flight.monitor import VehicleView
+from gcs.plan.formation.timelaw import budget
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, VELOCITY, Array
+from gcs.scenario.model import Scenario
 
 BANDWIDTH_RADPS = 0.5
 SOFT_S = 0.3  # acceleration goes through two lags of this: vehicles tilt for it, and some turn slowly
 IGNORED_M = 0.1  # estimates wander by so much: to follow that would shake the formation, not hold it
 LONGEST_S = 1.0  # a report older than this says nothing about velocity any more
 _STEP_S = 0.02
+
+
+def accel_bound_mps2(scenario: Scenario) -> float:
+    """The most that following may add to a vehicle's acceleration: that of a change of formation, or more if it can.
+
+    More is half of what the plan's turns may take (n_max of Eq. 17), and what its rates and torques allow a change of
+    formation, for a step that goes through both lags: its jerk is 1 / (e SOFT_S) of it, its snap 1 / SOFT_S^2.
+    """
+    most = budget(scenario)
+    turns_mps2 = 0.5 * scenario.limits.load_factor_max * scenario.vehicle.gravity_mps2
+    return max(most.accel_mps2, min(turns_mps2, most.jerk_mps3 * math.e * SOFT_S, most.snap_mps4 * SOFT_S**2))
 
 
 class LeaderDeviation:
@@ -39,7 +51,7 @@ class LeaderDeviation:
         self._off, self._rate = np.zeros(3), np.zeros(3)  # as told, unsmoothed
         self.position_m, self.velocity_mps, self.acceleration_mps2 = np.zeros(3), np.zeros(3), np.zeros(3)
         self._soft = np.zeros(3)
-        self._accel_mps2 = plan.scenario.formation.change_accel_mps2
+        self._accel_mps2 = accel_bound_mps2(plan.scenario)
         self._t_s = math.nan
 
     def lead(self, view: VehicleView) -> None:
