@@ -29,6 +29,7 @@ from gcs.flight.events import Event
 from gcs.flight.fly import Flight
 from gcs.flight.journal import EventLog, TelemetryLog, asked, new_folder, report_data, write_report
 from gcs.flight.judge import Verdict, judge
+from gcs.flight.lateness import skew_s
 from gcs.flight.loading import build_loads
 from gcs.flight.logbook import Logbook, write_logbook
 from gcs.flight.options import FlightMode, FlightOptions
@@ -77,21 +78,23 @@ def fly_and_judge(request: FlyRequest) -> int:
     index, navigator = export_for_flight(plan, folder / "export", request.keeping, screen)
     screen.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watch.lap("export")
-    times = asyncio.run(_fly(request, folder, index.missions, navigator))
+    times, late_s = asyncio.run(_fly(request, folder, index.missions, navigator))
     watch.lap("fly")
     if request.link is not None:
         screen.say(f"landed. Telemetry: {folder / 'telemetry.tlog'}")
-        screen.result({"folder": folder, "judged": False})
+        if (said := _together(late_s)) is not None:
+            screen.say(f"apart in time by their own clocks: {said}")
+        screen.result({"folder": folder, "judged": False, **_skew(late_s)})
         return 0
     truth = load_truth(folder / "truth.npz")
     verdict = judge(plan, truth, times)
     watch.lap("judge")
     _draw(plan, truth, times, folder)
     watch.lap("pictures")
-    extra = {"mode": request.keeping.mode.value, "folder": str(folder), "time_s": watch.laps_s}
+    extra = {"mode": request.keeping.mode.value, "folder": str(folder), "time_s": watch.laps_s, **_skew(late_s)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     write_report(folder, data, verdict)
-    _show(screen, verdict, folder)
+    _show(screen, verdict, late_s, folder)
     screen.say(f"time: {watch}")
     screen.result(data)
     if verdict.ok:
@@ -103,7 +106,10 @@ def fly_and_judge(request: FlyRequest) -> int:
     raise failure
 
 
-async def _fly(request: FlyRequest, folder: Path, missions: tuple[VehicleMission, ...], navigator: str) -> FlightTimes:
+async def _fly(
+    request: FlyRequest, folder: Path, missions: tuple[VehicleMission, ...], navigator: str
+) -> tuple[FlightTimes, dict[int, float]]:
+    """Fly; returns when what happened, and how late each vehicle flew the plan."""
     plan = request.plan
     lead_s = SIM_LEAD_S if request.link is None else 0.0
     options = replace(request.options, mode=request.keeping.mode, lead_s=lead_s)
@@ -152,7 +158,8 @@ async def _fly(request: FlyRequest, folder: Path, missions: tuple[VehicleMission
         flight = _flight(request, missions, stream, fleet, sessions, options, tell, log_step)
         showing = asyncio.ensure_future(_show_live(request.screen, flight))
         try:
-            return await flight.run()
+            times = await flight.run()
+            return times, flight.monitor.late_s
         finally:
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
@@ -236,11 +243,13 @@ def _line(snapshot: Snapshot) -> str:
     if snapshot.plan_time_s is None:
         return snapshot.phase
     worst = max((e for e in snapshot.errors_m.values() if not math.isnan(e)), default=math.nan)
-    return (
-        f"{snapshot.phase}: t = {snapshot.plan_time_s:.0f} s ({snapshot.progress:.0%}), "
-        f"position error at most {worst:.2f} m, shape off by {snapshot.formation_error_m:.2f} m, "
-        f"separation {snapshot.separation_m:.2f} m"
+    figures = (
+        ("position error at most", worst),
+        ("shape off by", snapshot.formation_error_m),
+        ("separation", snapshot.separation_m),
     )
+    known = (f"{name} {metres:.2f} m" for name, metres in figures if not math.isnan(metres))
+    return ", ".join((f"{snapshot.phase}: t = {snapshot.plan_time_s:.0f} s ({snapshot.progress:.0%})", *known))
 
 
 def _table(snapshot: Snapshot) -> Table:
@@ -257,11 +266,29 @@ def _table(snapshot: Snapshot) -> Table:
     return table
 
 
-def _show(screen: Screen, verdict: Verdict, folder: Path) -> None:
+def _skew(late_s: dict[int, float]) -> dict[str, object]:
+    """How far apart in time they started, and how late each flew the plan, in seconds; null for who never flew it."""
+    skew = skew_s(late_s.values())
+    late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
+    return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}
+
+
+def _together(late_s: dict[int, float]) -> str | None:
+    """The skew for people: "0.004 s (vehicles 2 and 3)"; None for a lone vehicle, or where nobody flew."""
+    known = {sysid: late for sysid, late in late_s.items() if math.isfinite(late)}
+    if len(known) < 2:
+        return None
+    first, last = sorted((min(known, key=known.__getitem__), max(known, key=known.__getitem__)))
+    return f"{skew_s(known.values()):.3f} s (vehicles {first} and {last})"
+
+
+def _show(screen: Screen, verdict: Verdict, late_s: dict[int, float], folder: Path) -> None:
     table = Table("criterion", "flown", "asked", "holds", title="judged from the true states")
     for c in verdict.criteria:
         who = "" if c.sysid is None else f" (vehicle {c.sysid})"
         table.add_row(c.name, f"{c.value:.3f} {c.unit}{who}", asked(c), "yes" if c.ok else "NO")
+    if (said := _together(late_s)) is not None:
+        table.add_row("apart in time, as told", said, "–", "–")
     screen.show(table)
     screen.say(f"formation's shape off by at most {verdict.formation_error_m:.3f} m (Definition 1)")
     screen.say(f"flight {'held' if verdict.ok else 'NOT held'}. Report and pictures: {folder}")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.cli.console import Screen
 from gcs.cli.options import DebugOption, JsonOption
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def report(
@@ -28,8 +31,9 @@ def report(
     from rich.table import Table
 
     from gcs.errors import FileFormatError
-    from gcs.flight.compare import compare, skew_s
+    from gcs.flight.compare import compare
     from gcs.flight.journal import EVENTS, read_events
+    from gcs.flight.lateness import skew_s
     from gcs.flight.logbook import read_logbook
     from gcs.flight.record import NAME, write_record
     from gcs.flight.truth import load_truth
@@ -50,20 +54,37 @@ def report(
         late = "–" if math.isnan(c.late_s) else f"{1e3 * c.late_s:+.0f} ms"
         table.add_row(str(c.sysid), *("–" if math.isnan(n) else f"{n:.3f}" for n in numbers), late)
     screen.show(table)
-    screen.say(f"vehicles fly the plan within {1e3 * skew_s(found):.0f} ms of each other; step reached: {book.step}")
+    skew = skew_s(c.late_s for c in found)
+    shape = _formation_error(record, plan.flight_s)
+    if not math.isnan(skew):
+        screen.say(f"vehicles fly the plan within {1e3 * skew:.0f} ms of each other; step reached: {book.step}")
+    if shape is not None:
+        screen.say(f"formation's shape off by at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, as told)")
     for event in happened:
         screen.say(str(event))
     screen.say(f"{record.num_rows} positions in {folder / NAME}")
     data = [{k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(c).items()} for c in found]
-    skew = skew_s(found)
     screen.result(
         {
             "folder": folder,
             "vehicles": data,
             "skew_s": None if math.isnan(skew) else skew,
+            "formation_error_max_m": None if shape is None else shape[0],
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,
         }
     )
     return 0
+
+
+def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
+    """The largest one told between T0 and the planned arrival, and its plan time; None where there is none."""
+    import numpy as np
+
+    errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))
+    errors = np.where((t_s >= 0.0) & (t_s <= flight_s), errors, np.nan)
+    if np.isnan(errors).all():
+        return None
+    worst = int(np.nanargmax(errors))
+    return float(errors[worst]), float(t_s[worst])

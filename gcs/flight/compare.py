@@ -1,4 +1,4 @@
-"""Plan, estimate and truth of a flight, held against each other; and how far apart its vehicles started.
+"""Plan, estimate and truth of a flight, held against each other.
 
 Knows: the record, true states. Does not know: verdicts (`judge`), files' places.
 """
@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from gcs.flight.lateness import SLOW_MPS
 from gcs.flight.truth import Truth
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import POSITION, Array
-
-_SLOW_MPS = 0.3
 
 
 @dataclass(frozen=True)
@@ -52,15 +51,9 @@ def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None)
     return tuple(found)
 
 
-def skew_s(comparisons: tuple[Comparison, ...]) -> float:
-    """How far apart in time the vehicles fly the plan: the latest one's lateness less the earliest one's."""
-    late = [c.late_s for c in comparisons if np.isfinite(c.late_s)]
-    return float(max(late) - min(late)) if late else float("nan")
-
-
 def lateness_s(flown: Array, planned: Array, rate_mps: Array) -> float:
     """The shift in time that brings places (N, 3) nearest to those planned: least squares along the velocity."""
-    moving = np.linalg.norm(rate_mps, axis=1) > _SLOW_MPS
+    moving = np.linalg.norm(rate_mps, axis=1) > SLOW_MPS
     if not moving.any():
         return float("nan")
     behind = np.sum((planned[moving] - flown[moving]) * rate_mps[moving])

@@ -16,6 +16,7 @@ from gcs.flight.courses import Course, Values
 from gcs.quadrotor import Array
 
 BRAKE_MPS2 = 1.5  # a fifth of what tilting by 60 degrees would give: any vehicle here can
+SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,15 @@ def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) ->
 
 
 class LegsCourse:
-    """Legs one after the other from plan time `begin_s` on, then rest."""
+    """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them from then on."""
 
-    def __init__(self, legs: Sequence[Leg], begin_s: float, yaw_ned_rad: float) -> None:
+    def __init__(self, legs: Sequence[Leg], begin_s: float, yaw_ned_rad: float, beside: Leg | None = None) -> None:
         self.begin_s = begin_s
-        self.end_s = begin_s + sum(one.duration_s for one in legs)
+        durations_s = [sum(one.duration_s for one in legs), beside.duration_s if beside is not None else 0.0]
+        self.end_s = begin_s + max(durations_s)
+        self._legs_end_s = begin_s + durations_s[0]
         self._legs = tuple(legs)
+        self._beside = beside
         self._yaw_ned_rad = yaw_ned_rad
 
     def at(self, k: int, t_s: float) -> Values:
@@ -85,8 +89,13 @@ class LegsCourse:
         else:
             one = self._legs[-1]
         position, velocity, acceleration = one.at(passed_s)
-        if t_s >= self.end_s or t_s < self.begin_s:  # rest has no acceleration
+        if t_s >= self._legs_end_s or t_s < self.begin_s:  # rest has no acceleration
             velocity, acceleration = (velocity, np.zeros(3)) if t_s < self.begin_s else (np.zeros(3), np.zeros(3))
+        if self._beside is not None and t_s > self.begin_s:
+            way, rate, push = self._beside.at(t_s - self.begin_s)
+            still = t_s >= self.begin_s + self._beside.duration_s
+            position, velocity = position + way, velocity if still else velocity + rate
+            acceleration = acceleration if still else acceleration + push
         return (*position.tolist(), *velocity.tolist(), *acceleration.tolist(), self._yaw_ned_rad)
 
 
@@ -96,10 +105,9 @@ def hold_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: f
 
 
 def spread_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float) -> LegsCourse:
-    """Brake, then climb by `up_m` and stand there."""
-    stop = braking(position, velocity)
-    top = stop.start + stop.way + np.array([0.0, 0.0, -up_m])
-    return LegsCourse([stop, leg(stop.start + stop.way, top, 1.0)], begin_s, yaw_ned_rad)
+    """Brake, climb by `up_m` meanwhile, and stand there."""
+    climb = leg(np.zeros(3), np.array([0.0, 0.0, -up_m]), SPREAD_MPS, SPREAD_MPS2)
+    return LegsCourse([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
 
 
 def return_course(

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.distance import pdist
 
+from gcs.flight.lateness import Lateness
 from gcs.link.clock import VehicleClock
 from gcs.link.message import Message
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
+from gcs.quadrotor import POSITION, VELOCITY, Array
 
 
 @dataclass
@@ -28,6 +29,7 @@ class VehicleView:
     velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
     unix_s: float = math.nan
     error_m: float = math.nan  # distance to the plan at the same instant
+    lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
 
 
 class Monitor:
@@ -55,6 +57,11 @@ class Monitor:
         if self.t0_unix_s is not None:
             self._compare(row, view, unix_s - self.t0_unix_s)
 
+    @property
+    def late_s(self) -> dict[int, float]:
+        """How late everybody flies the plan, by system id."""
+        return {sysid: view.lateness.late_s for sysid, view in self.views.items()}
+
     def separation_m(self) -> float:
         """Least distance between two vehicles aloft; NaN before all reported."""
         now = self._now(self.aloft)
@@ -81,8 +88,10 @@ class Monitor:
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
         if not self.plan.phase("mission").start_s - 60.0 <= t_s <= self.plan.t_end_s:
             return
-        planned = self.plan.states(np.array([max(t_s, self.plan.t_start_s)]))[row, 0, POSITION]
-        view.error_m = float(np.linalg.norm(view.position_ned_m - planned))
+        state = self.plan.states(np.array([max(t_s, self.plan.t_start_s)]))[row, 0]
+        view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
+        if 0.0 <= t_s <= self.plan.flight_s:
+            view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])
         self.plan_time_s = t_s
         if row == self.plan.leader:
             self.least_separation_m = min(self.least_separation_m, self.separation_m())

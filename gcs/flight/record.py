@@ -12,16 +12,18 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from gcs.flight.tlog import read_messages
 from gcs.link.clock import VehicleClock
 from gcs.link.dialect import NO_AUTOPILOT, ModeFlag
 from gcs.link.message import Message
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY
+from gcs.quadrotor import POSITION, VELOCITY, Array
 
 NAME = "record.parquet"
 Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]
+_STEP_S = 0.1
 _AXES = ("north", "east", "down")
 
 
@@ -31,7 +33,8 @@ def build_record(
     """One row for every position that a vehicle told once its time was known.
 
     Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
-    mode, battery_pct (-1: not told), autopilot. Common local NED frame. `systems` are the MAVLink systems of vehicles
+    mode, battery_pct (-1: not told), autopilot, formation_error_m (Definition 1 at that instant, of all vehicles; NaN
+    from when one of them is not heard any more). Common local NED frame. `systems` are the MAVLink systems of vehicles
     that are not called what the plan calls them.
     """
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
@@ -72,6 +75,24 @@ def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[in
     return table
 
 
+def _formation_error_m(plan: Plan, t_s: Array, sysids: NDArray[np.int64], places_ned_m: Array) -> Array:
+    """Definition 1 (N,) at instants and places (N,), (N, 3) of rows: every 0.1 s, in between straight."""
+    if len(t_s) == 0 or len(set(plan.sysids) - set(sysids.tolist())):
+        return np.full(len(t_s), np.nan)
+    begin_s, end_s = max(float(t_s.min()), plan.t_start_s), min(float(t_s.max()), plan.t_end_s)
+    grid_s = np.arange(begin_s, end_s, _STEP_S)
+    if len(grid_s) == 0:
+        return np.full(len(t_s), np.nan)
+    places = np.empty((len(plan.sysids), len(grid_s), 3))
+    for row, sysid in enumerate(plan.sysids):
+        mine = np.flatnonzero(sysids == sysid)
+        mine = mine[np.argsort(t_s[mine], kind="stable")]
+        for n in range(3):
+            places[row, :, n] = np.interp(grid_s, t_s[mine], places_ned_m[mine, n], left=np.nan, right=np.nan)
+    error = plan.formation_error_m(grid_s, places)
+    return np.asarray(np.interp(t_s, grid_s, error, left=np.nan, right=np.nan))
+
+
 def _table(plan: Plan, rows: list[Row]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) or [()] * 12
     t_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
@@ -90,6 +111,7 @@ def _table(plan: Plan, rows: list[Row]) -> pa.Table:
         data |= {f"{name}{axis}_m": values[:, n] for n, axis in enumerate(_AXES)}
         data |= {f"{name}v_{axis}_mps": values[:, 3 + n] for n, axis in enumerate(_AXES)}
     data["error_m"] = np.linalg.norm(told[:, :3] - planned[:, :3], axis=1)
+    data["formation_error_m"] = _formation_error_m(plan, t_s, sysids, told[:, :3])
     data["armed"] = np.array(columns[8], dtype=bool)
     for n, name in enumerate(("mode", "battery_pct", "autopilot"), start=9):
         data[name] = np.array(columns[n], dtype=np.int64)

@@ -16,6 +16,7 @@ are carried out (`crisis`). `docs/flying.md` has the same as a table; its tests 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -86,6 +87,7 @@ BRAKE_S = 1.5  # less time than this is not enough to stop in
 CLEAR_S = 5.0
 AGAIN_S = 2.0  # an order gets so long to work before the next, harder one
 SPREAD_M = 2.0  # up: what is below is not known
+SPREAD_AGAIN_S = 4.0  # that climb takes more than three seconds
 
 
 @dataclass
@@ -210,7 +212,7 @@ class Director:
         order = sorted(pair, key=lambda i: (self.states[i] in IN_FORMATION, i == self.leader, i != incident.sysid))
         yielding = next((i for i in order if self.states[i] in _GIVES_WAY), None)
         upper = incident.sysid if higher else incident.other
-        if yielding is None or any(incident.unix_s - self._ordered_s.get(i, -AGAIN_S) < AGAIN_S for i in pair):
+        if yielding is None or any(self._has_time(i, incident.unix_s) for i in pair):
             return []
         named = f"vehicles {pair[0]} and {pair[1]} will be {incident.detail} apart in {incident.in_s:.1f} s"
         if self.states[yielding] is State.FLYING and incident.in_s >= BRAKE_S:
@@ -220,6 +222,11 @@ class Director:
             return self._out(_of(incident, upper, named), State.SPREAD, Action.SPREAD, rule)
         rule = f"{named}: room in height did not help, one lands"
         return self._out(_of(incident, yielding, named), State.LANDING, Action.LAND, rule)
+
+    def _has_time(self, sysid: int, unix_s: float) -> bool:
+        """Whether what it was told last may still work."""
+        again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
+        return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
 
     def _order(self, sysid: int, state: State, action: Action, rule: str, unix_s: float) -> Order:
         self.states[sysid] = state

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.flight.compare import compare, lateness_s, skew_s
+from gcs.flight.compare import compare, lateness_s
+from gcs.flight.lateness import Lateness, skew_s
 from gcs.flight.record import build_record
 from gcs.flight.tlog import read_messages
 from gcs.flight.truth import Truth
@@ -64,7 +65,7 @@ def test_lateness_and_skew(simulation1_plan: Plan) -> None:
     record = build_record(plan, T0, iter(told(plan, late_s)))
     found = compare(plan, record, T0, None)
     assert {c.sysid: c.late_s for c in found} == pytest.approx(late_s, abs=1e-3)
-    assert skew_s(found) == pytest.approx(0.05, abs=1e-3)
+    assert skew_s(c.late_s for c in found) == pytest.approx(0.05, abs=1e-3)
     assert all(np.isnan(c.plan_truth_m) for c in found)
 
 
@@ -79,6 +80,38 @@ def test_truth_beside_estimate_and_plan(simulation1_plan: Plan) -> None:
         assert c.plan_estimate_m == pytest.approx(0.0, abs=1e-6)
         assert c.estimate_truth_m == pytest.approx(0.3, abs=0.01)
         assert c.plan_truth_m == pytest.approx(0.3, abs=0.01)
+
+
+def test_lateness_adds_up_as_it_is_told() -> None:
+    rate, late = np.array([3.0, -1.0, 0.5]), Lateness()
+    assert np.isnan(late.late_s)
+    for n in range(10):
+        planned = 0.1 * n * rate
+        late.add(planned - 0.02 * rate, planned, rate)
+        late.add(planned, planned + 5.0, np.zeros(3))  # at rest: says nothing
+    assert late.late_s == pytest.approx(0.02)
+    assert skew_s([0.02, np.nan, -0.01]) == pytest.approx(0.03)
+    assert np.isnan(skew_s([np.nan]))
+
+
+def test_the_record_holds_how_far_the_shape_was_off(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    messages = told(plan, dict.fromkeys(plan.sysids, 0.0))
+    for message in messages:
+        if message.name == "LOCAL_POSITION_NED":
+            at_s = message.fields["time_boot_ms"] / 1e3 + BOOT_S - T0
+            message.fields["y"] += 5.0  # all together: no error of the shape
+            if message.sysid == 4 and 100.0 <= at_s < 120.0:
+                message.fields["x"] += 3.0
+    record = build_record(plan, T0, iter(messages))
+    t_s, error = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
+    assert np.nanmax(error[(t_s < 99.4) | (t_s > 120.1)]) < 0.05  # reports are half a second apart
+    assert error[(t_s > 100.0) & (t_s < 119.0)] == pytest.approx(3.0 * 5 / 6, abs=0.05)
+    silent = [m for m in messages if m.sysid != 4 or m.fields.get("time_boot_ms", 0) / 1e3 + BOOT_S - T0 < 150.0]
+    record = build_record(plan, T0, iter(silent))
+    t_s, error = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
+    assert np.isnan(error[t_s > 150.0]).all()
+    assert np.isfinite(error[(t_s > 1.0) & (t_s < 149.0)]).all()
 
 
 def test_who_stands_is_neither_late_nor_early() -> None:
