@@ -330,9 +330,8 @@ class Flight:
                 )
 
     async def _land_whoever_flies(self) -> None:
-        flying = [
-            c for c in self.crews.values() if c.session.armed and c.session.heartbeat_age_s() < c.options.lost_after_s
-        ]
+        # Who is not heard may still hear.
+        flying = [c for c in self.crews.values() if c.session.armed]
 
         async def land(crew: Crew) -> None:
             with suppress(GcsError):

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +16,13 @@ import numpy as np
 from gcs.errors import GcsError
 from gcs.flight.events import Event
 from gcs.flight.fly import Flight
+from gcs.flight.journal import TelemetryLog
+from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.stages import FlightTimes
+from gcs.link.dialect import MavCommand
 from gcs.link.fleet import Fleet
+from gcs.link.message import Message
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream
 from gcs.plan.trajectory import Plan
@@ -108,9 +115,16 @@ def fly(
     *faults: str,
     during: Callable[[World, Flight], Any] | None = None,
     speedup: float = math.inf,
+    safety: bool = False,
+    folder: Path | None = None,
+    after: Callable[[World], Any] | None = None,
     **options: Any,
 ) -> Flown:
-    """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile."""
+    """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile.
+
+    With `safety` fences, rally points and parameters are loaded as well; `folder` gets the telemetry; vehicles go on
+    until `after` returns.
+    """
     port = free_port()
     world_options = WorldOptions(
         links=(call(port),), speedup=speedup, faults=parse_faults(faults, plan.sysids), record_truth=True
@@ -118,17 +132,31 @@ def fly(
     with running_fleet(plan.scenario, world_options) as world:
         mode = options.pop("mode", FlightMode.STREAM)
         settings = FlightOptions(mode=mode, lead_s=LEAD_S, **options)
-        return asyncio.run(_fly(plan, world, port, settings, during))
+        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder))
+        if after is not None:
+            after(world)
+        return flown
 
 
 async def _fly(
-    plan: Plan, world: World, port: int, options: FlightOptions, during: Callable[[World, Flight], Any] | None
+    plan: Plan,
+    world: World,
+    port: int,
+    options: FlightOptions,
+    during: Callable[[World, Flight], Any] | None,
+    safety: bool,
+    folder: Path | None,
 ) -> Flown:
-    async with Fleet.open(f"udpin:127.0.0.1:{port}") as fleet:
+    async with AsyncExitStack() as stack:
+        log = None if folder is None else stack.enter_context(TelemetryLog(folder / "telemetry.tlog", lambda: None))
+        on_frame = None if log is None else log.write
+        fleet = await stack.enter_async_context(Fleet.open(f"udpin:127.0.0.1:{port}", on_frame=on_frame))
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         events: list[Event] = []
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append)
+        autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
+        loads = build_loads(plan, autopilots) if safety else None
+        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append, loads=loads)
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
         try:
@@ -138,6 +166,19 @@ async def _fly(
         finally:
             looking.cancel()
         return flown
+
+
+def say(world: World, sysid: int, name: str, **fields: Any) -> None:
+    """Have a vehicle hear this from another ground station, over a good link."""
+    vehicle = world.vehicles[world.sysids.index(sysid)]
+    message = Message(name, {"target_system": sysid, "target_component": 1} | fields, 254, 190)
+    world.call(lambda: vehicle.receive(message, time.monotonic()))
+
+
+def take_over(world: World, sysid: int, mode: int) -> None:
+    """Have a pilot put a vehicle into a mode."""
+    params = {"param1": 1.0, "param2": float(mode)} | {f"param{n}": 0.0 for n in range(3, 8)}
+    say(world, sysid, "COMMAND_LONG", command=int(MavCommand.DO_SET_MODE), confirmation=0, **params)
 
 
 async def _look(world: World, flight: Flight, during: Callable[[World, Flight], Any] | None) -> None:

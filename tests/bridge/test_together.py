@@ -1,10 +1,14 @@
-"""Vehicles that start together over slow links, and followers that stay with a leader who is held up."""
+"""Vehicles that start together over slow links, and followers that stay with a leader who is held up or blown off."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
 from gcs.flight.compare import lateness_s
+from gcs.flight.lateness import skew_s
+from gcs.flight.record import write_record
 from gcs.plan.trajectory import Plan
 from tests.bridge.flying import fly
 
@@ -17,6 +21,9 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
     late_s = [lateness_s(flown.places[row, during], flown.planned[row, during], rate[row]) for row in range(3)]
     assert max(late_s) - min(late_s) <= 0.05
     assert max(np.abs(late_s)) < 0.1
+    told_s = flown.flight.monitor.late_s  # what `gcs fly` shows, by each vehicle's own clock
+    assert skew_s(told_s.values()) <= 0.05
+    assert np.abs(np.subtract(list(told_s.values()), late_s)).max() < 0.02
 
 
 def test_followers_stay_with_a_leader_who_is_held_up(hop: Plan) -> None:
@@ -29,3 +36,35 @@ def test_followers_stay_with_a_leader_who_is_held_up(hop: Plan) -> None:
     assert following.events == []
     error = following.formation_error_m()
     assert error[(following.t_s > 31.0) & (following.t_s < 33.0)].max() < 0.3  # converged
+
+
+def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed_5_m_off(
+    hop: Plan, tmp_path: Path
+) -> None:
+    """Definition 1's error grows twice and goes away twice; it is in the flight's record as well."""
+    flown = fly(hop, "all:wind=0,8@20", "1:push=0,5.5@28..29.2", follow=True, folder=tmp_path)
+    assert flown.error is None
+    assert flown.events == []
+    assert flown.world.airframes.wind_ned_mps[:, 1].tolist() == [8.0] * 3
+    off = np.linalg.norm(flown.places - flown.planned, axis=-1)  # (V, N)
+    t_s, error = flown.t_s, flown.formation_error_m()
+    blown_s = float(t_s[(t_s > 0.0) & (off.min(axis=0) > 0.3)][0])  # 8 m/s of wind for all
+    pushed_s = float(t_s[off[0] > 2.0][0])
+    assert pushed_s - blown_s > 6.0
+    assert error[(t_s > 0.0) & (t_s < blown_s)].max() < 0.1
+    gusty = (t_s > blown_s) & (t_s < blown_s + 5.0)
+    assert 0.15 < error[gusty].max() < 1.0
+    assert error[(t_s > pushed_s - 1.5) & (t_s < pushed_s - 1.0)].max() < 0.15
+    assert 4.0 < off[0].max() < 7.0  # pushed 5 m off
+    assert error.max() > 2.0
+    assert off[1:, t_s < hop.flight_s].max() > 1.0  # the others went along
+    assert error[(t_s > pushed_s + 14.0) & (t_s < hop.flight_s)].max() < 0.2
+    assert off[:, (t_s > pushed_s + 14.0) & (t_s < hop.flight_s)].max() < 0.3
+
+    assert flown.flight.monitor.t0_unix_s is not None
+    record = write_record(tmp_path, hop, flown.flight.monitor.t0_unix_s)
+    told_s, told = (record.column(name).to_numpy() for name in ("t_s", "formation_error_m"))
+    flying = (told_s > 0.0) & (told_s < hop.flight_s)
+    true = np.interp(told_s[flying], t_s, error)
+    assert np.abs(told[flying] - true).max() < 0.5  # while it jumps
+    assert np.median(np.abs(told[flying] - true)) < 0.05

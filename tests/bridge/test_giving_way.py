@@ -1,0 +1,111 @@
+"""What docs/flying.md promises for fences, pilots and vehicles that come too near each other, on emulated vehicles.
+
+Times in faults are seconds from take-off on; T0 is about 20 s after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.errors import FlightError
+from gcs.flight.fly import Flight
+from gcs.link.dialect import CopterMode
+from gcs.plan.planner import make_plan
+from gcs.plan.trajectory import Plan
+from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Scenario
+from sim_bridge.world import World
+from tests.bridge.flying import fly, hop_scenario, say, take_over
+from tests.bridge.test_mishaps import came_home, flew_on
+from tests.fleets import wait_until
+
+CALMLY = 10.0  # times real time: at more, a look that comes late is seconds late
+NOTHING, INT8 = 0.0, 2
+
+
+@pytest.fixture(scope="module")
+def column(repo_root: Path) -> Plan:
+    """A leader, a second one 5 m behind him and a little higher, and a third 15 m behind, at whatever distance."""
+    data = hop_scenario(load_scenario(repo_root / "missions" / "field")).model_dump(mode="json")
+    places = ([0.0, 0.0, 8.0], [-4.33, -2.5, 8.6], [-14.2, -4.7, 8.0])
+    data["formation"]["vehicle"] = [{"sysid": n, "position_m": place} for n, place in enumerate(places, start=1)]
+    data["judge"]["separation_min_m"] = 3.6
+    return make_plan(Scenario.model_validate(data))
+
+
+def modes_at(sysid: int, *story: tuple[float, int]) -> Callable[[World, Flight], None]:
+    """A pilot who puts a vehicle into these modes at these plan times."""
+    left = list(story)
+
+    def look(world: World, flight: Flight) -> None:
+        t_s = flight.monitor.plan_time_s
+        if left and t_s is not None and t_s >= left[0][0]:
+            take_over(world, sysid, left.pop(0)[1])
+
+    return look
+
+
+def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) -> None:
+    """The leader stands still in the air: the one behind has no time to brake, the last one has."""
+    pilot = modes_at(1, (12.0, CopterMode.LOITER), (24.0, CopterMode.LAND))
+    flown = fly(column, during=pilot, speedup=CALMLY)
+    assert isinstance(flown.error, FlightError)
+    assert flown.told(1) == ["leave alone"]
+    assert "mode left" in flown.happened(1)
+    assert flown.told(2) == ["spread vertically", "land"]  # 2 m more are still less than 3.6 m
+    spread_s, land_s = flown.at_s(2, "told to spread vertically"), flown.at_s(2, "told to land")
+    climbing = (flown.t_s > spread_s) & (flown.t_s < land_s)
+    heights = -flown.places[1, climbing, 2]
+    assert heights.max() - heights[0] == pytest.approx(2.0, abs=0.4)
+    assert flown.told(3) == ["hold", "return"]
+    held = (flown.t_s > flown.at_s(3, "told to hold") + 4.0) & (flown.t_s < flown.at_s(3, "told to return"))
+    assert np.ptp(flown.places[2, held, :2], axis=0).max() < 1.0  # it stands
+    assert flown.at_s(3, "told to return") - flown.at_s(3, "told to hold") > 5.0
+    came_home(flown, 3)
+    aloft = (flown.t_s > 0.0) & (flown.places[:, :, 2] < -1.0).all(axis=0)
+    least = [
+        np.linalg.norm(flown.places[a, aloft] - flown.places[b, aloft], axis=-1).min() for a, b in ((0, 2), (1, 2))
+    ]
+    assert min(least) > 3.6
+    assert np.linalg.norm(flown.places[0, aloft] - flown.places[1, aloft], axis=-1).min() > 1.0
+    assert flown.world.airframes.landed.all()
+
+
+def test_who_is_blown_over_the_fence_goes_home(hop: Plan) -> None:
+    """Twice: vehicle 3 only tells of it, as it was set, and is called home; vehicle 2 turns back by itself."""
+
+    def only_tell(world: World, flight: Flight) -> None:
+        if not said:
+            said.append(True)
+            say(world, 3, "PARAM_SET", param_id="FENCE_ACTION", param_value=NOTHING, param_type=INT8)
+
+    said: list[bool] = []
+    flown = fly(hop, "3:push=-2,7@28..30.5", "2:push=2,-7@28..30.5", safety=True, during=only_tell)
+    assert isinstance(flown.error, FlightError)
+    assert flown.happened(3) == ["fence breached"]
+    assert flown.told(3) == ["return"]
+    assert {"mode left", "fence breached"} >= set(flown.happened(2)) != set()
+    assert flown.told(2)[0] in ("leave alone", "return")
+    came_home(flown, 2)
+    came_home(flown, 3)
+    flew_on(flown, 1)
+
+
+def test_all_fall_silent_and_are_told_to_land(hop: Plan) -> None:
+    """They hear, and are not heard; whatever their autopilots are set to, they land because they are told."""
+    flown = fly(
+        hop,
+        "all:down.silent@28..75",
+        speedup=20.0,
+        lost_after_s=1.5,
+        after=lambda world: wait_until(lambda: bool(world.airframes.landed.all())),
+    )
+    assert isinstance(flown.error, FlightError)
+    assert "vehicles 1, 2, 3 were lost" in flown.error.message
+    assert {vehicle.autopilot.mode.number for vehicle in flown.world.vehicles} == {CopterMode.LAND}
+    assert (flown.places[:, -1, 0] > 5.0).all()
+    assert (flown.places[:, -1, 0] < 55.0).all()  # where they were
