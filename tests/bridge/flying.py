@@ -155,7 +155,7 @@ async def _fly(
         events: list[Event] = []
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
-        loads = build_loads(plan, autopilots) if safety else None
+        loads = build_loads(plan, autopilots, timed=False) if safety else None
         flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append, loads=loads)
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
