@@ -17,7 +17,7 @@ import numpy as np
 from rich.table import Table
 
 from gcs.cli.console import Screen
-from gcs.cli.link_options import Connection, connection
+from gcs.cli.link_options import connection
 from gcs.errors import FlightError, UsageError
 from gcs.flight.events import Event
 from gcs.flight.fly import Flight
@@ -28,6 +28,7 @@ from gcs.flight.prologue import ask_for_telemetry
 from gcs.flight.stages import Step
 from gcs.flight.takeup import TakeUp, where_in_plan
 from gcs.flight.together import each, until
+from gcs.link.connection import Connection
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream
 from gcs.plan.store import load_plan

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, connection
+from gcs.cli.link_options import BackendOption, KeyOption, LinkOption, MapOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 from gcs.errors import PeerError, PeerTimeout
 
 if TYPE_CHECKING:
+    from gcs.link.connection import Connection
     from gcs.link.held import Held
     from gcs.plan.trajectory import Plan
 

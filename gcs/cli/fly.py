@@ -36,6 +36,13 @@ def fly(
     fault: Annotated[
         list[str] | None, typer.Option("--fault", help="With --sim: a fault, e.g. 3:die@60; see sim-bridge --help.")
     ] = None,
+    wind: Annotated[
+        str | None,
+        typer.Option("--wind", metavar="SPEED@FROM", help="With --sim: m/s and degrees, 3@270 from the west."),
+    ] = None,
+    gusts: Annotated[
+        str | None, typer.Option("--gusts", help="With --sim: light, moderate, severe, or their deviation in m/s.")
+    ] = None,
     follow: Annotated[
         bool, typer.Option("--follow", help="Stream mode: followers fly where their leader is, not where it should be.")
     ] = False,
@@ -76,11 +83,12 @@ def fly(
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
     known = connection(link, systems, signing_key_file, transfer) if link else None
-    from gcs.cli.flying import FlyRequest, fly_and_judge
-    from gcs.cli.missions_flown import TimeKeeping
+    from gcs.cli.flying import fly_and_judge
     from gcs.cli.planning import Stopwatch, plan_for
+    from gcs.flight.missions_flown import TimeKeeping
     from gcs.flight.options import FlightMode, FlightOptions
     from gcs.flight.rules import OnLeaderLoss, OnLoss
+    from gcs.flight.sortie import Emulated, Sortie
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
@@ -93,11 +101,10 @@ def fly(
     if known is not None and not yes_arm:
         _confirm(str(known), len(plan.sysids))
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
-    faults = tuple(fault or ())
-    safety = not missions_only
+    emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
-    request = FlyRequest(plan, report, keeping, known, speedup, seed, faults, to, screen, watch, choices, safety)
-    return fly_and_judge(request)
+    sortie = Sortie(plan, report, keeping, known, emulated, to, choices, safety=not missions_only)
+    return fly_and_judge(sortie, screen, watch)
 
 
 def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:

@@ -6,9 +6,7 @@ what stands on a command line, everybody on the machine can read.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,8 +15,7 @@ import typer
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
-    from gcs.link.backend_mavsdk import MavsdkFleet
-    from gcs.link.fleet import Fleet, FrameHook
+    from gcs.link.connection import Connection
 
 DEFAULT_LINK = "udpin:127.0.0.1:14550"
 LARGEST_SYSTEM = 254  # 255 is the ground station
@@ -51,7 +48,6 @@ BackendOption = Annotated[
     str,
     typer.Option("--backend", help="skein: our own machines; mavsdk: MAVSDK's, which neither sign nor are quick."),
 ]
-BACKENDS = ("skein", "mavsdk")
 TransferOption = Annotated[
     str,
     typer.Option(
@@ -60,59 +56,13 @@ TransferOption = Annotated[
         "where not), items, or file.",
     ),
 ]
-TRANSFERS = ("auto", "items", "file")
-
-
-@dataclass(frozen=True)
-class Connection:
-    """Links, key and names as given on the command line."""
-
-    links: tuple[str, ...]
-    systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles that are called something else
-    key: bytes | None = field(default=None, repr=False)
-    transfer: str = "auto"  # one of TRANSFERS
-
-    @asynccontextmanager
-    async def open_backend(self, backend: str) -> AsyncIterator[Fleet | MavsdkFleet]:
-        """The links by one of BACKENDS. Raises `UsageError`, `LinkError`."""
-        if backend not in BACKENDS:
-            raise UsageError(f"--backend {backend}: there are {' and '.join(BACKENDS)}")
-        if backend == "skein":
-            async with self.open() as fleet:
-                yield fleet
-            return
-        if self.key is not None:
-            raise UsageError("MAVSDK cannot sign", hint="leave the key away, or use --backend skein")
-        if self.transfer == "file":
-            raise UsageError("MAVSDK sends missions item by item", hint="leave --transfer away, or use --backend skein")
-        from gcs.link.backend_mavsdk import MavsdkFleet
-
-        async with MavsdkFleet.open(self.links) as foreign:
-            yield foreign
-
-    @asynccontextmanager
-    async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:
-        """The links, open. Raises `UsageError`, `LinkError`."""
-        import asyncio
-
-        from gcs.link.fleet import Fleet
-        from gcs.link.keys import signing_with
-        from gcs.link.transfer import Transfer
-
-        signing = signing_with(self.key, asyncio.get_running_loop().time())
-        async with Fleet.open(
-            self.links, on_frame=on_frame, signing=signing, transfer=Transfer(self.transfer)
-        ) as fleet:
-            yield fleet
-
-    def __str__(self) -> str:
-        return ", ".join(self.links)
 
 
 def connection(
     links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None, transfer: str = "auto"
 ) -> Connection:
     """What the options ask for. Raises `UsageError`."""
+    from gcs.link.connection import TRANSFERS, Connection
     from gcs.link.endpoint import parse_link_spec
     from gcs.link.keys import load_key
 

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.link_options import BackendOption, Connection, KeyOption, LinkOption, MapOption, TransferOption, connection
+from gcs.cli.link_options import BackendOption, KeyOption, LinkOption, MapOption, TransferOption, connection
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 
 if TYPE_CHECKING:
     from gcs.cli.planning import Stopwatch
+    from gcs.link.connection import Connection
     from gcs.link.upload import Change, Holdings
     from gcs.plan.trajectory import Plan
 

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.link_options import Connection, KeyOption, LinkOption, connection
+from gcs.cli.link_options import KeyOption, LinkOption, connection
 from gcs.cli.options import DebugOption, JsonOption
 from gcs.errors import PeerTimeout, UsageError
 
 if TYPE_CHECKING:
+    from gcs.link.connection import Connection
     from gcs.link.survey import VehicleReport
     from gcs.mission.model import Home
 

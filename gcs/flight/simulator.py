@@ -33,6 +33,8 @@ class SimulatorOptions:
     truth: Path | None = None
     faults: tuple[str, ...] = ()
     navigator: str = "ideal"  # who flies waypoints: one that keeps times, or the autopilot's own
+    wind: str | None = None  # SPEED@FROM; None: the scenario's
+    gusts: str | None = None
 
 
 @asynccontextmanager
@@ -61,6 +63,10 @@ def _command_line(options: SimulatorOptions) -> list[str]:
     line += ["--speedup", options.speedup, "--seed", str(options.seed), "--nav", options.navigator, "--until-eof"]
     if options.truth is not None:
         line += ["--truth", os.fspath(options.truth)]
+    if options.wind is not None:
+        line += ["--wind", options.wind]
+    if options.gusts is not None:
+        line += ["--gusts", options.gusts]
     for fault in options.faults:
         line += ["--fault", fault]
     return line

@@ -10,10 +10,10 @@ from dataclasses import replace
 import pytest
 
 from gcs.autopilot import Autopilot
-from gcs.cli.link_options import BACKENDS, Connection
 from gcs.errors import UsageError
 from gcs.flight.loading import build_loads
 from gcs.link.backend_mavsdk import mavsdk_url
+from gcs.link.connection import BACKENDS, Connection
 from gcs.link.held import read_held
 from gcs.link.loadable import Loadable
 from gcs.link.upload import UploadFailed, preview, restore, upload_fleet

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from gcs.cli.flying import _line, _skew, _together
+from gcs.cli.flying import _line, _together
+from gcs.flight.sortie import _skew
 from gcs.flight.stages import Snapshot
 
 

@@ -6,10 +6,10 @@ are made, how they are flown.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs.cli.console import Screen
 from gcs.flight.options import FlightMode
 from gcs.mission.export import export
 from gcs.mission.export_index import ExportIndex
@@ -32,7 +32,9 @@ class TimeKeeping:
     gates: int = 0
 
 
-def export_for_flight(plan: Plan, folder: Path, keeping: TimeKeeping, screen: Screen) -> tuple[ExportIndex, str]:
+def export_for_flight(
+    plan: Plan, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
+) -> tuple[ExportIndex, str]:
     """Export what will be uploaded; returns the index and the navigator of emulated vehicles.
 
     Streams need no corrected speeds, and ideal vehicles keep the plan's own. Raises `VerificationError` where vehicles
@@ -47,7 +49,7 @@ def export_for_flight(plan: Plan, folder: Path, keeping: TimeKeeping, screen: Sc
     why = index.refused or (_discontent(plan, index.timing) if index.timing else "")
     if not why or keeping.gates:
         return index, OWN
-    screen.say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {why}")
+    say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {why}")
     return export(plan, folder, timed=False), IDEAL
 
 
