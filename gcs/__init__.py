@@ -1,9 +1,12 @@
 """Skein, the ground station for formations of quadrotors: the public Python API.
 
     import gcs
-    scenario = gcs.load_scenario("missions/simulation1")
-    plan = gcs.make_plan(scenario)
+    plan = gcs.make_plan(gcs.load_scenario("missions/simulation1"))
+    gcs.export(plan, "out")
+    flown = gcs.fly(plan)
 
+The commands call nothing else: scenario (`load_scenario`), plan (`make_plan`, `save_plan`, `load_plan`), `verify`,
+`export`, fleet (`Connection(links).open()` gives vehicles on links), `fly`. Errors are `GcsError`s that say what to do next.
 Everything is loaded when it is first used: `import gcs` costs nothing.
 """
 
@@ -15,6 +18,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gcs.errors import GcsError as GcsError
     from gcs.flight.judge import Verdict as Verdict
+    from gcs.flight.sortie import Emulated as Emulated
+    from gcs.flight.sortie import Flown as Flown
+    from gcs.flight.sortie import fly as fly
+    from gcs.flight.watcher import Watcher as Watcher
+    from gcs.link.connection import Connection as Connection
     from gcs.mission.build import build_missions as build_missions
     from gcs.mission.export import export as export
     from gcs.mission.setpoints import build_stream as build_stream
@@ -28,14 +36,19 @@ if TYPE_CHECKING:
     from gcs.scenario.model import Scenario as Scenario
 
 _HOME = {
+    "Connection": "gcs.link.connection",
+    "Emulated": "gcs.flight.sortie",
+    "Flown": "gcs.flight.sortie",
     "GcsError": "gcs.errors",
     "Plan": "gcs.plan.trajectory",
     "Report": "gcs.plan.verify",
     "Scenario": "gcs.scenario.model",
     "Verdict": "gcs.flight.judge",
+    "Watcher": "gcs.flight.watcher",
     "build_missions": "gcs.mission.build",
     "build_stream": "gcs.mission.setpoints",
     "export": "gcs.mission.export",
+    "fly": "gcs.flight.sortie",
     "load_plan": "gcs.plan.store",
     "load_scenario": "gcs.scenario.load",
     "make_plan": "gcs.plan.planner",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
+from gcs.scenario.model import Scenario
 from sim_bridge.testing import fleet, make_fleet
 from tests.bridge.flying import hop_scenario
 
@@ -19,3 +21,16 @@ __all__ = ["fleet", "make_fleet"]
 def hop(repo_root: Path) -> Plan:
     """Three vehicles, half a minute, a plan."""
     return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
+
+
+@pytest.fixture(scope="session")
+def short_mission(simulation1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Simulation 1's vehicles and formation on a flight of half a minute."""
+    data = simulation1.model_dump(mode="json")
+    data["name"] = "short"
+    data["time"]["flight_s"] = 30.0
+    data["end"]["position_m"] = [62.0, 51.0, 3.0]
+    data["objective"]["height_ref_m"] = 4.0
+    path = tmp_path_factory.mktemp("short") / "scenario.json"
+    path.write_text(json.dumps(data))
+    return path

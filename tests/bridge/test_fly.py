@@ -20,7 +20,6 @@ from pymavlink import mavutil
 
 from gcs.flight.truth import load_truth
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults
 from sim_bridge.world import World, WorldOptions
@@ -46,19 +45,6 @@ def simulators_running_under(folder: Path) -> list[str]:
         if "sim_bridge" in line and str(folder) in line:
             found.append(line)
     return found
-
-
-@pytest.fixture(scope="session")
-def short_mission(simulation1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Simulation 1's vehicles and formation on a flight of half a minute."""
-    data = simulation1.model_dump(mode="json")
-    data["name"] = "short"
-    data["time"]["flight_s"] = 30.0
-    data["end"]["position_m"] = [62.0, 51.0, 3.0]
-    data["objective"]["height_ref_m"] = 4.0
-    path = tmp_path_factory.mktemp("short") / "scenario.json"
-    path.write_text(json.dumps(data))
-    return path
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,46 @@
+"""The library does what the commands do: the README's example flies, and vehicles on links want somebody's word."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gcs
+from gcs.plan.trajectory import Plan
+from tests.unit.test_readme import BLOCKS
+
+MISSION = '"missions/simulation1"'
+
+
+def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path) -> None:
+    """On a flight of half a minute instead of six."""
+    (block,) = (b for b in BLOCKS["README.md"] if b.language == "python" and "gcs.fly(" in b.code)
+    assert MISSION in block.code
+    assert len(block.code.splitlines()) <= 10
+    code = block.code.replace(MISSION, repr(str(short_mission)))
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=200, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    folder, held, rms_m = done.stdout.split()
+    assert held in ("True", "False")
+    assert 0.0 < float(rms_m) < 1.0
+    names = {entry.name for entry in (tmp_path / folder).iterdir()}
+    assert {"plan.skein", "telemetry.tlog", "events.jsonl", "truth.npz", "report.json", "export"} <= names
+    assert len(list((tmp_path / "out").glob("*.waypoints"))) == 6
+
+
+def test_vehicles_on_a_link_are_not_armed_without_a_word(simulation1_plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(gcs.GcsError, match="only when somebody says so") as caught:
+        gcs.fly(simulation1_plan, link=gcs.Connection(("udpin:127.0.0.1:0",)), to=tmp_path)
+    assert "confirmed=True" in caught.value.hint
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_everything_public_is_there_and_described() -> None:
+    for name in gcs.__all__:
+        assert getattr(gcs, name).__doc__, name
+    assert {"load_scenario", "make_plan", "verify", "export", "Connection", "fly"} <= set(gcs.__all__)
