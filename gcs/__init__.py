@@ -6,7 +6,7 @@
     flown = gcs.fly(plan)
 
 The commands call nothing else: scenario (`load_scenario`), plan (`make_plan`, `save_plan`, `load_plan`), `verify`,
-`export`, fleet (`Connection(links).open()` gives vehicles on links), `fly`. Errors are `GcsError`s that say what to do next.
+`export`, fleet (`Connection(links).open()` gives vehicles on links), `fly`. Errors are `GcsError`s that say what to do.
 Everything is loaded when it is first used: `import gcs` costs nothing.
 """
 
