@@ -1,0 +1,152 @@
+"""What is flown of what was planned? Emulated flights in wind, by stream, mission and following, many seeds each.
+
+./tools/run python tools/bench_flights.py [--seeds 20] [--mission simulation1 simulation2 field]
+    [--mode stream mission follow] [--together 2] [--json FILE]
+
+Each flight is `gcs.fly` in a process of its own: sensor noise, gusts and clocks by its seed, wind as in WIND. Position
+errors are of true against planned places at equal time, from T0 to the planned arrival; times are arrivals. The table
+has the mean over the flights, the 95th percentile and the worst. Missions fly as `--nav auto` does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+import gcs
+
+ROOT = Path(__file__).resolve().parent.parent
+WIND = {"simulation1": ("1@270", "0.3"), "simulation2": ("1@270", "0.3"), "field": ("3@270", "light")}
+MODES = ("stream", "mission", "follow")
+# Name in the table: key of the record, whether large values are the bad ones.
+FIGURES = {
+    "position RMS, m": ("rms_m", True),
+    "position at most, m": ("worst_m", True),
+    "shape, m": ("shape_m", True),
+    "arrival time, s": ("arrival_s", True),
+    "separation, m": ("separation_m", False),
+    "clearance, m": ("clearance_m", False),
+}
+
+
+def fly_one(plan_file: Path, mode: str, seed: int, folder: Path) -> dict[str, Any]:
+    """One flight in this process, or why it ended early."""
+    plan, _ = gcs.load_plan(plan_file)
+    wind, gusts = WIND[plan.scenario.name]
+    emulated = gcs.Emulated(speedup="max", seed=seed, wind=wind, gusts=gusts)
+    record: dict[str, Any] = {"mission": plan.scenario.name, "mode": mode, "seed": seed, "wind": wind, "gusts": gusts}
+    try:
+        flown = gcs.fly(
+            plan,
+            mode="mission" if mode == "mission" else "stream",
+            follow=mode == "follow",
+            emulated=emulated,
+            to=folder,
+        )
+    except gcs.GcsError as error:
+        return record | {"ended": str(error.message)}
+    assert flown.verdict is not None
+    judged = {c.name: c.value for c in flown.verdict.criteria}
+    return record | {
+        "held": flown.verdict.ok,
+        "rms_m": max(flown.verdict.rms_m.values()),
+        "worst_m": max(flown.verdict.max_m.values()),
+        "shape_m": flown.verdict.formation_error_m,
+        "arrival_s": judged["arrival time"],
+        "separation_m": judged["separation"],
+        "clearance_m": judged["clearance above ground"],
+    }
+
+
+def summary(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A row per mission and mode: mean, 95th percentile towards the bad side, and worst of every figure."""
+    rows = []
+    for mission in dict.fromkeys(r["mission"] for r in records):
+        for mode in dict.fromkeys(r["mode"] for r in records):
+            flights = [r for r in records if (r["mission"], r["mode"]) == (mission, mode)]
+            ended = [r for r in flights if "ended" in r]
+            done = [r for r in flights if "ended" not in r]
+            row: dict[str, Any] = {
+                "mission": mission,
+                "mode": mode,
+                "flights": len(flights),
+                "held": sum(r["held"] for r in done),
+                "ended": [r["ended"] for r in ended],
+            }
+            for key, large_is_bad in FIGURES.values():
+                values = np.array([r[key] for r in done], dtype=np.float64)
+                if len(values):
+                    bad = np.percentile(values, 95 if large_is_bad else 5)
+                    worst = values.max() if large_is_bad else values.min()
+                    row[key] = [float(values.mean()), float(bad), float(worst)]
+            rows.append(row)
+    return rows
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """The rows as a table."""
+    table = Table("mission", "mode", "held", *FIGURES, title="mean / 95 % / worst of flights")
+    for row in rows:
+        cells = [" / ".join(f"{value:.2f}" for value in row.get(key, ())) for key, _ in FIGURES.values()]
+        table.add_row(row["mission"], row["mode"], f"{row['held']} of {row['flights']}", *cells)
+    Console(width=170).print(table)
+
+
+def run(missions: list[str], modes: list[str], seeds: int, together: int) -> list[dict[str, Any]]:
+    """All flights, so many at a time."""
+    with tempfile.TemporaryDirectory() as name, Progress() as progress:
+        plans = {}
+        for mission in missions:
+            plan = gcs.make_plan(gcs.load_scenario(ROOT / "missions" / mission))
+            plans[mission] = Path(name) / f"{mission}.skein"
+            gcs.save_plan(plan, gcs.verify(plan), plans[mission])
+        orders = [(mission, mode, seed) for mission in missions for mode in modes for seed in range(seeds)]
+        task = progress.add_task("flights", total=len(orders))
+
+        def one(order: tuple[str, str, int]) -> dict[str, Any]:
+            mission, mode, seed = order
+            folder = Path(name) / f"{mission}-{mode}-{seed}"
+            line = [sys.executable, __file__, "--one", str(plans[mission]), mode, str(seed), str(folder)]
+            done = subprocess.run(line, check=True, capture_output=True, text=True, cwd=ROOT)
+            progress.advance(task)
+            record: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+            return record
+
+        with ThreadPoolExecutor(together) as pool:
+            return list(pool.map(one, orders))
+
+
+def main() -> None:
+    """Fly what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--mission", nargs="+", choices=list(WIND), default=list(WIND))
+    parser.add_argument("--mode", nargs="+", choices=MODES, default=list(MODES))
+    parser.add_argument("--together", type=int, default=2, help="flights at a time; each wants a core")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one is not None:
+        plan, mode, seed, folder = options.one
+        print(json.dumps(fly_one(Path(plan), mode, int(seed), Path(folder))))
+        return
+    records = run(options.mission, options.mode, options.seeds, options.together)
+    rows = summary(records)
+    show(rows)
+    if options.json is not None:
+        options.json.write_text(json.dumps({"flights": records, "rows": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
