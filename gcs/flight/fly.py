@@ -30,6 +30,7 @@ from gcs.flight.prologue import (
     Crew,
     ask_for_telemetry,
     set_mode,
+    start_mission,
     take_off,
     until_hovering,
     until_landed,
@@ -283,7 +284,7 @@ class Flight:
 
     async def _fly_missions(self) -> float:
         """Switch all to their missions, which wait in the hover for the common start; returns T0."""
-        await self._each(lambda crew: crew.session.command(MavCommand.MISSION_START))
+        await self._each(start_mission)
         late_s = self.time.sure_s() - self._start_unix_s
         if late_s > 0:
             raise FlightError(

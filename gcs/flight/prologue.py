@@ -85,7 +85,16 @@ async def take_off(crew: Crew) -> None:
 
 
 async def set_mode(crew: Crew, mode: int) -> None:
-    """Ask for a mode, and believe the HEARTBEAT only."""
+    """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
+    await _until_mode(crew, mode, MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(mode))
+
+
+async def start_mission(crew: Crew) -> None:
+    """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
+    await _until_mode(crew, crew.manners.mission, MavCommand.MISSION_START)
+
+
+async def _until_mode(crew: Crew, mode: int, command: MavCommand, *params: float) -> None:
     session = crew.session
     # Listen first: an emulated vehicle may have landed and left the mode again before its acknowledgement is read.
     seen = asyncio.ensure_future(
@@ -98,7 +107,7 @@ async def set_mode(crew: Crew, mode: int) -> None:
     )
     try:
         await asyncio.sleep(0)
-        await session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(mode))
+        await session.command(command, *params)
         await seen
     finally:
         await ended(seen)

@@ -1,0 +1,157 @@
+"""Tables of promises in the documents: every row has a test, and every test named for one exists."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+MISHAPS = "tests/bridge/test_mishaps.py"
+NEAR = "tests/bridge/test_giving_way.py"
+DELIVERY = "tests/unit/link/test_delivery.py"
+MACHINES = "tests/unit/link/test_mission_machines.py"
+PARAMETERS = "tests/unit/link/test_parameters.py"
+PROLOGUE = "tests/unit/flight/test_prologue.py"
+STREAM = "tests/unit/flight/test_stream.py"
+
+# Each row of docs/flying.md, "When things fail", and the flight that proves it.
+FLOWN = {
+    "link lost": [(MISHAPS, "test_a_link_that_comes_back_soon")],
+    "link back in time": [(MISHAPS, "test_a_link_that_comes_back_soon")],
+    "link back, elsewhere": [(MISHAPS, "test_a_link_that_comes_back_late")],
+    "vehicle lost": [
+        (MISHAPS, "test_a_vehicle_is_lost_the_others_land"),
+        (MISHAPS, "test_a_vehicle_is_lost_the_others_go_home_staggered"),
+        (MISHAPS, "test_a_vehicle_is_lost_the_others_go_on"),
+    ],
+    "leader lost or leaves, with `--follow`": [(MISHAPS, "test_a_leader_is_lost_and_another_leads")],
+    "GNSS outage": [(MISHAPS, "test_a_short_outage_of_gnss")],
+    "GNSS gone": [(MISHAPS, "test_a_long_outage_of_gnss")],
+    "battery low": [(MISHAPS, "test_a_low_battery_goes_home")],
+    "battery critical": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
+    "fence breached": [(NEAR, "test_who_is_blown_over_the_fence_goes_home")],
+    "its autopilot or a pilot takes over": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
+    "too near, seen 1.5 s ahead or more": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
+    "too near, no time to brake, or still": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
+    "too near, still": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
+    "out of conflict for 5 s": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
+    "all silent": [(NEAR, "test_all_fall_silent_and_are_told_to_land")],
+    "ground station stopped (Ctrl-C)": [
+        ("tests/bridge/test_fly.py", "test_ctrl_c_lands_vehicles_that_are_not_ours"),
+    ],
+    "ground station killed": [
+        ("tests/bridge/test_attach.py", "test_it_is_found_shown_and_flown_to_its_end"),
+        ("tests/bridge/test_attach.py", "test_it_lands"),
+    ],
+}
+
+# Each row of docs/autopilots.md, and the tests of what Skein does about it.
+HABITS = {
+    "silence until asked": [(PROLOGUE, "test_nothing_is_expected_that_was_not_asked_for")],
+    "readiness too early": [("tests/unit/flight/test_manners.py", "test_ready_as_the_recordings_show_it")],
+    "home moves": [
+        ("tests/unit/flight/test_manners.py", "test_heights_of_take_off"),
+        (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
+    ],
+    "uid 0": [("tests/unit/link/test_addressbook.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
+    "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
+    "answers by name": [
+        (PARAMETERS, "test_parameters_are_read_and_set_and_put_back"),
+        (PARAMETERS, "test_old_news_and_other_names_do_not_settle_a_set"),
+    ],
+    "integer parameters": [(PARAMETERS, "test_px4_puts_integers_as_bits_and_ardupilot_as_values")],
+    "wrong type": [(PARAMETERS, "test_px4_says_the_old_value_to_a_set_of_the_wrong_type_and_is_not_believed")],
+    "NaN as a parameter": [(PARAMETERS, "test_what_a_type_cannot_hold_is_refused_before_it_is_sent")],
+    "requests of both kinds": [(MACHINES, "test_both_kinds_of_request_get_integer_items_as_often_as_they_come")],
+    "read-back differs": [
+        ("tests/unit/link/test_mission_compare.py", "test_changes_that_mean_nothing"),
+        ("tests/unit/link/test_mission_compare.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
+    ],
+    "wrong item": [(MACHINES, "test_invalid_sequence_is_not_fatal")],
+    "stalled upload": [(DELIVERY, "test_a_mixed_mission_after_a_stall_is_found_and_mended")],
+    "Busy": [
+        (MACHINES, "test_busy_after_a_repeated_count_is_forgiven_once_per_repetition"),
+        (DELIVERY, "test_our_own_broken_upload_is_taken_up_again"),
+    ],
+    "lost acknowledgement": [
+        (MACHINES, "test_error_after_a_repeated_last_item_says_that_the_acknowledgement_was_lost"),
+        ("tests/bridge/test_fleet.py", "test_a_lost_ack_is_made_good_by_reading_back"),
+    ],
+    "another station": [(DELIVERY, "test_another_station_in_the_way_is_waited_for_and_named_if_it_stays")],
+    "items it takes and cannot fly": [
+        (DELIVERY, "test_what_px4_takes_and_cannot_mean_is_no_difference_and_what_it_changes_is")
+    ],
+    "items it does not take": [
+        (DELIVERY, "test_what_the_autopilot_does_not_take_is_refused_at_once_with_item_and_reason")
+    ],
+    "store": [("tests/unit/mission/test_build.py", "test_more_items_than_the_autopilot_stores")],
+    "wrong fence": [(DELIVERY, "test_a_fence_of_a_wrong_shape_is_not_believed_on_either")],
+    "clearing": [(DELIVERY, "test_an_empty_delivery_clears")],
+    "reasons": [(PROLOGUE, "test_reasons_come_before_or_after_a_refusal_and_in_pieces")],
+    "lost chunks": [
+        ("tests/unit/link/test_statustext.py", "test_chunks_are_joined_in_any_order_and_per_source"),
+        ("tests/unit/link/test_statustext.py", "test_a_missing_chunk_is_shown_as_missing"),
+    ],
+    "modes acknowledged": [(PROLOGUE, "test_a_mode_is_believed_when_the_heartbeat_shows_it")],
+    "MISSION_START": [(PROLOGUE, "test_a_mission_has_begun_when_the_heartbeat_shows_its_mode")],
+    "arming": [(PROLOGUE, "test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself")],
+    "landed": [(PROLOGUE, "test_landed_is_who_has_disarmed")],
+    "items reached": [("tests/unit/test_tables.py", "test_items_reached_are_not_read")],
+    "the last setpoint": [
+        (STREAM, "test_streams_end_at_rest"),
+        ("tests/unit/flight/test_manoeuvres.py", "test_holding_brakes_straight_on"),
+        ("tests/unit/flight/test_schedule.py", "test_after_a_stall_the_newest_point_alone_is_sent"),
+    ],
+    "Offboard": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
+    "mode after landing": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
+    "time": [
+        ("tests/unit/link/test_clock.py", "test_unset_gnss_time_says_nothing"),
+        ("tests/unit/link/test_clock.py", "test_prediction_follows_a_vehicle_at_any_rate_through_jitter"),
+    ],
+    "signatures": [
+        ("tests/bridge/test_signing.py", "test_a_vehicle_that_does_not_sign_is_not_believed"),
+        ("tests/unit/link/test_signing.py", "test_with_a_key_only_it_is_believed"),
+    ],
+    "stray bytes": [
+        ("tests/property/link/test_codec_fuzz.py", "test_garbage_never_raises_and_a_good_frame_after_it_is_heard")
+    ],
+    "arrival times": [
+        ("tests/unit/mission/navigator/test_recordings.py", "test_arrivals_are_predicted_as_well_as_the_table_says")
+    ],
+}
+
+
+def rows(text: str, header: str) -> list[str]:
+    """First cells of the table whose header row begins so."""
+    lines = iter(text.splitlines())
+    for line in lines:
+        if line.startswith(f"| {header} |"):
+            next(lines)
+            break
+    found = []
+    for line in lines:
+        if not line.startswith("|"):
+            break
+        found.append(line.split("|")[1].strip())
+    return found
+
+
+@pytest.mark.parametrize(
+    ("document", "header", "proofs"), [("docs/flying.md", "what", FLOWN), ("docs/autopilots.md", "habit", HABITS)]
+)
+def test_every_row_has_a_test(
+    repo_root: Path, document: str, header: str, proofs: dict[str, list[tuple[str, str]]]
+) -> None:
+    assert rows((repo_root / document).read_text(), header) == list(proofs)
+    for tests in proofs.values():
+        assert tests
+        for path, name in tests:
+            tree = ast.parse((repo_root / path).read_text())
+            assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, f"{path}::{name}"
+
+
+def test_items_reached_are_not_read(repo_root: Path) -> None:
+    """Their numbers are not those of waypoints: nothing may go by them."""
+    reading = [path.name for path in (repo_root / "gcs").rglob("*.py") if "MISSION_ITEM_REACHED" in path.read_text()]
+    assert reading == []
