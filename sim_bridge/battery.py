@@ -3,25 +3,26 @@
 Knows: momentum theory of a hovering rotor, a lithium-polymer cell's voltage over its charge, Ohm's law. Does not
 know: flight, telemetry, failsafes.
 
-A rotor of radius r that pushes with thrust T draws T^(3/2) / sqrt(2 ρ π r²) over the efficiency of propeller, motor
-and speed controller together. At constant air density that is a constant times the cube of its speed, because Eq. 2
-has T = K_T Ω². Inflow from climbing and forward flight is left out: below 6 m/s it is less than the efficiency's error.
+What a rotor draws (`gcs.rotor_power`) is, at constant air density, a constant times the cube of its speed, because
+Eq. 2 has T = K_T Ω². Air is that at the sea.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gcs.quadrotor import Array, Quadrotor
+from gcs.rotor_power import induced_power_W
+from gcs.scenario.model import Power
 from sim_bridge.breakdowns import ROTORS
 from sim_bridge.plant import Mask
 
-AIR_DENSITY_KGPM3 = 1.225
 SETTLE_PERIOD_S = 0.2  # between two looks at voltage and current
 _TYPICAL_HOVER_H = 0.25
+_NOMINAL_CELL_V = 3.7
 
 # Open-circuit voltage of one lithium-polymer cell over the share of its charge that is left.
 _CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
@@ -48,10 +49,20 @@ class PowerTrain:
         capacity_Ah = _TYPICAL_HOVER_H * current_A
         return cls(unit.propeller_radius_m, unit.efficiency, 3.0, cells, capacity_Ah, 0.02 * cells / capacity_Ah)
 
+    def described(self, power: Power | None) -> PowerTrain:
+        """The same with what a scenario says of battery and propellers."""
+        if power is None:
+            return self
+        return replace(
+            self,
+            propeller_radius_m=power.rotor_radius_m,
+            efficiency=power.figure_of_merit,
+            capacity_Ah=power.battery_Wh / (_NOMINAL_CELL_V * self.cells),
+        )
+
     def cube_coefficient(self, q: Quadrotor) -> float:
         """Electrical power of one rotor per cubed speed, W s³."""
-        disk_m2 = math.pi * self.propeller_radius_m**2
-        return math.pow(q.thrust_coeff_Ns2, 1.5) / math.sqrt(2.0 * AIR_DENSITY_KGPM3 * disk_m2) / self.efficiency
+        return float(induced_power_W(q.thrust_coeff_Ns2, self.propeller_radius_m)) / self.efficiency
 
     def hover_power_W(self, q: Quadrotor) -> float:
         """What hovering draws, W."""

@@ -25,6 +25,7 @@ from sim_bridge.course import Guide
 from sim_bridge.gains import ControlLimits
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.personality import Personality
+from sim_bridge.presets import power_train_of
 from sim_bridge.sensors import GRADES
 from sim_bridge.telemetry import Instruments, Whereabouts
 from sim_bridge.vehicle import Vehicle
@@ -72,6 +73,7 @@ class Hangar:
             GRADES[scenario.sensors.grade],
             seed=seed,
             limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+            power=power_train_of(quadrotor).described(scenario.vehicle.power),
             wind=wind.over(physical.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)

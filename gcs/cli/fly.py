@@ -64,6 +64,10 @@ def fly(
         int,
         typer.Option("--gates", metavar="N", help="With --mode mission: points where all wait for their common time."),
     ] = 0,
+    reserve: Annotated[
+        str | None,
+        typer.Option("--reserve", metavar="SHARE", help="With --link: what is left of a full battery; default 25%."),
+    ] = None,
     to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
     yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without asking.")] = False,
     unverified: UnverifiedOption = False,
@@ -82,11 +86,13 @@ def fly(
     _check(sim, bool(link), mode, speedup)
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
+    kept = _reserve(reserve, sim)
     known = connection(link, systems, signing_key_file, transfer) if link else None
     from gcs.cli.flying import fly_and_judge
     from gcs.cli.planning import Stopwatch, plan_for
     from gcs.flight.missions_flown import TimeKeeping
     from gcs.flight.options import FlightMode, FlightOptions
+    from gcs.flight.preflight import PreflightLimits
     from gcs.flight.rules import OnLeaderLoss, OnLoss
     from gcs.flight.sortie import Emulated, Sortie
 
@@ -100,10 +106,12 @@ def fly(
         )
     if known is not None and not yes_arm:
         _confirm(str(known), len(plan.sysids))
+    limits = PreflightLimits() if kept is None else PreflightLimits(reserve=kept)
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
-    sortie = Sortie(plan, report, keeping, known, emulated, to, choices, safety=not missions_only)
+    safety = not missions_only
+    sortie = Sortie(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
     return fly_and_judge(sortie, screen, watch)
 
 
@@ -144,6 +152,22 @@ def _check_missions(mode: str, nav: str, gates: int) -> None:
         raise UsageError(f"--gates {gates}: give a number, 0 or more")
     if gates and (mode != "mission" or nav == "ideal"):
         raise UsageError("gates are for missions that fly themselves", hint="add --mode mission, leave --nav ideal out")
+
+
+def _reserve(text: str | None, sim: bool) -> float | None:
+    """`30%` or `0.3` as a share. Raises `UsageError`."""
+    if text is None:
+        return None
+    if sim:
+        raise UsageError("--reserve is asked of vehicles on a --link; emulated ones are not looked at before")
+    number, percent, rest = text.partition("%")
+    try:
+        share = float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        share = -1.0
+    if rest or not 0.0 <= share < 1.0:
+        raise UsageError(f"--reserve {text}: give a share of a full battery, 30% or 0.3")
+    return share
 
 
 def _confirm(link: str, vehicles: int) -> None:

@@ -86,12 +86,19 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
 
 def _plan(plan: Plan) -> dict[str, Any]:
     """What the plan adds; the verdict is worked out anew."""
+    from gcs.plan.energy import energy_Wh
     from gcs.plan.verify import verify
 
     report = verify(plan)
+    taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
+    battery = "not described: no [vehicle.power]"
+    if taken_Wh is not None and power is not None:
+        most_Wh = float(taken_Wh.max())
+        battery = f"{most_Wh:.1f} Wh of {power.battery_Wh:g} ({most_Wh / power.battery_Wh:.0%}) taken at most"
     separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
+        "battery": battery,
         "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
     }
 

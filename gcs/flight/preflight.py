@@ -3,8 +3,9 @@
 Knows: plan, reports of vehicles, how much each may differ. Does not know: links (reports come from `gcs.link.survey`),
 screens. Nothing is sent; a vehicle that does not tell what is asked is a no-go.
 
-Battery: a full one hovers for `endurance_s`; Eq. 1's thrust in a plan is its weight within some percent, so the flight
-needs its own duration of that, times `effort` for climbs and wind, and `reserve` is left at the end.
+Battery: a flight needs what its plan takes (`gcs.plan.energy`), where the scenario has battery and propellers; else a
+full battery is taken to hover for `endurance_s`, and the flight to need its own duration of that, times `effort` for
+climbs and wind. `reserve` is left at the end.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from gcs.errors import FlightError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.link.survey import VehicleReport
 from gcs.mission.model import Home
+from gcs.plan.energy import energy_Wh
 from gcs.plan.trajectory import Plan
 from gcs.quadrotor import Array
 
@@ -34,7 +36,7 @@ class PreflightLimits:
     home_m: float = 3.0  # home from where it stands
     origin_m: float = 5.0  # its local frame's origin from its pad
     round_trip_s: float = 1.0
-    endurance_s: float = 900.0  # of hover on a full battery
+    endurance_s: float = 900.0  # of hover on a full battery that nobody has described
     effort: float = 1.15
     reserve: float = 0.25  # of a full battery
 
@@ -55,7 +57,12 @@ def preflight(
 ) -> tuple[Check, ...]:
     """Every check of every vehicle, in the plan's order."""
     limits = limits or PreflightLimits()
-    return tuple(check for row, sysid in enumerate(plan.sysids) for check in _checks(plan, row, reports[sysid], limits))
+    needed = battery_needed(plan, limits)
+    found = []
+    for row, sysid in enumerate(plan.sysids):
+        found += _checks(plan, row, reports[sysid], limits)
+        found.append(_battery(sysid, reports[sysid].battery_share, float(needed[row]), plan, limits))
+    return tuple(found)
 
 
 def refuse_no_go(checks: Sequence[Check]) -> None:
@@ -67,9 +74,23 @@ def refuse_no_go(checks: Sequence[Check]) -> None:
         raise FlightError(f"no-go: {listed}{more}.", hint="mend it and start again; nothing was armed")
 
 
-def battery_needed(plan: Plan, limits: PreflightLimits) -> float:
-    """The share of a full battery that the flight takes, reserve included."""
-    return (plan.t_end_s - plan.t_start_s) * limits.effort / limits.endurance_s + limits.reserve
+def battery_needed(plan: Plan, limits: PreflightLimits) -> Array:
+    """The share of a full battery that the flight takes, for each vehicle (V,); without the reserve."""
+    taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
+    if taken_Wh is None or power is None:
+        flight_s = plan.t_end_s - plan.t_start_s
+        return np.full(len(plan.sysids), flight_s * limits.effort / limits.endurance_s)
+    return taken_Wh / power.battery_Wh
+
+
+def reserve_asked(plan: Plan, limits: PreflightLimits) -> str:
+    """The reserve, and what a flight's need was taken from, in words."""
+    power = plan.scenario.vehicle.power
+    if power is None:
+        known = f"{limits.endurance_s / 60:g} min of hover assumed: no [vehicle.power]"
+    else:
+        known = f"of {power.battery_Wh:g} Wh, need from the plan"
+    return f"{limits.reserve:.0%} left ({known})"
 
 
 def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits) -> list[Check]:
@@ -104,17 +125,17 @@ def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits
         check("home", *_distance(_ned(plan, report.home), pads[row] if place is None else place, limits.home_m)),
         check("local frame", *_distance(_ned(plan, report.origin), pads[row], limits.origin_m)),
     ]
-    needed, share = battery_needed(plan, limits), report.battery_share
-    checks.append(
-        check(
-            "battery", None if share is None else f"{share:.0%}", f"{needed:.0%}", share is not None and share >= needed
-        )
-    )
     sync = report.timesync
     trip = None if sync is None else f"{1e3 * sync.round_trip_s:.0f} ms round trip"
     asked = f"at most {1e3 * limits.round_trip_s:.0f} ms"
     checks.append(check("clock", trip, asked, sync is not None and sync.round_trip_s <= limits.round_trip_s))
     return checks
+
+
+def _battery(sysid: int, share: float | None, needed: float, plan: Plan, limits: PreflightLimits) -> Check:
+    have = "does not tell" if share is None else f"has {share:.0%}"
+    enough = share is not None and share >= needed + limits.reserve
+    return Check(sysid, "battery", f"{have}, needs {needed:.0%}", reserve_asked(plan, limits), enough)
 
 
 def _distance(place: Array | None, wanted: Array, most_m: float) -> tuple[str | None, str, bool]:

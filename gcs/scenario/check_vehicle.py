@@ -14,6 +14,8 @@ from gcs.scenario.physical import quadrotor
 from gcs.scenario.rules import Mistakes, Rules
 
 _REACHED = 1.0 - 1e-6
+SPEED_OF_SOUND_MPS = 340.0
+BEST_CELLS_WHPKG = 300.0
 _TORQUES = ("U2, rolling", "U3, pitching", "U4, yawing")
 
 RULES = Rules()
@@ -76,3 +78,23 @@ def _rotors_give_the_torques(scenario: Scenario) -> Mistakes:
                 f"(Eq. 2, rotor_max_radps = {model.rotor_max_radps:g})"
             )
             yield Mistake(("limits", "torque", axis), text, most)
+
+
+@RULES.needs("vehicle")
+def _battery_and_propellers_can_be(scenario: Scenario) -> Mistakes:
+    power, model = scenario.vehicle.power, quadrotor(scenario)
+    if power is None:
+        return
+    place = ("vehicle", "power")
+    apart_m = np.sqrt(2.0) * model.arm_m  # of neighbours' hubs
+    if 2.0 * power.rotor_radius_m > apart_m:
+        text = f"propellers that touch: neighbouring hubs are {apart_m:.3f} m apart (vehicle.arm_m = {model.arm_m:g})"
+        yield Mistake((*place, "rotor_radius_m"), text, power.rotor_radius_m)
+    tip_mps = power.rotor_radius_m * model.rotor_max_radps
+    if tip_mps > SPEED_OF_SOUND_MPS:
+        text = f"tips faster than sound: {tip_mps:.0f} m/s (vehicle.rotor_max_radps = {model.rotor_max_radps:g})"
+        yield Mistake((*place, "rotor_radius_m"), text, power.rotor_radius_m)
+    battery_kg = power.battery_Wh / BEST_CELLS_WHPKG
+    if battery_kg > model.mass_kg:
+        text = f"heavier than the vehicle: good cells weigh {battery_kg:.2f} kg (vehicle.mass_kg = {model.mass_kg:g})"
+        yield Mistake((*place, "battery_Wh"), text, power.battery_Wh)

@@ -46,6 +46,7 @@ __all__ = [
     "Origin",
     "Performance",
     "PlannedWind",
+    "Power",
     "Range",
     "Relief",
     "Ripple",
@@ -86,6 +87,16 @@ class Time(Part):
     flight_s: Annotated[Number, Field(gt=0, le=7200)] = Field(description="t_f, from start to end, s")
 
 
+class Power(Part):
+    """Where a vehicle's energy comes from and goes to."""
+
+    battery_Wh: Positive = Field(description="energy of a full battery, nominal voltage times capacity, Wh")
+    rotor_radius_m: Positive = Field(description="of a propeller, m")
+    figure_of_merit: Annotated[Number, Field(gt=0, le=1)] = Field(
+        description="ideal power of momentum theory over the power drawn: propeller, motor, speed controller"
+    )
+
+
 class Vehicle(Part):
     """Table 1: one type of quadrotor."""
 
@@ -99,6 +110,11 @@ class Vehicle(Part):
     drag_moment_Nms: NonNegativeVector = Field(description="K_4..K_6, linear drag of the rates, N m s")
     gravity_mps2: Annotated[Number, Field(ge=9.7, le=9.9)] = Field(default=9.8, description="g, m/s^2")
     rotor_max_radps: Positive = Field(description="fastest a rotor turns, rad/s")
+    power: Power | None = Field(
+        default=None,
+        description="battery and propellers; without them a flight's need is told by its time",
+        exclude_if=lambda power: power is None,
+    )
 
 
 class Performance(Part):

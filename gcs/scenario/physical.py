@@ -20,7 +20,7 @@ NED_FROM_UP = np.array([1.0, 1.0, -1.0])
 
 def quadrotor(scenario: Scenario) -> Quadrotor:
     """Physical constants of the scenario's vehicle."""
-    return Quadrotor(**scenario.vehicle.model_dump(exclude={"name"}), wind=steady_wind(scenario))
+    return Quadrotor(**scenario.vehicle.model_dump(exclude={"name", "power"}), wind=steady_wind(scenario))
 
 
 def steady_wind(scenario: Scenario) -> SteadyWind:

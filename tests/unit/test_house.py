@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LEAVES = {"gcs.autopilot", "gcs.errors", "gcs.files", "gcs.frames", "gcs.quadrotor", "gcs.wind"}
+LEAVES = {"gcs.autopilot", "gcs.errors", "gcs.files", "gcs.frames", "gcs.quadrotor", "gcs.rotor_power", "gcs.wind"}
 LAYERS = ("scenario", "plan", "mission", "link", "flight", "cli")
 # `plan` and `link` never meet, save in `flight`.
 FORBIDDEN = {("link", "plan"), ("link", "scenario")}

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.cli.main import run
 from gcs.errors import FlightError
 from gcs.flight.preflight import PreflightLimits, battery_needed, preflight, refuse_no_go
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.survey import VehicleReport
 from gcs.link.timesync import TimeSample
 from gcs.mission.model import Home
+from gcs.plan.energy import energy_Wh
+from gcs.scenario.model import Power
 
 
 def place(plan, ned_m):
@@ -92,7 +95,42 @@ def test_two_vehicles_on_each_others_pads_are_noticed_as_far_as_their_receivers_
     assert any(f"on the pad of vehicle {second}" in c.found for c in bad)
 
 
-def test_the_battery_lasts_for_the_flight_and_a_reserve(simulation1_plan):
-    limits = PreflightLimits(endurance_s=1000.0, effort=1.0, reserve=0.2)
-    duration_s = simulation1_plan.t_end_s - simulation1_plan.t_start_s
-    assert battery_needed(simulation1_plan, limits) == pytest.approx(duration_s / 1000.0 + 0.2)
+def with_power(plan, power):
+    vehicle = plan.scenario.vehicle.model_copy(update={"power": power})
+    return replace(plan, scenario=plan.scenario.model_copy(update={"vehicle": vehicle}))
+
+
+def test_a_battery_nobody_described_lasts_for_the_flight_and_a_reserve(simulation1_plan, reports):
+    plan, limits = with_power(simulation1_plan, None), PreflightLimits(endurance_s=1200.0, effort=1.0, reserve=0.2)
+    duration_s = plan.t_end_s - plan.t_start_s
+    assert battery_needed(plan, limits) == pytest.approx(duration_s / 1200.0)
+    (first, *_) = [c for c in preflight(plan, reports, limits) if c.name == "battery"]
+    assert first.ok
+    assert first.found == f"has 100%, needs {duration_s / 1200.0:.0%}"
+    assert first.asked == "20% left (20 min of hover assumed: no [vehicle.power])"
+
+
+@pytest.mark.parametrize(("spare", "ok"), [(0.02, True), (-0.02, False)])
+def test_the_plans_own_energy_counts_where_the_vehicle_is_described(simulation1_plan, reports, spare, ok):
+    """A battery that ends the flight with its reserve and so much to spare."""
+    rotors = {"rotor_radius_m": 0.038, "figure_of_merit": 0.5}
+    taken_Wh = float(energy_Wh(with_power(simulation1_plan, Power(battery_Wh=1.0, **rotors))).max())
+    plan = with_power(simulation1_plan, Power(battery_Wh=taken_Wh / (0.7 - spare), **rotors))
+    checks = [c for c in preflight(plan, reports, PreflightLimits(reserve=0.3)) if c.name == "battery"]
+    assert [c.ok for c in checks] == [ok] * 6
+    assert checks[0].found.startswith("has 100%, needs ")
+    assert checks[0].asked.startswith("30% left (of ")
+    assert checks[0].asked.endswith(" Wh, need from the plan)")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--link", "udpin:127.0.0.1:0", "--reserve", "120%"), "--reserve 120%: give a share of a full battery"),
+        (("--link", "udpin:127.0.0.1:0", "--reserve", "a lot"), "--reserve a lot: give a share"),
+        (("--sim", "--reserve", "30%"), "emulated ones are not looked at"),
+    ],
+)
+def test_reserves_that_cannot_be_are_refused(repo_root, capsys, arguments, told):
+    assert run(["fly", str(repo_root / "missions" / "simulation1"), *arguments]) == 2
+    assert told in capsys.readouterr().err

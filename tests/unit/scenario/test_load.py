@@ -72,10 +72,10 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         "HERE/scenario.toml has 13 mistakes",
         "scenario.toml:10: origin.lat_deg = 95.0: must be a number from -85 to 85 (WGS-84 latitude, degrees)",
         "scenario.toml:15: time.flight_s = true: must be a number > 0 and <= 7200",
-        "scenario.toml:29: limits.clearance_min_m: missing; it must be a number >= 0",
-        "scenario.toml:30: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
-        "scenario.toml:38: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
-        "scenario.toml:48: terrain.ripple.e = nan: must be a number",
+        "scenario.toml:34: limits.clearance_min_m: missing; it must be a number >= 0",
+        "scenario.toml:35: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
+        "scenario.toml:43: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
+        "scenario.toml:53: terrain.ripple.e = nan: must be a number",
         "end.velocity_mps[2]: missing; it must be a number",
         "objective.height_ref_m: missing; it must be a number",
         "objective.gravity_mps2: unknown key here; it belongs into [vehicle]",
@@ -110,9 +110,9 @@ def test_lists_of_mountains_are_equally_long(broken: Broken) -> None:
 
 def test_the_leader_is_one_of_the_vehicles(broken: Broken) -> None:
     told = broken(("leader = 1\n", "leader = 7\n"))
-    assert "scenario.toml:83: formation.leader = 7: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6" in told
+    assert "scenario.toml:88: formation.leader = 7: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6" in told
     told = broken(("sysid = 2\n", "sysid = 3\n"))
-    assert "scenario.toml:94: formation.vehicle[2].sysid = 3: is the sysid of vehicle[1] already" in told
+    assert "scenario.toml:99: formation.vehicle[2].sysid = 3: is the sysid of vehicle[1] already" in told
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcs.rotor_power import AIR_DENSITY_KGPM3
 from sim_bridge import presets
-from sim_bridge.battery import AIR_DENSITY_KGPM3, SETTLE_PERIOD_S, Battery, PowerTrain
+from sim_bridge.battery import SETTLE_PERIOD_S, Battery, PowerTrain
 from sim_bridge.sensors import RTK
 from tests.unit.sim_bridge.flights import FIELD, FIELD_LIMITS, course, fly, stand
 
