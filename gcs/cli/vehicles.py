@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.link_options import KeyOption, LinkOption, connection
+from gcs.cli.link_options import BackendOption, KeyOption, LinkOption, connection
 from gcs.cli.options import DebugOption, JsonOption
 from gcs.errors import PeerTimeout, UsageError
 
@@ -21,6 +21,7 @@ def vehicles(
     link: LinkOption = None,
     listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
     signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -39,26 +40,32 @@ def vehicles(
 
     known = connection(link, None, signing_key_file)
     screen.say(f"listening at {known} for {listen:g} s")
-    reports = asyncio.run(_ask_all(known, listen))
+    reports = asyncio.run(_ask_all(known, listen, backend))
     _show(screen, reports)
     screen.result({"vehicles": [_data(report) for report in reports]})
     return 0
 
 
-async def _ask_all(known: Connection, listen_s: float) -> list[VehicleReport]:
+async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[VehicleReport]:
     import asyncio
 
+    from gcs.link.fleet import Fleet
     from gcs.link.survey import survey
 
-    async with known.open() as fleet:
-        sessions = await fleet.listen(listen_s)
-        if not sessions:
-            refused = f"; {fleet.refused_frames} frames were not signed with our key" if fleet.refused_frames else ""
+    async with known.open_backend(backend) as fleet:
+        heard = await fleet.listen(listen_s)
+        if not heard:
+            foreign = fleet.refused_frames if isinstance(fleet, Fleet) else 0
+            refused = f"; {foreign} frames were not signed with our key" if foreign else ""
             raise PeerTimeout(
                 f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
                 hint="start them, or check the address and port they send to",
             )
-        found = await asyncio.gather(*(survey(s, fleet.where(n)) for n, s in sessions.items()))
+        if isinstance(fleet, Fleet):
+            asked = [survey(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
+        else:
+            asked = [vehicle.report() for vehicle in fleet.known]
+        found = await asyncio.gather(*asked)
         fleet.check()
         return list(found)
 

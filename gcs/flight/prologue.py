@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.errors import PeerTimeout
+from gcs.flight.hands import until_mode
 from gcs.flight.manners import Manners
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.flight.together import LOOK_S, ended, until
+from gcs.flight.together import LOOK_S, until
 from gcs.link.dialect import MavCommand, MessageId, ModeFlag
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
@@ -86,31 +87,13 @@ async def take_off(crew: Crew) -> None:
 
 async def set_mode(crew: Crew, mode: int) -> None:
     """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
-    await _until_mode(crew, mode, MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(mode))
+    await until_mode(crew.session, crew.manners, mode, crew.options.phase_timeout_s)
 
 
 async def start_mission(crew: Crew) -> None:
     """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
-    await _until_mode(crew, crew.manners.mission, MavCommand.MISSION_START)
-
-
-async def _until_mode(crew: Crew, mode: int, command: MavCommand, *params: float) -> None:
-    session = crew.session
-    # Listen first: an emulated vehicle may have landed and left the mode again before its acknowledgement is read.
-    seen = asyncio.ensure_future(
-        session.wait_for(
-            lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
-            crew.options.phase_timeout_s,
-            f"mode {crew.manners.mode_name(mode)}",
-            or_latest=True,
-        )
-    )
-    try:
-        await asyncio.sleep(0)
-        await session.command(command, *params)
-        await seen
-    finally:
-        await ended(seen)
+    m = crew.manners
+    await until_mode(crew.session, m, m.mission, crew.options.phase_timeout_s, MavCommand.MISSION_START)
 
 
 async def until_hovering(crew: Crew) -> None:

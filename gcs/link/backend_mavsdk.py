@@ -1,4 +1,4 @@
-"""MAVSDK in place of our own machines, behind the same interface: the only module that knows it.
+"""MAVSDK in place of our own machines, behind the same interface; only this module and `backend_mavsdk_flight` know it.
 
 Knows: its plugins for missions and parameters, its names of links. Does not know: MAVLink messages.
 It cannot sign, and has timers of its own. Its calls block and run in threads; one that was given up ends with its own
@@ -19,11 +19,13 @@ from mavsdk.plugins import mission_raw, param, telemetry
 
 from gcs.autopilot import Autopilot
 from gcs.errors import LinkError, PeerError, PeerTimeout
+from gcs.link.backend_mavsdk_flight import MavsdkHands, report
 from gcs.link.dialect import GENERIC_AUTOPILOT, MissionType
 from gcs.link.endpoint import LinkMode, parse_link_spec
 from gcs.link.items import with_home
 from gcs.link.mission_compare import compare_missions
 from gcs.link.parameter import REAL32, Parameter
+from gcs.link.survey import VehicleReport
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 T = TypeVar("T")
@@ -67,13 +69,13 @@ class MavsdkVehicle:
         """Uploads once, reads back and compares."""
         raw = [_raw(seq, item, mission_type) for seq, item in enumerate(items)]
         if not raw:
-            await self._call("clear what it holds", self._missions.clear_mission)
+            await self.call("clear what it holds", self._missions.clear_mission)
         elif mission_type == MissionType.FENCE:
-            await self._call("upload its fence", lambda: self._missions.upload_geofence(raw))
+            await self.call("upload its fence", lambda: self._missions.upload_geofence(raw))
         elif mission_type == MissionType.RALLY:
-            await self._call("upload its rally points", lambda: self._missions.upload_rally_points(raw))
+            await self.call("upload its rally points", lambda: self._missions.upload_rally_points(raw))
         else:
-            await self._call("upload its mission", lambda: self._missions.upload_mission(raw))
+            await self.call("upload its mission", lambda: self._missions.upload_mission(raw))
         first = int(self.home_is_item_0 and mission_type == MissionType.MISSION)
         held = await self.download(mission_type)
         differences = compare_missions(items[first:], held[first:], autopilot=self.autopilot)
@@ -92,7 +94,7 @@ class MavsdkVehicle:
             MissionType.RALLY: self._missions.download_rallypoints,
         }
         try:
-            raw = await self._call("download what it holds", downloads[MissionType(mission_type)])
+            raw = await self.call("download what it holds", downloads[MissionType(mission_type)])
         except PeerError as error:
             if "NO_MISSION_AVAILABLE" in error.message:  # how it says that there are none
                 return ()
@@ -101,13 +103,13 @@ class MavsdkVehicle:
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
         """Parameters by name; MAVSDK tells a whole number only from one that is none, so both are tried."""
-        return {name: await self._call(f"read {name}", partial(self._read, name)) for name in names}
+        return {name: await self.call(f"read {name}", partial(self._read, name)) for name in names}
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Sets parameters, and reads each again."""
         for wanted in parameters:
             put = self._params.set_param_float if wanted.kind == REAL32 else self._params.set_param_int
-            await self._call(f"set {wanted.name}", partial(put, wanted.name, wanted.value))
+            await self.call(f"set {wanted.name}", partial(put, wanted.name, wanted.value))
             found = (await self.read_parameters([wanted.name]))[wanted.name]
             if not wanted.same_value(found):
                 raise PeerError(f"vehicle {self.sysid} was told {wanted}, and keeps {found.value}.")
@@ -130,7 +132,16 @@ class MavsdkVehicle:
         except Exception:  # it has a float's type, or is not there: the next call tells
             return Parameter(name, float(self._params.get_param_float(name)), REAL32)
 
-    async def _call(self, what: str, call: Callable[[], T]) -> T:
+    def hands(self) -> MavsdkHands:
+        """What it can be asked in flight; to be closed by whoever asks."""
+        return MavsdkHands(self.sysid, self._system, self.call)
+
+    async def report(self) -> VehicleReport:
+        """What it tells of itself."""
+        return await report(self.sysid, self._system, self.autopilot, self.call)
+
+    async def call(self, what: str, call: Callable[[], T]) -> T:
+        """One of MAVSDK's calls that block, in a thread, one at a time. Raises `PeerError` with its reason."""
         async with self._lock:
             work = asyncio.ensure_future(asyncio.to_thread(call))
             try:
@@ -192,6 +203,11 @@ class MavsdkFleet:
         """Whoever is heard within `duration_s`, by system id."""
         await asyncio.sleep(duration_s)
         return dict(sorted(self._look().items()))
+
+    @property
+    def known(self) -> tuple[MavsdkVehicle, ...]:
+        """Everybody heard so far, by system id."""
+        return tuple(vehicle for _, vehicle in sorted(self._known.items()))
 
     def close(self) -> None:
         """Let go of the plugins before MAVSDK goes."""

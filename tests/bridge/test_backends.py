@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -10,10 +11,13 @@ from dataclasses import replace
 import pytest
 
 from gcs.autopilot import Autopilot
+from gcs.cli import main
 from gcs.errors import UsageError
+from gcs.flight.hands import hands_of
 from gcs.flight.loading import build_loads
 from gcs.link.backend_mavsdk import mavsdk_url
 from gcs.link.connection import BACKENDS, Connection
+from gcs.link.flyable import Setpoint
 from gcs.link.held import read_held
 from gcs.link.loadable import Loadable
 from gcs.link.upload import UploadFailed, preview, restore, upload_fleet
@@ -94,6 +98,67 @@ def test_one_bad_item_leaves_nobody_with_a_mission(
             for vehicle in found.values():
                 held = await read_held(vehicle)
                 assert held.mission == held.fence == held.rally == ()
+
+    run(scene())
+
+
+@EACH
+@BOTH
+def test_vehicles_are_listed(
+    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str, autopilot: str
+) -> None:
+    port = free_port()
+    fleet = make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0)
+    fleet.wait_until(lambda: fleet.t_s > 6.0)
+    link = f"udpin:127.0.0.1:{port}"
+    assert main.run(["vehicles", "--link", link, "--listen", "1", "--backend", backend, "--json"]) == 0
+    first, second = json.loads(capsys.readouterr().out)["vehicles"]
+    assert (first["system"], second["system"]) == (1, 2)
+    assert first["autopilot"] == {"ardupilot": "ArduCopter", "px4": "PX4"}[autopilot]
+    assert first["version"].startswith({"ardupilot": "4.5.6", "px4": "1.17.0-alpha"}[autopilot])
+    assert first["uid"] != second["uid"]
+    assert (first["armed"], first["prearm_ok"], first["estimate_ok"]) == (False, True, True)
+    assert set(first["ailing"]) <= {"radio control"}
+    assert 0.9 < first["battery_share"] <= 1.0
+    assert 10.0 < first["battery_V"] < 18.0
+    for place in ("home", "position"):
+        assert abs(first[place]["lat_deg"] + 35.363262) < 1e-3
+        assert abs(first[place]["alt_amsl_m"] - 584.0) < 5.0
+
+
+@EACH
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet], backend: str, autopilot: str) -> None:
+    port = free_port()
+    fleet = make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=8.0, seed=2)
+
+    async def scene() -> None:
+        await fleet.until(lambda: fleet.t_s > 6.0)
+        pad = fleet.state(1).position_ned_m
+        async with Connection((f"udpin:127.0.0.1:{port}",)).open_backend(backend) as ground:
+            vehicle = (await ground.vehicles((1, 2), 20.0))[1]
+            hands = hands_of(vehicle)
+            try:
+                await hands.arm()
+                assert fleet.state(1).armed
+                await hands.take_off(4.0)
+                await fleet.until(lambda: pad[2] - fleet.state(1).position_ned_m[2] > 3.7)
+                await fleet.until(lambda: abs(fleet.state(1).velocity_ned_mps).max() < 0.1)
+                await hands.follow(Setpoint((3.0, 1.0, -5.0)))
+                await fleet.until(lambda: abs(fleet.state(1).position_ned_m - pad - (3.0, 1.0, -5.0)).max() < 0.3)
+                await hands.follow(Setpoint((3.0, 2.0, -5.0), yaw_ned_rad=0.5))
+                await fleet.until(lambda: abs(fleet.state(1).position_ned_m - pad - (3.0, 2.0, -5.0)).max() < 0.3)
+                await fleet.until(lambda: abs(fleet.state(1).roll_pitch_yaw_rad[2] - 0.5) < 0.1)
+                await hands.hold()
+                then = fleet.t_s
+                await fleet.until(lambda: fleet.t_s > then + 2.0)
+                assert abs(fleet.state(1).velocity_ned_mps).max() < 0.2
+                await hands.land()
+                await fleet.until(lambda: not fleet.state(1).armed)
+                assert fleet.state(1).landed
+                assert not fleet.state(2).armed
+            finally:
+                await hands.close()
 
     run(scene())
 
