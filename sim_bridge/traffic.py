@@ -16,11 +16,13 @@ import time
 from collections.abc import Iterable, Sequence
 
 from gcs.link.codec import Codec
+from gcs.link.ftp import NAME as FTP
 from gcs.link.message import Message
 from sim_bridge.endpoints.switchboard import Switchboard
 from sim_bridge.fault_commands import answer, is_fault_command, read_order
 from sim_bridge.fault_desk import FaultDesk
 from sim_bridge.guidance.stream import LONGEST_GAP_S
+from sim_bridge.missions.files import items_in
 from sim_bridge.vehicle import Vehicle
 
 LEAD_S = 0.1
@@ -133,6 +135,9 @@ class Traffic:
     def _deliver(self, row: int, message: Message, t_s: float, now_s: float) -> None:
         if message.name in _ITEMS:
             self._desk.uploaded(row, message.fields["seq"], t_s)
+        elif message.name == FTP:
+            for item in items_in(message):
+                self._desk.uploaded(row, item, t_s)
         answers = self._vehicles[row].receive(message, now_s)
         if answers:
             self.send(row, answers, t_s)

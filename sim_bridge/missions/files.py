@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from gcs.errors import PeerError
 from gcs.link.dialect import MissionType
+from gcs.link.ftp import FtpOpcode, read_payload
 from gcs.link.items import item_from_message
 from gcs.link.message import Message
 from gcs.link.mission_file import FIELDS, HEADER, ITEM, MAGIC, path_of
@@ -17,6 +18,15 @@ from sim_bridge.missions.shelf import MissionShelf
 WRITTEN_MAX = HEADER.size + 0xFFFF * ITEM.size
 _KEEP_OTHERS = 1  # an option: items before `start` and behind the last stay
 _KINDS = {path_of(kind): kind for kind in (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY)}
+
+
+def items_in(message: Message) -> range:
+    """The numbers of the items of which a piece of a file that is written here has something."""
+    asked = read_payload(message)
+    if asked is None or asked.opcode != FtpOpcode.WRITE_FILE:
+        return range(0)
+    first, end = asked.offset - HEADER.size, asked.offset + len(asked.data) - HEADER.size
+    return range(max(first, 0) // ITEM.size, max(-(-end // ITEM.size), 0))
 
 
 class MissionFiles:

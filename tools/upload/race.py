@@ -1,4 +1,4 @@
-"""Six uploads at once over real sockets to an emulated fleet behind bad links: ours, and MAVSDK's.
+"""Six uploads at once over real sockets to an emulated fleet behind bad links: ours, both ways, and MAVSDK's.
 
 Knows: both clients, how to start a fleet with faults. Does not know: which cells to run, tables.
 """
@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+import statistics
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import mavsdk
@@ -24,7 +26,10 @@ from gcs.autopilot import Autopilot
 from gcs.errors import GcsError
 from gcs.link.fleet import Direction
 from gcs.link.fleet import Fleet as Ground
+from gcs.link.message import Message
 from gcs.link.mission_compare import compare_missions
+from gcs.link.session import VehicleSession
+from gcs.link.transfer import Transfer
 from gcs.mission.model import MissionItem
 from tools.upload.air import Weather, mission_of
 
@@ -32,13 +37,16 @@ ROOT = Path(__file__).resolve().parents[2]
 SYSIDS = tuple(range(1, 7))
 PATIENCE_S = 150.0  # for MAVSDK; ours has a patience of its own
 _FIND_S = 30.0
+_ECHOES = 15
 
 
 @dataclass(frozen=True)
 class Lap:
-    """One client's six uploads: seconds until the last was sent, and until all were read back where that is done."""
+    """One client's uploads: seconds until the last was sent, and until all were read back where that is done."""
 
     client: str
+    vehicles: int  # at once
+    echo_s: float | None  # the round trip as it was, measured before; None where the link loses answers
     sent_s: float
     verified_s: float | None
     messages: int | None  # up and down
@@ -67,44 +75,60 @@ def fleet(autopilot: Autopilot, weather: Weather, port: int, seed: int) -> Itera
         process.wait(10.0)
 
 
-def ours(port: int, items: Sequence[MissionItem]) -> Lap:
-    """Six deliveries at once, each read back and compared."""
+def ours(port: int, items: Sequence[MissionItem], sysids: Sequence[int], transfer: Transfer, *, lossless: bool) -> Lap:
+    """Deliveries at once, each read back and compared."""
     count = 0
 
     def note(direction: Direction, frame: bytes) -> None:
         nonlocal count
         number = int.from_bytes(frame[7:10], "little")
-        count += 38 <= number <= 51 or number == 73
+        count += 38 <= number <= 51 or number in (73, 110)
 
     async def upload() -> Lap:
         nonlocal count
-        async with Ground.open(f"udpin:127.0.0.1:{port}", on_frame=note) as ground:
+        async with Ground.open(f"udpin:127.0.0.1:{port}", on_frame=note, transfer=transfer) as ground:
             sessions = await ground.vehicles(SYSIDS, _FIND_S)
+            echo_s = await _echo_s(sessions[sysids[0]]) if lossless else None
             began_s = time.monotonic()
             count = 0
             sent: list[float] = []
 
             async def one(sysid: int) -> bool:
-                session = sessions[sysid]
-                stop = session.subscribe(
-                    lambda m: sent.append(time.monotonic() - began_s) if m.name == "MISSION_ACK" else None
-                )
                 try:
-                    await session.deliver(items)
-                except GcsError:
+                    machine = await sessions[sysid].deliver(items)
+                except GcsError as error:
+                    print(f"ours, vehicle {sysid}: {error.message}", file=sys.stderr)
                     return False
-                finally:
-                    stop()
+                sent.append((machine.sending_ended_s or time.monotonic()) - began_s)  # the loop's clock is the same
                 return True
 
-            done = await asyncio.gather(*map(one, SYSIDS))
-            return Lap("ours", max(sent, default=0.0), time.monotonic() - began_s, count, done.count(False), 0)
+            done = await asyncio.gather(*map(one, sysids))
+            took_s = time.monotonic() - began_s
+            client = f"ours, {'as a file' if transfer is Transfer.FILE else 'by items'}"
+            return Lap(client, len(sysids), echo_s, max(sent, default=took_s), took_s, count, done.count(False), 0)
 
     return asyncio.run(upload())
 
 
-def mavsdks(port: int, items: Sequence[MissionItem]) -> Lap:
-    """Six of MAVSDK's uploads at once; what it believes is looked at afterwards, by our own read-back."""
+def _is_echo(stamp: int, message: Message) -> bool:
+    return message.name == "TIMESYNC" and bool(message.fields["ts1"] == stamp)
+
+
+async def _echo_s(session: VehicleSession) -> float:
+    """The median of some TIMESYNC round trips: emulated vehicles look at their links once a step."""
+    took: list[float] = []
+    for stamp in range(1, _ECHOES + 1):
+        began_s = time.monotonic()
+        answered = asyncio.ensure_future(session.wait_for(partial(_is_echo, stamp), 5.0, "its echo"))
+        await asyncio.sleep(0)
+        session.send(Message("TIMESYNC", {"tc1": 0, "ts1": stamp}))
+        await answered
+        took.append(time.monotonic() - began_s)
+    return statistics.median(took)
+
+
+def mavsdks(port: int, items: Sequence[MissionItem], sysids: Sequence[int]) -> Lap:
+    """MAVSDK's uploads at once; what it believes is looked at afterwards, by our own read-back."""
     configuration = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
     sdk = mavsdk.Mavsdk(configuration)
     believed: dict[int, float] = {}
@@ -124,7 +148,7 @@ def mavsdks(port: int, items: Sequence[MissionItem]) -> Lap:
             except Exception as error:  # whatever a foreign client raises is a failed upload
                 print(f"MAVSDK, vehicle {sysid}: {str(error).split(';', maxsplit=1)[0]}", file=sys.stderr)
 
-        threads = [threading.Thread(target=one, args=(sysid,), daemon=True) for sysid in systems]
+        threads = [threading.Thread(target=one, args=(sysid,), daemon=True) for sysid in systems if sysid in sysids]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -133,8 +157,9 @@ def mavsdks(port: int, items: Sequence[MissionItem]) -> Lap:
     finally:
         sdk.destroy()
     wrong = _wrongly_believed(port, items, sorted(believed))
-    failures = len(SYSIDS) - len(believed)
-    return Lap("MAVSDK", took_s if failures else max(believed.values()), None, None, failures, wrong)
+    failures = len(sysids) - len(believed)
+    sent_s = took_s if failures else max(believed.values())
+    return Lap("MAVSDK", len(sysids), None, sent_s, None, None, failures, wrong)
 
 
 def _wrongly_believed(port: int, items: Sequence[MissionItem], sysids: Sequence[int]) -> int:
@@ -153,10 +178,17 @@ def _raw(seq: int, item: MissionItem) -> RawItem:
     return RawItem(seq, item.frame, item.command, int(seq == 0), 1, *params, *place, 0)
 
 
-def race(autopilot: Autopilot, weather: Weather, count: int, port: int, seed: int, *, both: bool = True) -> list[Lap]:
-    """Both clients, each with a fleet of its own that has the same faults."""
+def race(autopilot: Autopilot, weather: Weather, count: int, port: int, seed: int) -> list[Lap]:
+    """All clients with six vehicles, and ours with one alone, each with a fleet of its own that has the same faults."""
+    files = (Transfer.FILE,) if autopilot is Autopilot.ARDUPILOT else ()
+    clients: list[Callable[[int, Sequence[MissionItem]], Lap]] = [
+        partial(ours, sysids=sysids, transfer=transfer, lossless=not weather.loss)
+        for transfer in (Transfer.ITEMS, *files)
+        for sysids in (SYSIDS, SYSIDS[:1])
+    ]
+    clients.append(partial(mavsdks, sysids=SYSIDS))
     laps = []
-    for client in (ours, mavsdks) if both else (ours,):
+    for client in clients:
         with fleet(autopilot, weather, port, seed):
             laps.append(client(port, mission_of(count, seed)))
     return laps

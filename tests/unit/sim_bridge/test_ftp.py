@@ -16,6 +16,7 @@ from gcs.link.mission_compare import compare_missions
 from gcs.link.mission_file import HEADER, ITEM, MAGIC, path_of, pieces_of, read_mission_file, write_mission_file
 from gcs.mission.geofence import FenceCommand
 from gcs.mission.model import MissionItem
+from sim_bridge.missions.files import items_in
 from sim_bridge.personality import ARDUPILOT, PX4
 from tools.upload.air import VEHICLE, Air, Weather, mission_of
 
@@ -250,3 +251,12 @@ def test_only_ardupilot_claims_and_has_it():
     assert ARDUPILOT.identity.capabilities & Capability.FTP
     assert not PX4.identity.capabilities & Capability.FTP
     assert ARDUPILOT.missions.as_files and not PX4.missions.as_files
+
+
+def test_the_items_of_a_piece_are_known_by_their_numbers():
+    pieces = [
+        FtpPayload(1, 1, WRITE, offset, data).message(VEHICLE) for offset, data in pieces_of(write_mission_file(NEW))
+    ]
+    assert [items_in(piece) for piece in pieces] == [range(6), range(6, 12), range(12, 18), range(18, 20)]
+    assert items_in(FtpPayload(1, 1, READ, 0, size=100).message(VEHICLE)) == range(0)
+    assert items_in(FtpPayload(1, 1, WRITE, 0, b"1234").message(VEHICLE)) == range(0)

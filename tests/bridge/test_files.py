@@ -1,0 +1,147 @@
+"""Missions as one file through real sockets, and item by item where that does not go."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+import pytest
+
+from gcs.cli.main import run as gcs
+from gcs.errors import PeerError
+from gcs.link.delivery import Delivery
+from gcs.link.file_delivery import FileDelivery
+from gcs.link.fleet import Fleet as Ground
+from gcs.link.ftp import FtpError, FtpOpcode, FtpPayload, FtpRefused
+from gcs.link.mission import GROUND_TIMERS, Timers
+from gcs.link.mission_compare import compare_missions
+from gcs.link.transfer import Transfer
+from sim_bridge import Fleet
+from sim_bridge.ftp import _nak
+from tools.upload.air import mission_of
+
+ITEMS = mission_of(60, seed=3)
+ITEM, FILE = 73, 110
+SYSIDS = (1, 2)
+MakeFleet = Callable[..., Fleet]
+
+
+def run(scene: Awaitable[None]) -> None:
+    async def bounded() -> None:
+        async with asyncio.timeout(60):
+            await scene
+
+    asyncio.run(bounded())
+
+
+def emulated(make_fleet: MakeFleet, autopilot: str = "ardupilot", *faults: str) -> tuple[Fleet, str]:
+    fleet = make_fleet(vehicles=2, autopilot=autopilot, one_port=True, faults=list(faults))
+    return fleet, f"udpout:{fleet.places[1][0].address}"
+
+
+async def deliver(link: str, transfer: Transfer, timers: Timers = GROUND_TIMERS) -> tuple[list[object], Counter[int]]:
+    """Both vehicles get ITEMS; what ended well, and frames in and out by message number."""
+    seen: Counter[int] = Counter()
+    async with Ground.open(
+        link, on_frame=lambda _, frame: seen.update([frame[7]]), timers=timers, transfer=transfer
+    ) as ground:
+        sessions = await ground.vehicles(SYSIDS, 10.0)
+        return list(await asyncio.gather(*(session.deliver(ITEMS) for session in sessions.values()))), seen
+
+
+def held(fleet: Fleet, sysid: int) -> bool:
+    shelf = fleet._world.vehicles[sysid - 1]._shelf
+    return compare_missions(ITEMS[1:], shelf.items()[1:]) == []
+
+
+def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -> None:
+    fleet, link = emulated(make_fleet, "ardupilot", "all:loss=0.2", "all:duplicate=0.1", "all:reorder=0.1")
+
+    async def scene() -> None:
+        machines, seen = await deliver(link, Transfer.AUTO)
+        assert all(isinstance(machine, FileDelivery) for machine in machines)
+        assert seen[FILE] and not seen[ITEM]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
+def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
+    fleet, link = emulated(make_fleet)
+
+    async def scene() -> None:
+        machines, seen = await deliver(link, Transfer.ITEMS)
+        assert all(isinstance(machine, Delivery) for machine in machines)
+        assert seen[ITEM] and not seen[FILE]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
+def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: MakeFleet) -> None:
+    fleet, link = emulated(make_fleet)
+    fleet._world.vehicles[0]._files = None
+
+    async def scene() -> None:
+        machines, _ = await deliver(link, Transfer.AUTO, Timers(give_up_s=2.0))
+        assert [type(machine) for machine in machines] == [Delivery, FileDelivery]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
+def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
+    _, link = emulated(make_fleet, "px4")
+
+    async def scene() -> None:
+        machines, seen = await deliver(link, Transfer.AUTO)
+        assert all(isinstance(machine, Delivery) for machine in machines)
+        assert not seen[FILE]
+        with pytest.raises(PeerError, match="takes no missions as files"):
+            await deliver(link, Transfer.FILE)
+
+    run(scene())
+
+
+def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
+    fleet, link = emulated(make_fleet)
+    files = fleet._world.vehicles[0]._files
+    assert files is not None
+    honest = files._opened
+    protected = _nak(FtpPayload(0, 0, FtpOpcode.CREATE_FILE), FtpError.FILE_PROTECTED)
+
+    def opened(request: FtpPayload, now_s: float) -> FtpPayload:
+        if request.opcode != FtpOpcode.CREATE_FILE:
+            return honest(request, now_s)
+        return replace(protected, seq=request.seq + 1, session=request.session)
+
+    files._opened = opened  # type: ignore[method-assign]
+
+    async def scene() -> None:
+        with pytest.raises(FtpRefused, match="FILE_PROTECTED"):
+            await deliver(link, Transfer.FILE)
+        machines, _ = await deliver(link, Transfer.AUTO)
+        assert [type(machine) for machine in machines] == [Delivery, FileDelivery]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
+def test_a_restart_in_the_middle_of_a_file_loses_the_file_and_nothing_else(make_fleet: MakeFleet) -> None:
+    fleet, link = emulated(make_fleet, "ardupilot", "1:reboot@upload:20")
+    before = tuple(fleet._world.vehicles)
+
+    async def scene() -> None:
+        await deliver(link, Transfer.AUTO)
+        assert [now is then for now, then in zip(fleet._world.vehicles, before, strict=True)] == [False, True]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
+def test_the_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs(["upload", "missions/simulation1", "--transfer", "pigeon"]) == 2
+    assert "there are auto, items, file" in capsys.readouterr().err
+    assert gcs(["fly", "missions/simulation1", "--link", "udpin:127.0.0.1:0", "--transfer", "pigeon"]) == 2
