@@ -27,6 +27,7 @@ from gcs.cli.replay import replay
 from gcs.cli.report import report
 from gcs.cli.schema import schema
 from gcs.cli.show import show
+from gcs.cli.tell import tell
 from gcs.cli.upload import restore, upload
 from gcs.cli.vehicles import vehicles
 from gcs.cli.verify import verify
@@ -62,6 +63,7 @@ for _command in (
     report,
     replay,
     vehicles,
+    tell,
     upload,
     download,
     diff,

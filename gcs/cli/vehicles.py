@@ -64,7 +64,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
         if isinstance(fleet, Fleet):
             asked = [survey(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
         else:
-            asked = [vehicle.report() for vehicle in fleet.known]
+            asked = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
         found = await asyncio.gather(*asked)
         fleet.check()
         return list(found)

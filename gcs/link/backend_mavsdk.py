@@ -31,6 +31,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 T = TypeVar("T")
 _INT32 = 6
 _LOOK_S = 0.05
+_BEAT_S = 1.5  # heartbeats come once a second
 _SCHEMES = {LinkMode.LISTEN: "udpin", LinkMode.CALL: "udpout", LinkMode.TCP: "tcpout", LinkMode.SERIAL: "serial"}
 _AUTOPILOTS = {mavsdk.Autopilot.PX4: Autopilot.PX4, mavsdk.Autopilot.ARDUPILOT: Autopilot.ARDUPILOT}
 
@@ -44,7 +45,17 @@ class MavsdkVehicle:
         self._missions = mission_raw.MissionRaw(system)
         self._params = param.Param(system)
         self._telemetry = telemetry.Telemetry(system)
+        self._heard = False
+        self._telemetry.subscribe_armed(self._hear)
         self._lock = asyncio.Lock()
+
+    def _hear(self, *_: Any) -> None:
+        self._heard = True
+
+    @property
+    def heard(self) -> bool:
+        """Whether a heartbeat came since it was found: before, MAVSDK calls everybody disarmed."""
+        return self._heard
 
     @property
     def autopilot(self) -> int:
@@ -189,7 +200,7 @@ class MavsdkFleet:
         """These vehicles, once each has been heard. Raises `PeerTimeout` that names the silent ones."""
         system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(sysids)}
         end_s = time.monotonic() + timeout_s
-        while missing := [s for s, system in system_of.items() if system not in self._look()]:
+        while missing := [s for s, system in system_of.items() if not self._is_heard(system)]:
             if time.monotonic() > end_s:
                 silent = ", ".join(map(str, missing))
                 raise PeerTimeout(f"no heartbeat from vehicles {silent} within {timeout_s:g} s.")
@@ -201,8 +212,13 @@ class MavsdkFleet:
 
     async def listen(self, duration_s: float) -> dict[int, MavsdkVehicle]:
         """Whoever is heard within `duration_s`, by system id."""
-        await asyncio.sleep(duration_s)
-        return dict(sorted(self._look().items()))
+        end_s = time.monotonic() + duration_s
+        while time.monotonic() < end_s:
+            self._look()
+            await asyncio.sleep(_LOOK_S)
+        while not all(vehicle.heard for vehicle in self.known) and time.monotonic() < end_s + _BEAT_S:
+            await asyncio.sleep(_LOOK_S)
+        return {system: vehicle for system, vehicle in sorted(self._known.items()) if vehicle.heard}
 
     @property
     def known(self) -> tuple[MavsdkVehicle, ...]:
@@ -216,6 +232,10 @@ class MavsdkFleet:
 
     def check(self) -> None:
         """MAVSDK does not tell two vehicles with one id apart."""
+
+    def _is_heard(self, system: int) -> bool:
+        vehicle = self._look().get(system)
+        return vehicle is not None and vehicle.heard
 
     def _look(self) -> dict[int, MavsdkVehicle]:
         for system in self._sdk.get_systems():

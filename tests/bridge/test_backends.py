@@ -163,6 +163,47 @@ def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet],
     run(scene())
 
 
+@EACH
+def test_those_in_the_air_are_told(
+    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str
+) -> None:
+    port = free_port()
+    fleet = make_fleet(vehicles=2, links=(f"udpout:127.0.0.1:{port}",), speedup=10.0, seed=2)
+    link = f"udpin:127.0.0.1:{port}"
+
+    async def up() -> None:
+        await fleet.until(lambda: fleet.t_s > 6.0)
+        async with Connection((link,)).open() as ground:
+            hands = hands_of((await ground.vehicles((1, 2), 20.0))[1])
+            await hands.arm()
+            await hands.take_off(8.0)
+            await fleet.until(lambda: fleet.state(1).flying)
+
+    asyncio.run(up())
+    assert main.run(["tell", "hold", "--link", link, "--backend", backend, "--listen", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["vehicles"] == {"1": "holds", "2": "is not armed, and was left alone"}
+    assert main.run(["tell", "land", "--link", link, "--backend", backend, "--vehicles", "1"]) == 0
+    assert "vehicle 1: lands" in capsys.readouterr().out
+    fleet.wait_until(lambda: not fleet.state(1).armed)
+    assert fleet.state(1).landed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("dance", "--link", "udpin:127.0.0.1:0"), "there are hold, land, return"),
+        (("land",), "say where they are"),
+        (("land", "--link", "udpin:127.0.0.1:0", "--vehicles", "1,x"), "--vehicles 1,x: give system ids"),
+    ],
+)
+def test_what_cannot_be_told_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
+) -> None:
+    assert main.run(["tell", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
 def test_links_have_mavsdks_names_and_keys_are_refused() -> None:
     assert mavsdk_url("udpin:127.0.0.1:14550") == "udpin://127.0.0.1:14550"
     assert mavsdk_url("tcp:10.0.0.5:5760") == "tcpout://10.0.0.5:5760"
