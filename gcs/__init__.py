@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gcs.mission.export import export as export
     from gcs.mission.setpoints import build_stream as build_stream
     from gcs.plan.planner import make_plan as make_plan
+    from gcs.plan.replan import Replanner as Replanner
     from gcs.plan.store import load_plan as load_plan
     from gcs.plan.store import save_plan as save_plan
     from gcs.plan.trajectory import Plan as Plan
@@ -41,6 +42,7 @@ _HOME = {
     "Flown": "gcs.flight.sortie",
     "GcsError": "gcs.errors",
     "Plan": "gcs.plan.trajectory",
+    "Replanner": "gcs.plan.replan",
     "Report": "gcs.plan.verify",
     "Scenario": "gcs.scenario.model",
     "Verdict": "gcs.flight.judge",

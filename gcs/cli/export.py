@@ -91,7 +91,7 @@ def export(
     wanted = formats_named(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, _ = plan_for(mission, screen, watch, unverified=unverified)
+    plan, _ = plan_for(mission, screen, watch, unverified=unverified, in_the_air=True)
     index = write(
         plan,
         to,

@@ -24,6 +24,7 @@ from gcs.cli.fly import fly
 from gcs.cli.new import new
 from gcs.cli.plan import plan
 from gcs.cli.replay import replay
+from gcs.cli.replan import replan
 from gcs.cli.report import report
 from gcs.cli.schema import schema
 from gcs.cli.show import show
@@ -55,6 +56,7 @@ for _command in (
     new,
     show,
     plan,
+    replan,
     verify,
     export,
     check,

@@ -43,11 +43,11 @@ def plan(
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    made, report = plan_for(mission, screen, watch, unverified=True, every_way=alternatives)
+    made, report = plan_for(mission, screen, watch, unverified=True, every_way=alternatives, in_the_air=True)
     path = out or Path("plans") / f"{made.scenario.name}{SUFFIX}"
     save_plan(made, report, path)
     watch.lap("write")
-    _show(screen, made, report)
+    show_plan(screen, made, report)
     if alternatives:
         _show_alternatives(screen, made)
     screen.say(f"time: {watch}")
@@ -77,7 +77,7 @@ def plan(
     raise refusal(report)
 
 
-def _show(screen: Screen, made: Plan, report: Report) -> None:
+def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     """What a person wants to know about a plan, in a few lines."""
     scenario = made.scenario
     count = len(made.sysids)
@@ -85,7 +85,7 @@ def _show(screen: Screen, made: Plan, report: Report) -> None:
     screen.say(f"{scenario.title or scenario.name}")
     screen.say(
         f"  {count} vehicle{'s' if count > 1 else ''}, {made.flight_s:g} s from T0 to the arrival, "
-        f"{made.t_end_s - made.t_start_s:g} s from the ground to the ground"
+        f"{made.t_end_s - made.t_start_s:g} s from the {'ground' if made.begin_state is None else 'air'} to the ground"
     )
     for phase in made.phases:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")

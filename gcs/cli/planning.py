@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs.cli.console import Screen
-from gcs.errors import VerificationError
+from gcs.errors import UsageError, VerificationError
 from gcs.plan.planner import make_plan
 from gcs.plan.store import SUFFIX, load_plan
 from gcs.plan.trajectory import MeshRound, Plan
@@ -42,15 +42,26 @@ class Stopwatch:
 
 
 def plan_for(
-    mission: Path, screen: Screen, watch: Stopwatch, *, unverified: bool = False, every_way: bool = False
+    mission: Path,
+    screen: Screen,
+    watch: Stopwatch,
+    *,
+    unverified: bool = False,
+    every_way: bool = False,
+    in_the_air: bool = False,
 ) -> tuple[Plan, Report]:
     """The plan of a mission folder, a scenario file or a `.skein` file, with its verdict.
 
     `every_way` optimises all ways through the map, for comparison. Raises VerificationError for a plan that does not
-    hold, unless `unverified`.
+    hold, unless `unverified`; UsageError for one that begins in flight, unless `in_the_air`.
     """
     if mission.suffix == SUFFIX:
         plan, report = load_plan(mission)
+        if plan.begin_state is not None and not in_the_air:
+            raise UsageError(
+                f"{mission}: this plan begins in the air, at t = {plan.t_start_s:g} s, not on the ground",
+                hint="give the plan or mission that it was made from; `gcs export` writes this one's setpoints",
+            )
         watch.lap("load")
     else:
         scenario = load_scenario(mission)

@@ -44,7 +44,7 @@ class Crew:
     @property
     def hover_ned_m(self) -> Array:
         """Where it waits for the others (3,)."""
-        end = self.plan.phase("takeoff").end_s
+        end = self.plan.airborne_s
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
 
 

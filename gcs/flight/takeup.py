@@ -37,7 +37,7 @@ class Where:
 
 def where_in_plan(plan: Plan, positions_ned_m: Array) -> Where:
     """For positions (V, 3), between the end of the take-off and the beginning of the landing."""
-    t_s = np.arange(plan.phase("takeoff").end_s, plan.phase("landing").start_s, _STEP_S)
+    t_s = np.arange(plan.airborne_s, plan.phase("landing").start_s, _STEP_S)
     places = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)  # (V, N, 3)
     off = np.linalg.norm(places - positions_ned_m[:, None], axis=-1).max(axis=0)
     best = int(np.argmin(off))

@@ -103,7 +103,7 @@ def build_missions(
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:
     """Items of the vehicle in this row."""
-    takeoff, landing = plan.phase("takeoff"), plan.phase("landing")
+    landing, up_s = plan.phase("landing"), plan.airborne_s
     t_s = legs.t_s
     origin = Origin(**plan.scenario.origin.model_dump())
     states = plan.motion(t_s, slice(row, row + 1))[0][0]
@@ -126,8 +126,9 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
     )
 
     draft = _Draft(altitude.frame, [], [])
-    draft.fly_to(Command.NAV_TAKEOFF, places[0], yaw_ned_rad[0], takeoff.end_s)
-    draft.wait(legs.left_s - takeoff.end_s)
+    first = Command.NAV_TAKEOFF if plan.begin_state is None else Command.NAV_WAYPOINT
+    draft.fly_to(first, places[0], yaw_ned_rad[0], up_s)
+    draft.wait(legs.left_s - up_s)
     rest_s = landing.start_s - t_s[-1]
     if legs.speeds_mps is None:
         _fly_planned(draft, t_s, length_m, (places, yaw_ned_rad), rest_s)

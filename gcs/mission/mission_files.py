@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
 
 _DAY_S = 86400
+_IN_THE_AIR = VerificationError(
+    "the plan begins in the air, where no mission is begun in time: missions are left out",
+    hint="fly its setpoints: --format setpoints",
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,12 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     they must as they are written at the plan's own speeds.
     """
     firmware, altitude = order.firmware, order.altitude
-    corrected = order.corrected and bool({Format.PLAN, Format.WAYPOINTS} & set(formats))
+    asked = bool({Format.PLAN, Format.WAYPOINTS} & set(formats))
+    if plan.begin_state is not None:
+        legs = timed_legs(plan)
+        missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
+        return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if asked else None)
+    corrected = order.corrected and asked
     legs = corrected_legs(plan, firmware, order.gates) if corrected else timed_legs(plan)
     missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
     if order.start_s is not None:

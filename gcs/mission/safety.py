@@ -63,7 +63,7 @@ class Safety:
 def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
     """The fence, the rally points and the returns of a plan, for one autopilot."""
     returns = plan_returns(plan, firmware)
-    hover_m = -plan.states(np.array([plan.phase("takeoff").end_s]))[:, 0, 2]
+    hover_m = -plan.states(np.array([plan.airborne_s]))[:, 0, 2]
     homes_m = -plan.pads_ned_m[:, 2]
     parameters = tuple(
         return_parameters(firmware, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))

@@ -31,7 +31,7 @@ def build_stream(
     """
     if not 0 < rate_hz <= _MS:
         raise ValueError(f"a rate of {rate_hz} Hz has no ticks on whole milliseconds")
-    start_s, end_s = plan.phase("takeoff").end_s, plan.phase("landing").start_s
+    start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
     ticks = np.arange(np.ceil(start_s * rate_hz - 1e-6), np.floor(end_s * rate_hz + 1e-6) + 1)
     t_ms = np.rint(ticks * _MS / rate_hz)
     last_ms = np.floor(end_s * _MS + 1e-6)

@@ -61,7 +61,7 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
     """
     if not tolerance_m > 0:
         raise UsageError(f"a path cannot be smoothed within {tolerance_m:g} m", hint="give --smooth a positive number")
-    start_s, end_s = plan.phase("takeoff").end_s, plan.phase("landing").start_s
+    start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
     t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
     knots_s = LONGEST_KNOT_S

@@ -56,7 +56,7 @@ def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
 
 def climb_s(plan: Plan, firmware: Autopilot) -> float:
     """How long the highest vehicle takes to its hover: autopilots climb at a speed of their own."""
-    hover_ned_m = plan.motion(np.array([plan.phase("takeoff").end_s]))[0][:, 0, POSITION]
+    hover_ned_m = plan.motion(np.array([plan.airborne_s]))[0][:, 0, POSITION]
     return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.climb_mps[0]
 
 

@@ -20,7 +20,7 @@ from gcs.plan.schedule import optimise_on_schedule
 from gcs.plan.trajectory import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
-_GRID_EXCESS = 1.02
+GRID_EXCESS = 1.02
 
 
 def best_way(
@@ -73,5 +73,5 @@ def least_objective(problem: Problem, route: Route) -> float:
     if not problem.quadrotor.wind.is_still:
         return 0.0
     straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
-    speed_mps = max(route.length_m / _GRID_EXCESS, straight_m) / problem.duration_s
+    speed_mps = max(route.length_m / GRID_EXCESS, straight_m) / problem.duration_s
     return problem.objective.energy_weight * (speed_mps / problem.objective.speed_ref_mps) ** 3

@@ -41,14 +41,14 @@ def along(problem: Problem, route: Route) -> Trajectory:
     states[:, :2] = _rounded(route.place(share))
     chains = _chains(problem, times, states)
     low, high = leader_state_bounds(problem, times)
-    states[:, 2] = np.minimum(states[:, 2], -_lift(problem, times, np.hstack([states, chains])))
+    states[:, 2] = np.minimum(states[:, 2], -lifted_m(problem, times, np.hstack([states, chains])))
     states[:, 2] = np.clip(states[:, 2], low[:, 2], high[:, 2])
     states[:, 3:6] = np.gradient(states[:, :3], times, axis=0)
     states[:, 6:8] = 0.0
     states[:, 9:12] = 0.0
     controls = np.zeros((_POINTS, 4 + len(problem.coordinates)))
     controls[:, 0] = problem.quadrotor.weight_N
-    return Trajectory(_piecewise_linear(times, np.hstack([states, chains])), _piecewise_linear(times, controls))
+    return Trajectory(piecewise_linear(times, np.hstack([states, chains])), piecewise_linear(times, controls))
 
 
 def _chains(problem: Problem, times: Array, states: Array) -> Array:
@@ -105,7 +105,7 @@ def _rounded(points: Array) -> Array:
     return np.asarray(line + gaussian_filter1d(points - line, _SMOOTHING, axis=0, mode="nearest"))
 
 
-def _lift(problem: Problem, times: Array, states: Array) -> Array:
+def lifted_m(problem: Problem, times: Array, states: Array) -> Array:
     """Height (N,) of the leader at which every vehicle clears its ground, rising before a flank."""
     scenario = problem.scenario
     places = offsets_at(problem, problem.shape.offsets(times), states)
@@ -114,6 +114,7 @@ def _lift(problem: Problem, times: Array, states: Array) -> Array:
     return np.asarray(gaussian_filter1d(maximum_filter1d(needed, int(4 * _SMOOTHING)), _SMOOTHING))
 
 
-def _piecewise_linear(times: Array, values: Array) -> PPoly:
+def piecewise_linear(times: Array, values: Array) -> PPoly:
+    """Straight lines through values (N, ...) at times (N,)."""
     slopes = np.diff(values, axis=0) / np.diff(times)[:, None]
     return PPoly(np.stack([slopes, values[:-1]]), times)

@@ -19,7 +19,7 @@ from gcs.plan.layout import NU, NX
 from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
 from gcs.plan.smooth_ground import spline
-from gcs.plan.watched import SLOT, Watched, zone_pieces
+from gcs.plan.watched import MOVED, RADIUS, SLOT, Watched, zone_pieces
 from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
 from gcs.scenario.zones import Disk, Piece, pieces
@@ -172,11 +172,16 @@ def _path(
     for height in ground:
         _, _, down = _place(problem, x, next(waiting))
         values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
-    for _, piece in zone_pieces(problem):
+    zones = zone_pieces(problem)
+    for number, (_, piece) in enumerate(zones):
         for _ in range(near_zone):
             slot = next(waiting)
-            north, east, _ = _place(problem, x, slot)
-            values.append(_outside(piece, x[0] + north - slot[12], x[1] + east - slot[13]))
+            offset_north, offset_east, _ = _place(problem, x, slot)
+            north, east = x[0] + offset_north - slot[MOVED][0], x[1] + offset_east - slot[MOVED][1]
+            if number < len(zones) - problem.spare_disks:
+                values.append(_outside(piece, north, east))
+            else:
+                values.append((north**2 + east**2 - slot[RADIUS] ** 2) / (2.0 * slot[RADIUS]))
     for slot in waiting:
         values += _own_motion(problem, z, motion, slot)
     if problem.follows_course:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,20 +35,54 @@ _GLANCE_EVERY = round(_GLANCE_S / LOOK_EVERY_S)
 _DIRECTIONS = 8
 
 
+@dataclass(frozen=True)
+class Miss:
+    """One stretch over which a constraint is broken: by how much where it is worst, and when."""
+
+    name: str
+    unit: str
+    t_s: float
+    by: float
+    share: float  # of the limit's own size
+    tolerated: float  # times what is tolerated
+
+    @property
+    def by_si(self) -> float:
+        """How much, angles in radians."""
+        return float(np.radians(self.by)) if self.unit.startswith("deg") else self.by
+
+    def __str__(self) -> str:
+        return f"{self.name} broken by {self.by:.3g} {self.unit} at {self.t_s:.1f} s"
+
+
 def broken(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
     """Worst instant of every stretch over which a constraint is broken, and the complaints in words."""
-    instants: set[float] = set()
-    worst: dict[str, tuple[float, str]] = {}
-    for times, found in _looks(problem, trajectory, shape):
-        for margin, tolerance in found:
+    found = misses(problem, trajectory, shape)
+    return np.array(sorted({miss.t_s for miss in found})), complaints(found)
+
+
+def complaints(found: tuple[Miss, ...]) -> tuple[str, ...]:
+    """Each constraint's worst miss in words."""
+    worst: dict[str, Miss] = {}
+    for miss in found:
+        if miss.tolerated > 1.0 and (miss.name not in worst or miss.tolerated > worst[miss.name].tolerated):
+            worst[miss.name] = miss
+    return tuple(map(str, worst.values()))
+
+
+def misses(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Miss, ...]:
+    """Every stretch over which a constraint is broken that is broken by more than is tolerated somewhere."""
+    found = []
+    for times, looks in _looks(problem, trajectory, shape):
+        for margin, tolerance in looks:
             lowest = margin.value.min(axis=0)
             if lowest.min() >= -tolerance:
                 continue
-            by = float(-lowest.min() / tolerance)
-            text = f"{margin.name} broken by {-lowest.min():.3g} {margin.unit} at {times[lowest.argmin()]:.1f} s"
-            worst[margin.name] = max(worst.get(margin.name, (0.0, "")), (by, text))
-            instants |= {float(times[a + np.argmin(lowest[a:b])]) for a, b in _stretches(lowest < 0.0)}
-    return np.array(sorted(instants)), tuple(text for _, text in worst.values())
+            for a, b in _stretches(lowest < 0.0):
+                at = a + int(np.argmin(lowest[a:b]))
+                by = float(-lowest[at])
+                found.append(Miss(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance))
+    return tuple(found)
 
 
 def _looks(

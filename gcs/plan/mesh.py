@@ -64,3 +64,18 @@ def end_refined(start_s: float, end_s: float, longest_s: float, shortest_s: floa
     joints = start_s + np.concatenate([[0.0], np.cumsum(lengths)])
     joints[-1] = end_s
     return Mesh(joints, (degree,) * len(lengths))
+
+
+def counted(start_s: float, end_s: float, intervals: int, shortest_s: float, degree: int) -> Mesh:
+    """The same growth towards the middle in an even number of intervals, whatever the time; none where it is short."""
+    half, count = 0.5 * (end_s - start_s), intervals // 2
+    growing = shortest_s * 1.5 ** np.arange(count)
+    lengths = np.full(count, half / count)
+    for grown in range(1, count):
+        if growing[grown - 1] > lengths[-1]:
+            break
+        longest = (half - growing[:grown].sum()) / (count - grown)
+        lengths = np.append(growing[:grown], np.full(count - grown, longest))
+    joints = start_s + np.concatenate([[0.0], np.cumsum(np.append(lengths, lengths[::-1]))])
+    joints[-1] = end_s
+    return Mesh(joints, (degree,) * (2 * count))

@@ -62,6 +62,7 @@ class Problem:
     objective: Objective
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
+    spare_disks: int = 0  # the last so many zones are disks of which only parameters say where they are
 
     @property
     def duration_s(self) -> float:

@@ -22,7 +22,7 @@ from gcs.plan.problem import Problem
 from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
-from gcs.plan.windows import WINDOW_S, window_errors
+from gcs.plan.windows import STEP_S, WINDOW_S, window_errors
 from gcs.quadrotor import RATES, VELOCITY, Array, hover_trim
 from gcs.scenario.terrain import ground_envelope_m
 
@@ -49,7 +49,7 @@ class Optimum:
 
 def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None) -> Optimum:
     """The best trajectory near a guess; raises PlanningError when no mesh holds between its nodes."""
-    problem = replace(problem, clearance_reserve_m=_clearance_reserve_m(problem))
+    problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_MOVING_S if problem.coordinates else LONGEST_S
     mesh = end_refined(problem.start_s, problem.end_s, longest_s, SHORTEST_S, DEGREE)
     trajectory = guess
@@ -61,7 +61,7 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         trajectory = program.trajectory(solution.y)
         shape = flown_shape(problem, trajectory)
         missed, complaints = broken(problem, trajectory, shape)
-        drifting, drift = _drifting_intervals(problem, trajectory, shape)
+        drifting, drift = drifting_intervals(problem, trajectory, shape)
         history.append(
             MeshRound(
                 mesh.intervals,
@@ -91,18 +91,24 @@ def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:
     return composed(problem.shape, problem.target_ned_m, names, trajectory.coordinates)
 
 
-def _clearance_reserve_m(problem: Problem) -> float:
-    """CLEARANCE_RESERVE_M, or less where a vehicle starts or ends nearer to its limit than that."""
+def clearance_reserve_m(problem: Problem, most_m: float = CLEARANCE_RESERVE_M) -> float:
+    """`most_m`, or less where a vehicle starts or ends nearer to its limit than that."""
     scenario = problem.scenario
     leader = np.stack([problem.start_state, problem.end_state])[:, None, :3]
     ends = leader + np.stack([problem.shape.at(problem.start_s), problem.shape.at(problem.end_s)])
     ground = ground_envelope_m(scenario.terrain, ends[..., 0], ends[..., 1])
     spare = float((-ends[..., 2] - ground).min()) - scenario.limits.clearance_min_m
-    return min(max(spare, 0.0), CLEARANCE_RESERVE_M)
+    return min(max(spare, 0.0), most_m)
 
 
-def _drifting_intervals(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[set[int], tuple[str, ...]]:
-    """Intervals in which a window that drifts too far has its start, and the complaint in words."""
+def drifting_intervals(
+    problem: Problem, trajectory: Trajectory, shape: Shape, *, quick: bool = False
+) -> tuple[set[int], tuple[str, ...]]:
+    """Intervals in which a window that drifts too far has its start, and the complaint in words.
+
+    `quick` takes steps twice as long.
+    """
+    step_s = 2.0 * STEP_S if quick else STEP_S
     trajectory = trajectory.vehicle
     joints, end_s = trajectory.joints_s, trajectory.end_s
     end = problem.end_state
@@ -115,6 +121,7 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory, shape: Shape) 
         lambda t: np.where((t > end_s)[:, None], hover, trajectory.control(np.minimum(t, end_s)))[None],
         np.append(joints, end_s + WINDOW_S) if stops else joints,
         problem.quadrotor,
+        step_s=step_s,
     )
     starts_s, error_m = windows.start_s, windows.error_m[0]
     if shape.moving_s:
@@ -124,6 +131,7 @@ def _drifting_intervals(problem: Problem, trajectory: Trajectory, shape: Shape) 
             lambda t: _motion(trajectory, shape, problem, t, outermost)[1],
             np.union1d(joints, shape.joints_s),
             problem.quadrotor,
+            step_s=step_s,
         )
         starts_s, error_m = np.append(starts_s, windows.start_s), np.append(error_m, windows.error_m[0])
     if error_m.max() <= WINDOW_TOLERANCE_M:

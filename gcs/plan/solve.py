@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
 
@@ -18,7 +18,7 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.transcription import Program
 from gcs.quadrotor import Array
 
-_OPTIONS = {
+OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -32,7 +32,7 @@ _OPTIONS = {
 }
 # With a shape that moves by itself blocks are larger, and approximate minimum degree takes two thirds of the time.
 _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
-_WARM_OPTIONS = {
+WARM_OPTIONS = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
     "ipopt.warm_start_bound_frac": 1e-6,
@@ -70,17 +70,29 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
     KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
-    options: dict[str, Any] = {**program.derivatives, **_OPTIONS}
+    options: dict[str, Any] = {**OPTIONS}
     if program.layout.coordinates:
         options |= _SHAPE_OPTIONS
     guess: dict[str, Any] = {"x0": start}
     if before is not None:
-        options |= _WARM_OPTIONS
+        options |= WARM_OPTIONS
         guess["lam_g0"] = [before.g_multipliers.get(row, 0.0) for row in program.g_names]
         if len(before.y) == len(start):
             guess["lam_x0"] = before.y_multipliers
-    solver = ca.nlpsol("solver", "ipopt", program.nlp, options)
-    result = solver(lbx=program.y_low, ubx=program.y_high, lbg=program.g_low, ubg=program.g_high, **guess)
+    found = run(solver(program.nlp, program.derivatives, options), program, guess)
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: dict[str, Any]) -> ca.Function:
+    """IPOPT for one program, whatever its parameters and bounds are."""
+    return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
+
+
+def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solution:
+    """One solve from a guess (x0, and where known lam_x0, lam_g0); raises as `solve` does."""
+    began = time.perf_counter()
+    bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
+    result = solver(p=program.parameters, **bounds, **guess)
     stats = solver.stats()
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
@@ -98,7 +110,7 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
 
 
 def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Array, status: str) -> PlanningError:
-    g = np.asarray(program.nlp(y, [])[1]).ravel()
+    g = np.asarray(program.nlp(y, program.parameters)[1]).ravel()
     excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
     worst = int(np.argmax(excess))
     name, t_s = program.g_names[worst]

@@ -39,6 +39,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "alternatives": [asdict(a) for a in plan.alternatives],
         "moves": [asdict(m) for m in plan.moves],
         "timings_s": plan.timings_s,
+        "begin_state": plan.begin_state,
         "report": asdict(report),
     }
     buffer = io.BytesIO()
@@ -78,6 +79,7 @@ def load_plan(path: Path | str) -> tuple[Plan, Report]:
             tuple(Alternative(**a) for a in meta["alternatives"]),
             tuple(Move(**m) for m in meta["moves"]),
             meta["timings_s"],
+            None if meta.get("begin_state") is None else tuple(meta["begin_state"]),
         )
         verdict = meta["report"]
         report = Report(tuple(Check(**c) for c in verdict.pop("checks")), **verdict)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -19,8 +21,11 @@ from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
 from gcs.quadrotor import VELOCITY, Array, Quadrotor, derivative
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.physical import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+
+if TYPE_CHECKING:
+    from gcs.plan.replan import Replanner
 
 
 @dataclass(frozen=True)
@@ -135,6 +140,7 @@ class Plan:
     alternatives: tuple[Alternative, ...] = ()
     moves: tuple[Move, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
+    begin_state: tuple[float, ...] | None = None  # the leader's (12), SI and NED, of a plan that begins in the air
 
     def __post_init__(self) -> None:
         if self.shape.basis_ned_m.shape[1] != len(self.sysids):
@@ -159,6 +165,11 @@ class Plan:
     def t_start_s(self) -> float:
         """Take-off begins."""
         return self.leader_trajectory.start_s
+
+    @property
+    def airborne_s(self) -> float:
+        """The take-off is over, or was over before the plan began."""
+        return next((p.end_s for p in self.phases if p.name == "takeoff"), self.t_start_s)
 
     @property
     def t_end_s(self) -> float:
@@ -200,6 +211,19 @@ class Plan:
     def controls(self, t_s: Array) -> Array:
         """Controls (V, N, 4): the leader's, and what moves a vehicle within the shape."""
         return self.motion(t_s)[1]
+
+    def replan(self, state: Array, t_s: float, zones: Sequence[NoFlyZone] = ()) -> Plan:
+        """The plan from the leader's `state` (12,), or the fleet's (V, 12), SI and NED, at `t_s`, round new disks.
+
+        The first call builds what all others use (`gcs.plan.replan.Replanner`). Raises as that does.
+        """
+        return self._replanner.replan(state, t_s, zones)
+
+    @cached_property
+    def _replanner(self) -> Replanner:
+        from gcs.plan.replan import Replanner  # noqa: PLC0415 (who re-plans knows plans)
+
+        return Replanner(self)
 
     def motion(self, t_s: Array, rows: slice | Rows = EVERYONE) -> tuple[Array, Array]:
         """States and controls of the vehicles in `rows`: (V, N, 12) and (V, N, 4)."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
@@ -27,14 +28,14 @@ from gcs.plan.layout import ControlForm, Layout
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.plan.watched import watched
+from gcs.plan.watched import Watched, watched
 from gcs.quadrotor import Array, level_flight_thrust_N
 
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
 
 
-def _dm(matrix: sparse.spmatrix) -> ca.DM:
+def dm(matrix: sparse.spmatrix) -> ca.DM:
     """A SciPy matrix as CasADi's, which wants rows in order."""
     ordered = sparse.csc_matrix(matrix)
     ordered.sort_indices()
@@ -58,6 +59,7 @@ class Program:
     g_names: tuple[tuple[str, float], ...]  # what each row of g is, and when: no two alike
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
+    parameters: Array  # (p,) that nlp and derivatives take beside y
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y that sample an existing trajectory: the warm start."""
@@ -94,7 +96,7 @@ def transcribe(
     """Build the program for one problem on one mesh; where the leader was `last` says which vehicles to watch when."""
     layout = Layout(mesh, control_form, tuple(c.name for c in problem.coordinates))
     nx = layout.nx
-    unit, shift = _scales(problem, layout)
+    unit, shift = scales(problem, layout)
     state_unit = unit[:nx]
     node_times = layout.node_times_s()
     times = np.concatenate([node_times, mesh.watch_s])
@@ -107,29 +109,51 @@ def transcribe(
     shares = np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)])
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = instant.functions(problem, *counts)
-    nlp, derivatives = _assemble(
+    nlp, derivatives = assemble(
         parts,
-        _Constants(
+        Constants(
             nodes=layout.nodes,
             watched=len(mesh.watch_s),
-            sampling=_dm(sampling @ sparse.diags(unit)),
+            sampling=dm(sampling @ sparse.diags(unit)),
             offset=ca.DM(sampling @ shift),
-            a=_dm(row_unit @ a @ sparse.diags(unit)),
+            a=dm(row_unit @ a @ sparse.diags(unit)),
             a_shift=ca.DM(row_unit @ (a @ shift)),
-            b=_dm(row_unit @ b),
+            b=dm(row_unit @ b),
             shares=ca.DM(shares),
             slots=ca.DM(chosen.parameters.T),
             state_unit=state_unit,
         ),
     )
-    y_low, y_high = _bounds(problem, layout)
-    path_names = instant.path_names(problem, chosen)
+    return framed(problem, layout, chosen, nlp, derivatives)
+
+
+def framed(
+    problem: Problem,
+    layout: Layout,
+    chosen: Watched,
+    nlp: ca.Function,
+    derivatives: dict[str, ca.Function],
+    parameters: Array | None = None,
+    unused: NDArray[np.bool_] | None = None,
+) -> Program:
+    """The functions of a program with the bounds of this problem, and the names of all rows.
+
+    `unused` (T, P) rows of the path bind nothing.
+    """
+    mesh, (unit, shift) = layout.mesh, scales(problem, layout)
+    state_unit = unit[: layout.nx]
+    y_low, y_high = bounds(problem, layout)
     box_low, box_high = leader_state_bounds(problem, mesh.watch_s)
-    dynamics = np.zeros(a.shape[0])
+    dynamics = np.zeros(layout.nx * (layout.nodes + mesh.intervals))
     free = instant.path_is_free(problem, chosen)
+    if unused is not None:
+        free = free | unused
     words = layout.state_words
+    times = np.concatenate([layout.node_times_s(), mesh.watch_s])
     names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
-    names += [(name, float(t)) for t, row in zip(times, path_names, strict=True) for name in row]
+    names += [
+        (name, float(t)) for t, row in zip(times, instant.path_names(problem, chosen), strict=True) for name in row
+    ]
     names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in words]
     return Program(
         layout,
@@ -143,12 +167,13 @@ def transcribe(
         tuple(names),
         nlp,
         derivatives,
+        np.zeros(0) if parameters is None else parameters,
     )
 
 
 @dataclass(frozen=True)
-class _Constants:
-    """Everything of a program that its unknowns do not change."""
+class Constants:
+    """Everything of a program that its unknowns do not change: numbers, or functions of its parameters."""
 
     nodes: int
     watched: int
@@ -157,17 +182,20 @@ class _Constants:
     a: ca.DM
     a_shift: ca.DM
     b: ca.DM
-    shares: ca.DM
-    slots: ca.DM
+    shares: ca.DM | ca.MX  # (2, nodes)
+    slots: ca.DM | ca.MX  # (slots, instants)
     state_unit: Array  # (nx,)
+    lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
+    parameters: ca.MX | None = None  # (p,) symbols
 
 
-def _assemble(parts: instant.Instant, k: _Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
-    """Program and exact derivatives as CasADi functions of y."""
+def assemble(parts: instant.Instant, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
+    """Program and exact derivatives as CasADi functions of y and p."""
     nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
     nodes, points = k.nodes, k.nodes + k.watched
     sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
-    y, p = ca.MX.sym("y", sampling.size2()), ca.MX.sym("p", 0)
+    y = ca.MX.sym("y", sampling.size2())
+    p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
     s_nodes, s_watch = sampling[: nz * nodes, :], sampling[nz * nodes :, :]
@@ -178,7 +206,7 @@ def _assemble(parts: instant.Instant, k: _Constants) -> tuple[ca.Function, dict[
 
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))
     g = ca.vertcat(
-        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(parts.motion.map(nodes)(zn))),
+        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_lasting(parts.motion.map(nodes)(zn), k.lengths))),
         ca.vec(parts.path.map(points)(z, k.slots)),
         ca.mtimes(box, y) + box_shift,
     )
@@ -187,17 +215,15 @@ def _assemble(parts: instant.Instant, k: _Constants) -> tuple[ca.Function, dict[
     # IPOPT's interface copies gradients as they are stored: a sparse one would leave the gaps unset.
     gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
     jacobian = ca.vertcat(
-        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn), s_nodes]),
+        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=k.lengths), s_nodes]),
         ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots), sampling),
         ca.MX(box),
     )
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
-    costate = -ca.mtimes(b.T, lam[: a.size1()])
+    costate = _lasting(ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes), k.lengths)
     path_count = parts.path.size1_out(0)
     lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
-    curvature = _block_diagonal(
-        parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), ca.reshape(costate, nx, nodes)
-    )
+    curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
     return nlp, {
@@ -213,17 +239,26 @@ def _assemble(parts: instant.Instant, k: _Constants) -> tuple[ca.Function, dict[
     }
 
 
-def _block_diagonal(function: ca.Function, count: int, *arguments: ca.MX | ca.DM) -> ca.MX:
+def _lasting(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
+    """Columns (n, nodes) times the length of each node's interval."""
+    return rows if lengths is None else rows * ca.repmat(lengths, rows.size1(), 1)
+
+
+def _block_diagonal(
+    function: ca.Function, count: int, *arguments: ca.MX | ca.DM, lengths: ca.MX | None = None
+) -> ca.MX:
     """Evaluate `function` at every instant and set its (sparse) results on a diagonal of blocks.
 
     Side by side and on the diagonal, blocks store their nonzeros in the same column-major order.
     """
-    side_by_side = function.map(count)(*arguments)
+    values = function.map(count)(*arguments).nz[:]
     pattern = ca.diagcat(*([function.sparsity_out(0)] * count))
-    return ca.MX(pattern, side_by_side.nz[:])
+    if lengths is not None:
+        values = values * ca.vec(ca.repmat(lengths, function.nnz_out(0), 1))
+    return ca.MX(pattern, values)
 
 
-def _scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+def scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Unit and shift (n,) of every unknown."""
     hover = np.zeros(layout.nu)
     hover[0] = problem.quadrotor.weight_N
@@ -236,7 +271,7 @@ def _scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     return unit, np.concatenate([np.zeros(layout.nx * layout.state_points), np.tile(hover, layout.control_points)])
 
 
-def _bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
     state_low, state_high = leader_state_bounds(problem, layout.point_times_s())
     control_low, control_high = leader_control_bounds(problem, layout.control_times_s())

@@ -227,11 +227,12 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
     late = abs(mission.end_s - scenario.time.flight_s)
     checks.append(Check("arrival time", "mission", "s", -late, 0.0, None, mission.end_s))
     terminal = 0.0
+    begin = boundary_state(scenario, scenario.start) if plan.begin_state is None else np.array(plan.begin_state)
     for name, t_s, boundary in (
-        ("start", 0.0, scenario.start),
-        ("end", np.nextafter(mission.end_s, 0.0), scenario.end),
+        ("start", mission.start_s, begin),
+        ("end", np.nextafter(mission.end_s, 0.0), boundary_state(scenario, scenario.end)),
     ):
-        error = plan.states(np.array([t_s]))[leader, 0] - boundary_state(scenario, boundary)
+        error = plan.states(np.array([t_s]))[leader, 0] - boundary
         off = float(np.linalg.norm(error[POSITION]))
         terminal = off
         checks += [
@@ -255,10 +256,10 @@ def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
                 float(t_s),
             ),
         ]
-    for name, t_s, points in (
-        ("take-off point", plan.t_start_s, plan.pads_ned_m),
-        ("landing point", plan.t_end_s, landing_points(plan)),
-    ):
+    grounds = [("landing point", plan.t_end_s, landing_points(plan))]
+    if plan.begin_state is None:
+        grounds.insert(0, ("take-off point", plan.t_start_s, plan.pads_ned_m))
+    for name, t_s, points in grounds:
         distance = np.linalg.norm(plan.states(np.array([t_s]))[:, 0, POSITION] - points, axis=1)
         worst = int(np.argmax(distance))
         checks.append(Check(name, "all", "m", -float(distance[worst]), LENGTH_TOLERANCE_M, plan.sysids[worst], t_s))

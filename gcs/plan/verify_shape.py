@@ -73,6 +73,8 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     moves = [move for move in plan.moves if move.trigger != "auto"]
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
     for change, move in zip(changes, moves, strict=False):
+        if plan.begin_state is not None and move.start_s < plan.t_start_s:
+            continue  # it had begun before
         asked = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
         found.append((np.inf, move.start_s) if asked is None else (float(np.ptp([move.start_s, begun, asked])), asked))

@@ -21,8 +21,9 @@ from gcs.scenario.zones import Piece, displacement_m, pieces
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # vehicles watched at one instant, of each kind
 # Numbers that describe one watched vehicle: base offset, its rate, its acceleration, where it blends to; and how far
-# the zone that it is watched for has moved.
-SLOT = 14
+# the zone that it is watched for has moved. Of a spare disk: where its centre is, and its radius.
+SLOT = 15
+MOVED, RADIUS = slice(12, 14), 14
 _ASIDE_M = 8.0  # the next solution passes that far from the last one
 _DIRECTIONS = 4
 
@@ -52,12 +53,12 @@ def watched(problem: Problem, times_s: Array, states: Array) -> Watched:
     moving, used = _moving(problem, times_s, base)
     motion = [base, problem.shape.offsets(times_s, 1), problem.shape.offsets(times_s, 2)]
     target = np.broadcast_to(problem.target_ned_m[:, None], base.shape)
-    every = np.concatenate([*motion, target, np.zeros((*base.shape[:2], 2))], axis=2)  # (V, T, SLOT)
+    every = np.concatenate([*motion, target, np.zeros((*base.shape[:2], 3))], axis=2)  # (V, T, SLOT)
     rows = np.hstack([ground, *zones, moving])
     parameters = every[rows, np.arange(len(times_s))[:, None]]
     first = ground.shape[1]
     for chosen, away in zip(zones, moved, strict=True):
-        parameters[:, first : first + chosen.shape[1], -2:] = away[:, None]
+        parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
     return Watched(ground, zones, moving, used, parameters.reshape(len(times_s), -1))
 

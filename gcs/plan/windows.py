@@ -33,16 +33,17 @@ def window_errors(
     quadrotor: Quadrotor,
     window_s: float = WINDOW_S,
     stride_s: float = 1.0,
+    step_s: float = STEP_S,
 ) -> WindowErrors:
     """Re-integrate Eq. 1 under the planned control over every window of `window_s`.
 
     `states` and `controls` map times (N,) to (V, N, 12) and (V, N, 4). Windows start at every joint and every
-    `stride_s`. The integrator (classical Runge-Kutta, steps of at most STEP_S) stops and starts again at every joint,
+    `stride_s`. The integrator (classical Runge-Kutta, steps of at most `step_s`) stops and starts again at every joint,
     because a step across a corner of the control errs by more than it measures.
     """
     starts = np.union1d(np.arange(joints_s[0], joints_s[-1], stride_s), joints_s[:-1])
     edges = np.union1d(starts, joints_s)
-    counts = np.maximum(np.ceil(np.diff(edges) / STEP_S - 1e-9).astype(int), 1)
+    counts = np.maximum(np.ceil(np.diff(edges) / step_s - 1e-9).astype(int), 1)
     pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)]
     times = np.concatenate([*pieces, edges[-1:]])
     steps = np.diff(times)
