@@ -23,8 +23,8 @@ from gcs.cli.export import export
 from gcs.cli.fly import fly
 from gcs.cli.new import new
 from gcs.cli.plan import plan
-from gcs.cli.replay import replay
 from gcs.cli.replan import replan
+from gcs.cli.replay import replay
 from gcs.cli.report import report
 from gcs.cli.schema import schema
 from gcs.cli.show import show
