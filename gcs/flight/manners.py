@@ -39,6 +39,7 @@ class Manners:
     two_part_modes: bool  # DO_SET_MODE takes main and sub mode apart
     takeoff_above_sea: bool  # NAV_TAKEOFF's height
     stream_first_s: float  # setpoints must have come for so long before the guided mode, and must not end in it
+    lag_s: float  # how late it flies setpoints that come in time
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     estimator: tuple[str, int, int]  # message that tells readiness, flags it must have, flags it must not have
     estimator_id: int
@@ -81,6 +82,7 @@ ARDUPILOT = Manners(
     two_part_modes=False,
     takeoff_above_sea=False,
     stream_first_s=0.0,
+    lag_s=0.0,  # a stream 0.1 s ahead put it 0.43 m ahead
     waits_for_time_of_day=True,
     # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed.
     estimator=("EKF_STATUS_REPORT", EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE),
@@ -100,6 +102,7 @@ PX4 = Manners(
     two_part_modes=True,
     takeoff_above_sea=True,
     stream_first_s=1.5,
+    lag_s=0.1,  # what is left of 0.13 s at 20 Hz without half a period of waiting for the next setpoint
     waits_for_time_of_day=False,
     # It shows all ten flags once it is ready, CONST_POS_MODE among them.
     estimator=("ESTIMATOR_STATUS", EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0),

@@ -193,7 +193,9 @@ class Pilot:
     def _scheduler(self, t0_unix_s: float) -> Scheduler:
         grid = Grid.of(self._stream.t_s, self._plan.scenario.mission.setpoint_rate_hz)
         keep_s = _EMULATED_KEEP_S if self._emulated else 0.0
-        return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s)
+        # Who goes by the stamp needs no such help.
+        lags_s = {} if self._emulated else {crew.sysid: crew.manners.lag_s for crew in self._crews.values()}
+        return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s, lags_s=lags_s)
 
     async def _turn(self, scheduler: Scheduler) -> None:
         """Send what is due, and wait for what is next."""

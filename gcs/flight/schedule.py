@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gcs.quadrotor import Array
@@ -65,15 +66,25 @@ class Progress:
 class Scheduler:
     """Says which numbers of the grid are due. Times are of the vehicle's own clock.
 
-    `lead_s`: how far ahead of its instant a setpoint is sent. `keep_s`: how long after its instant one is still worth
-    sending beside newer ones: 0 for those who act on arrival, more for those who go by the stamp.
+    `lead_s`: how far ahead of its instant a setpoint is sent; `lags_s`: how much earlier still, by system id. `keep_s`: how
+    long after its instant one is still worth sending beside newer ones: 0 for those who act on arrival, more for those
+    who go by the stamp.
     """
 
-    def __init__(self, grid: Grid, t0_unix_s: float, *, lead_s: float = 0.0, keep_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        grid: Grid,
+        t0_unix_s: float,
+        *,
+        lead_s: float = 0.0,
+        keep_s: float = 0.0,
+        lags_s: Mapping[int, float] | None = None,
+    ) -> None:
         self.grid = grid
         self.t0_unix_s = t0_unix_s
         self.streams: dict[int, Progress] = {}
         self._lead_s = lead_s
+        self._lags_s = lags_s or {}
         self._keep_s = keep_s
 
     def start(self, sysid: int, first: int, end: int | None) -> None:
@@ -94,7 +105,7 @@ class Scheduler:
         stream = self.streams.get(sysid)
         if stream is None or stream.finished:
             return math.inf
-        return self._deadline_s(stream.next)
+        return self._deadline_s(sysid, stream.next)
 
     def due(self, sysid: int, vehicle_unix_s: float) -> list[int]:
         """Numbers to send now, oldest first; each is due once."""
@@ -102,7 +113,7 @@ class Scheduler:
         if stream is None:
             return []
         numbers = []
-        while not stream.finished and self._deadline_s(stream.next) <= vehicle_unix_s:
+        while not stream.finished and self._deadline_s(sysid, stream.next) <= vehicle_unix_s:
             numbers.append(stream.next)
             stream.next += 1
         if not numbers:
@@ -112,7 +123,7 @@ class Scheduler:
         kept.append(numbers[-1])
         stream.sent += len(kept)
         stream.skipped += len(numbers) - len(kept)
-        stream.late_s.append(vehicle_unix_s - self._deadline_s(numbers[-1]))
+        stream.late_s.append(vehicle_unix_s - self._deadline_s(sysid, numbers[-1]))
         return kept
 
     def advance(self, sysid: int) -> int | None:
@@ -124,6 +135,6 @@ class Scheduler:
         stream.sent += 1
         return stream.next - 1
 
-    def _deadline_s(self, k: int) -> float:
+    def _deadline_s(self, sysid: int, k: int) -> float:
         """The one expression for it: what `next_unix_s` says is due then, to the last bit."""
-        return self.t0_unix_s + self.grid.at(k) - self._lead_s
+        return self.t0_unix_s + self.grid.at(k) - (self._lead_s + self._lags_s.get(sysid, 0.0))

@@ -57,6 +57,16 @@ def test_what_is_said_to_be_due_is_due(k: int, lead_s: float, t0_unix_s: float) 
     assert ours.due(1, ours.next_unix_s(1)) == [k]
 
 
+def test_who_lags_is_told_earlier() -> None:
+    ours = Scheduler(GRID, T0, lead_s=0.05, lags_s={2: 0.1})
+    ours.start(1, 100, None)
+    ours.start(2, 100, None)
+    assert ours.next_unix_s(1) == pytest.approx(T0 - 0.05)
+    assert ours.next_unix_s(2) == pytest.approx(T0 - 0.15)
+    assert ours.due(1, T0 - 0.14) == []
+    assert ours.due(2, T0 - 0.14) == [100]
+
+
 def test_after_a_stall_the_newest_point_alone_is_sent() -> None:
     ours = scheduler()
     assert ours.due(1, T0 + 1.0) == [150]
