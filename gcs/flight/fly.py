@@ -39,7 +39,8 @@ from gcs.flight.prologue import (
 from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.takeup import FADE_S, NEAR_M, TakeUp, where_in_plan
-from gcs.flight.together import LOOK_S, alongside, each, ended, until
+from gcs.flight.together import LOOK_S, alongside, each, ended, insisted, until
+from gcs.link.command import CommandSender
 from gcs.link.dialect import MavCommand
 from gcs.link.load import VehicleLoad
 from gcs.link.message import Message
@@ -118,8 +119,9 @@ class Flight:
                 watch.result()
             return await work
         except (GcsError, asyncio.CancelledError):
-            await ended(work)
-            await self._land_whoever_flies()
+            work.cancel()
+            self._say_land()  # before an impatient second Ctrl-C can come in between
+            await insisted(self._end_and_land(work))
             raise
         finally:
             await ended(watch)
@@ -330,12 +332,24 @@ class Flight:
                     hint="the others were told to land; look for it where the last telemetry puts it",
                 )
 
-    async def _land_whoever_flies(self) -> None:
-        # Who is not heard may still hear.
-        flying = [c for c in self.crews.values() if c.session.armed]
+    def _perhaps_aloft(self) -> list[Crew]:
+        """Who is not heard may still hear; who was told to arm may be in the air before its heartbeat says so."""
+        return [c for c in self.crews.values() if c.session.armed or self.step is Step.TAKEOFF]
+
+    def _say_land(self) -> None:
+        """Once, at once, to everybody, without waiting for an answer."""
+        now_s = asyncio.get_running_loop().time()
+        for crew in self._perhaps_aloft():
+            land = crew.manners.mode_parameters(crew.manners.land)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, crew.session.station, me=crew.session.me)
+            for message in command.start(now_s):
+                crew.session.send(message)
+
+    async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
+        await ended(work)
 
         async def land(crew: Crew) -> None:
             with suppress(GcsError):
                 await crew.session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(crew.manners.land))
 
-        await each(flying, land)
+        await each(self._perhaps_aloft(), land)

@@ -66,9 +66,9 @@ class Progress:
 class Scheduler:
     """Says which numbers of the grid are due. Times are of the vehicle's own clock.
 
-    `lead_s`: how far ahead of its instant a setpoint is sent; `lags_s`: how much earlier still, by system id. `keep_s`: how
-    long after its instant one is still worth sending beside newer ones: 0 for those who act on arrival, more for those
-    who go by the stamp.
+    `lead_s`: how far ahead of its instant a setpoint is sent; `lags_s`: how much earlier still, by system id.
+    `keep_s`: how long after its instant one is still worth sending beside newer ones: 0 for those who act on arrival,
+    more for those who go by the stamp.
     """
 
     def __init__(

@@ -36,6 +36,16 @@ async def ended(task: asyncio.Future[Any]) -> None:
         task.result()
 
 
+async def insisted(work: Coroutine[Any, Any, None]) -> None:
+    """Have it done although somebody cancels us, again and again; it has to end by itself."""
+    task = asyncio.ensure_future(work)
+    while not task.done():
+        with suppress(asyncio.CancelledError):
+            await asyncio.shield(task)
+    with suppress(asyncio.CancelledError):
+        task.result()
+
+
 @asynccontextmanager
 async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
     """Endless work that goes on as long as the block; if it fails, the block is ended with its failure."""

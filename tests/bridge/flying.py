@@ -19,7 +19,7 @@ from gcs.flight.fly import Flight
 from gcs.flight.journal import TelemetryLog
 from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.stages import FlightTimes
+from gcs.flight.stages import FlightTimes, Step
 from gcs.link.dialect import MavCommand
 from gcs.link.fleet import Fleet
 from gcs.link.message import Message
@@ -69,6 +69,7 @@ class Flown:
     world: World
     times: FlightTimes | None = None
     error: GcsError | None = None
+    stopped: bool = False
     events: list[Event] = field(default_factory=list)
 
     def told(self, sysid: int) -> list[str]:
@@ -118,12 +119,13 @@ def fly(
     safety: bool = False,
     folder: Path | None = None,
     after: Callable[[World], Any] | None = None,
+    stop: tuple[Step, float] | None = None,
     **options: Any,
 ) -> Flown:
     """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile.
 
     With `safety` fences, rally points and parameters are loaded as well; `folder` gets the telemetry; vehicles go on
-    until `after` returns.
+    until `after` returns. `stop` ends it as Ctrl-C does, so many seconds after the beginning of a step.
     """
     port = free_port()
     world_options = WorldOptions(
@@ -132,7 +134,7 @@ def fly(
     with running_fleet(plan.scenario, world_options) as world:
         mode = options.pop("mode", FlightMode.STREAM)
         settings = FlightOptions(mode=mode, lead_s=LEAD_S, **options)
-        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder))
+        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder, stop))
         if after is not None:
             after(world)
         return flown
@@ -146,6 +148,7 @@ async def _fly(
     during: Callable[[World, Flight], Any] | None,
     safety: bool,
     folder: Path | None,
+    stop: tuple[Step, float] | None,
 ) -> Flown:
     async with AsyncExitStack() as stack:
         log = None if folder is None else stack.enter_context(TelemetryLog(folder / "telemetry.tlog", lambda: None))
@@ -156,13 +159,22 @@ async def _fly(
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         loads = build_loads(plan, autopilots, timed=False) if safety else None
-        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append, loads=loads)
+
+        def step(now: Step, t0_unix_s: float | None) -> None:
+            if stop is not None and now is stop[0]:
+                for again_s in (0.0, 0.02, 0.2):  # people press Ctrl-C more than once
+                    asyncio.get_running_loop().call_later(stop[1] + again_s, work.cancel)
+
+        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append, step, loads=loads)
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
         try:
-            flown.times = await flight.run()
+            work = asyncio.ensure_future(flight.run())
+            flown.times = await work
         except GcsError as error:
             flown.error = error
+        except asyncio.CancelledError:
+            flown.stopped = True
         finally:
             looking.cancel()
         return flown

@@ -269,9 +269,38 @@ def test_ctrl_c_lands_vehicles_that_are_not_ours(
         assert line, "it ended before it flew"
     assert not fleet.airframes.landed.any()
     process.send_signal(signal.SIGINT)
+    time.sleep(0.05)
+    process.send_signal(signal.SIGINT)  # as people do
     process.communicate(timeout=90.0)
     assert process.returncode == 130
     wait_until(lambda: bool(fleet.airframes.landed.all()))
+
+
+def test_ctrl_c_ends_the_wait_for_vehicles(short_mission: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [
+            *GCS,
+            "fly",
+            str(short_mission),
+            "--link",
+            f"udpin:127.0.0.1:{free_port()}",
+            "--yes-arm",
+            "--to",
+            str(tmp_path),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    while "exported" not in (line := process.stdout.readline()):
+        assert line, "it ended before it waited"
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20.0)
+    assert process.returncode == 130
+    assert "Traceback" not in said
 
 
 def test_a_port_in_use_is_said(short_mission: Path, tmp_path: Path) -> None:

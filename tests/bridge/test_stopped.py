@@ -1,0 +1,38 @@
+"""A flight that is stopped (Ctrl-C) at any of its steps leaves nobody in the air, and nobody armed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gcs.flight.stages import Step
+from gcs.plan.trajectory import Plan
+from sim_bridge.world import World
+from tests.bridge.flying import fly
+from tests.fleets import wait_until
+
+
+def all_down(world: World) -> bool:
+    return bool(world.airframes.landed.all()) and not any(vehicle.autopilot.armed for vehicle in world.vehicles)
+
+
+@pytest.mark.parametrize(
+    ("step", "later_s"),
+    [
+        (Step.READY, 0.0),
+        (Step.UPLOAD, 0.05),
+        (Step.TAKEOFF, 0.0),
+        (Step.TAKEOFF, 0.02),  # some are armed, and no heartbeat has told it yet
+        (Step.TAKEOFF, 0.5),
+        (Step.FLY, 0.4),
+        (Step.LAND, 0.1),
+    ],
+)
+def test_a_flight_may_be_stopped_at_any_time(hop: Plan, step: Step, later_s: float) -> None:
+    speedup = math.inf if step is Step.LAND else 20.0
+    flown = fly(hop, stop=(step, later_s), speedup=speedup, after=lambda world: wait_until(lambda: all_down(world)))
+    assert flown.stopped
+    assert flown.flight.step is step
+    if step in (Step.READY, Step.UPLOAD):
+        assert not flown.world.airframes.truth[:, 2].any()  # nobody has ever left the ground
