@@ -37,7 +37,8 @@ FLOWN = {
     "too near, still": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
     "out of conflict for 5 s": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
     "all silent": [(NEAR, "test_all_fall_silent_and_are_told_to_land")],
-    "ground station stopped (Ctrl-C)": [
+    "ground station stopped (Ctrl-C, at any step, once or often)": [
+        ("tests/bridge/test_stopped.py", "test_a_flight_may_be_stopped_at_any_time"),
         ("tests/bridge/test_fly.py", "test_ctrl_c_lands_vehicles_that_are_not_ours"),
     ],
     "ground station killed": [
