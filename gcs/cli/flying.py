@@ -127,12 +127,12 @@ def _table(snapshot: Snapshot) -> Table:
 
 
 def _together(late_s: dict[int, float]) -> str | None:
-    """The skew for people: "0.004 s (vehicles 2 and 3)"; None for a lone vehicle, or where nobody flew."""
+    """The skew for people: "4.1 ms (vehicles 2 and 3)"; None for a lone vehicle, or where nobody flew."""
     known = {sysid: late for sysid, late in late_s.items() if math.isfinite(late)}
     if len(known) < 2:
         return None
     first, last = sorted((min(known, key=known.__getitem__), max(known, key=known.__getitem__)))
-    return f"{skew_s(known.values()):.3f} s (vehicles {first} and {last})"
+    return f"{1e3 * skew_s(known.values()):.1f} ms (vehicles {first} and {last})"
 
 
 def _show(screen: Screen, flown: Flown) -> None:

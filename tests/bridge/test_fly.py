@@ -70,6 +70,8 @@ def test_simulation1_is_planned_uploaded_flown_and_held(
     assert figures["clearance above ground"]["value"] > 0.0
     assert figures["arrival time"]["value"] <= 0.5
     assert figures["arrival position"]["value"] <= 0.3
+    assert set(report["late_s"]) == {"1", "2", "3", "4", "5", "6"}
+    assert 0.0 <= report["skew_s"] <= 0.05
     assert simulators_running_under(root) == []
 
 

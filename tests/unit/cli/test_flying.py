@@ -25,7 +25,7 @@ def test_a_line_tells_the_figures_there_are_and_no_others() -> None:
 
 def test_how_far_apart_in_time_vehicles_were() -> None:
     late_s = {1: 0.010, 2: math.nan, 3: -0.004, 4: 0.0}
-    assert _together(late_s) == "0.014 s (vehicles 1 and 3)"
+    assert _together(late_s) == "14.0 ms (vehicles 1 and 3)"
     assert _skew(late_s) == {
         "skew_s": pytest.approx(0.014),
         "late_s": {"1": 0.010, "2": None, "3": -0.004, "4": 0.0},
