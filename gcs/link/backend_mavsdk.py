@@ -31,6 +31,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 T = TypeVar("T")
 _INT32 = 6
 _LOOK_S = 0.05
+_FORGOTTEN_S, _AGAIN_S = 12.0, 0.5
 _BEAT_S = 1.5  # heartbeats come once a second
 _SCHEMES = {LinkMode.LISTEN: "udpin", LinkMode.CALL: "udpout", LinkMode.TCP: "tcpout", LinkMode.SERIAL: "serial"}
 _AUTOPILOTS = {mavsdk.Autopilot.PX4: Autopilot.PX4, mavsdk.Autopilot.ARDUPILOT: Autopilot.ARDUPILOT}
@@ -80,7 +81,7 @@ class MavsdkVehicle:
         """Uploads once, reads back and compares."""
         raw = [_raw(seq, item, mission_type) for seq, item in enumerate(items)]
         if not raw:
-            await self.call("clear what it holds", self._missions.clear_mission)
+            await self._clear()
         elif mission_type == MissionType.FENCE:
             await self.call("upload its fence", lambda: self._missions.upload_geofence(raw))
         elif mission_type == MissionType.RALLY:
@@ -92,6 +93,17 @@ class MavsdkVehicle:
         differences = compare_missions(items[first:], held[first:], autopilot=self.autopilot)
         if differences:
             raise PeerError(f"vehicle {self.sysid} does not hold what it was sent: {differences[0]}.")
+
+    async def _clear(self) -> None:
+        """What MAVSDK was told to give up may go on on board: PX4 answers "busy" until it has forgotten that."""
+        end_s = time.monotonic() + _FORGOTTEN_S
+        while True:
+            try:
+                return await self.call("clear what it holds", self._missions.clear_mission)
+            except PeerError:
+                if time.monotonic() > end_s:
+                    raise
+            await asyncio.sleep(_AGAIN_S)
 
     async def upload_mission(self, mission: VehicleMission) -> None:
         """Delivers a mission, with home where the autopilot wants it."""

@@ -79,7 +79,6 @@ def test_everything_is_loaded_read_and_put_back(
     run(scene())
 
 
-@pytest.mark.slow  # MAVSDK, told to clear what it was just told to send, sometimes says that it cannot
 @EACH
 @BOTH
 def test_one_bad_item_leaves_nobody_with_a_mission(
