@@ -26,7 +26,7 @@ def all_down(world: World) -> bool:
         (Step.TAKEOFF, 0.02),  # some are armed, and no heartbeat has told it yet
         (Step.TAKEOFF, 0.5),
         (Step.FLY, 0.4),
-        (Step.LAND, 0.1),
+        pytest.param(Step.LAND, 0.1, marks=pytest.mark.slow),  # a whole flight
     ],
 )
 def test_a_flight_may_be_stopped_at_any_time(hop: Plan, step: Step, later_s: float) -> None:
