@@ -40,16 +40,18 @@ def save_picture(recording: Recording, from_s: float, to_s: float, path: Path) -
     heights = (7.0, _LINE_IN * lines.count("\n") + 2 * _LINE_IN)[: 1 + bool(events)]
     figure = plt.figure(figsize=(13.0, sum(heights)), layout="constrained")
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.1, 1), height_ratios=heights)
-    count = 3 + bool(planned)
+    several = len(recording.tracks) > 1
+    count = 2 + several + bool(planned)
     beside = grid[0, 1].subgridspec(count, 1)
     first = figure.add_subplot(beside[0])
     panels = [first, *(figure.add_subplot(beside[n], sharex=first) for n in range(1, count))]
     _from_above(figure.add_subplot(grid[0, 0]), recording, places, planned, events)
     _heights(panels[0], recording, t_s, places, planned)
     _speeds(panels[1], recording, t_s, rates, planned)
-    _distances(panels[2], recording, t_s, places, planned)
+    if several:
+        _distances(panels[2], recording, t_s, places, planned)
     if planned:
-        _errors(panels[3], recording, t_s, places - planned[0])
+        _errors(panels[-1], recording, t_s, places - planned[0])
     for axes in panels:
         axes.grid(alpha=0.3)
         axes.tick_params(labelbottom=axes is panels[-1])
@@ -112,9 +114,6 @@ def _speeds(axes: Any, recording: Recording, t_s: Array, rates: Array, planned: 
 
 def _distances(axes: Any, recording: Recording, t_s: Array, places: Array, planned: tuple[Array, Array] | None) -> None:
     axes.set(ylabel="nearest two\nvehicles, m")
-    if len(recording.tracks) < 2:
-        axes.text(0.5, 0.5, "one vehicle", transform=axes.transAxes, ha="center", va="center")
-        return
     flown = nearest_m(places)
     usual_m = float(np.nanquantile(flown, 0.9)) if np.isfinite(flown).any() else 1.0  # who is left at the end is far
     axes.plot(t_s, flown, lw=1.2, label="flown")

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError
+from gcs.flight.recall import recall
 from gcs.flight.retrace import retrace, steady_times
 from gcs.flight.tlog import load_tlog, mend_times
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.codec import Codec
 from gcs.link.message import Message
+from tools.replay.recording import find, read
 
 START_S = 1_700_000_000.0
 HERE = Origin(-35.36, 149.16, 584.0)
@@ -144,3 +146,21 @@ def test_who_nobody_can_place_is_named() -> None:
     tracks, _, _, notes = retrace([one for one in flight() if one[1].name != "GPS_GLOBAL_ORIGIN"])
     assert len(tracks) == 2
     assert "where on Earth vehicles 2 were" in notes[0]
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), [("arducopter-4.5.6", "AUTO"), ("px4-1.17dev", "MISSION")])
+def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -> None:
+    """A recorded flight of a real autopilot along a square, as a ground station would have logged it."""
+    found = find(autopilot, "auto_flight")
+    if found is None:
+        pytest.skip("the recording is not here")
+    steps = read(found).steps
+    rows = [row for step in steps for row in ([step.sent] if step.sent else []) + step.streamed + step.heard]
+    rows = sorted((row for row in rows if row.frame), key=lambda row: row.t_s)
+    log = b"".join(struct.pack(">Q", round((START_S + row.t_s) * 1e6)) + row.frame for row in rows)
+    (tmp_path / "original.tlog").write_bytes(log)
+    recording = recall(tmp_path / "original.tlog").recording
+    (track,) = recording.tracks
+    assert -track.position_ned_m[:, 2].min() > 4.0
+    assert 5.0 < np.ptp(track.position_ned_m[:, 0]) < 30.0
+    assert f"is in {mode}" in [one.what for one in recording.remarks]
