@@ -21,6 +21,7 @@ from gcs.plan.trajectory import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
 GRID_EXCESS = 1.02
+_TIMES = 2000
 
 
 def best_way(
@@ -73,5 +74,11 @@ def least_objective(problem: Problem, route: Route) -> float:
     if not problem.quadrotor.wind.is_still:
         return 0.0
     straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
-    speed_mps = max(route.length_m / GRID_EXCESS, straight_m) / problem.duration_s
-    return problem.objective.energy_weight * (speed_mps / problem.objective.speed_ref_mps) ** 3
+    length_m = max(route.length_m / GRID_EXCESS, straight_m)
+    time, wanted = problem.free_time, problem.objective
+    if time is None:
+        return wanted.energy_weight * (length_m / problem.duration_s / wanted.speed_ref_mps) ** 3
+    t_s = np.linspace(time.earliest_s, time.latest_s, _TIMES)
+    energy = wanted.energy_weight * (length_m / t_s / wanted.speed_ref_mps) ** 3 * t_s / time.reference_s
+    # Between two of so many times nothing costs less than the later one's energy and the earlier one's time.
+    return float(np.min(energy[1:] + time.weight * t_s[:-1] / time.reference_s))

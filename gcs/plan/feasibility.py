@@ -24,12 +24,13 @@ _LONGER = (1.01, 1.03, 1.07, 1.15, 1.3, 1.6, 2.0)
 def check_time(problem: Problem) -> None:
     """Raises Infeasible when even the speed limits alone need more time than there is."""
     times = _least_times_s(problem)
+    latest_s = problem.duration_s if problem.free_time is None else problem.free_time.latest_s
     axis = int(np.argmax(times))
-    if times[axis] <= problem.duration_s:
+    if times[axis] <= latest_s:
         return
     limit = problem.state_high[VELOCITY][axis]
     raise Infeasible(
-        f"no plan: {problem.duration_s:g} s are too short; {_AXES[axis]} alone needs t_f ≥ {np.ceil(times[axis]):g} s "
+        f"no plan: {latest_s:g} s are too short; {_AXES[axis]} alone needs t_f ≥ {np.ceil(times[axis]):g} s "
         f"at |v| ≤ {limit:g} m/s, and starting and stopping some more",
         hint=f"set [time] flight_s to {np.ceil(1.05 * times[axis]):g}, or raise [limits] speed_ned_mps",
     )
@@ -50,6 +51,8 @@ def why_not(problem: Problem, route: Route, failures: list[PlanningError]) -> Pl
 
 def _needed_time_s(problem: Problem, route: Route) -> float | None:
     """A time of flight, in whole seconds, that has a plan along this route; None when twice the time has not."""
+    if problem.free_time is not None:
+        return None  # longer ones were looked at
     least_s = max(problem.duration_s, float(_least_times_s(problem).max()))
     for factor in _LONGER:
         longer = with_duration(problem, float(np.ceil(least_s * factor)))
@@ -71,6 +74,11 @@ def with_duration(problem: Problem, duration_s: float) -> Problem:
         shape=rigid(problem.shape.at(problem.start_s), problem.start_s, end_s),
         objective=replace(problem.objective, speed_ref_mps=speed),
     )
+
+
+def least_time_s(problem: Problem) -> float:
+    """Time that the speed limits alone need."""
+    return float(_least_times_s(problem).max())
 
 
 def _least_times_s(problem: Problem) -> np.ndarray:

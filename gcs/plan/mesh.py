@@ -40,6 +40,15 @@ class Mesh:
             degrees.extend([degree] * len(cuts))
         return replace(self, joints_s=np.array(joints), degrees=tuple(degrees))
 
+    def stretched(self, by: float) -> Mesh:
+        """The same mesh over a flight that is `by` times as long."""
+        if by == 1.0:
+            return self
+        start_s = self.joints_s[0]
+        return replace(
+            self, joints_s=start_s + by * (self.joints_s - start_s), watch_s=start_s + by * (self.watch_s - start_s)
+        )
+
     def watching(self, instants_s: Array) -> Mesh:
         """The same mesh with path constraints enforced at these instants too."""
         return replace(self, watch_s=np.union1d(self.watch_s, instants_s))

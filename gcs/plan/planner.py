@@ -13,15 +13,15 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
-from gcs.plan.alternatives import best_way
 from gcs.plan.formation.reshape import SLACK_M
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.formation.timeline import stops_ned_m
+from gcs.plan.free_time import best_flight, fixed
 from gcs.plan.ground_phases import smooth_step, vertical
 from gcs.plan.guess import along, straight_way
-from gcs.plan.problem import Problem, flight_problem, run_up_problem
+from gcs.plan.problem import Problem, run_up_problem
 from gcs.plan.refine import optimise
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
 from gcs.quadrotor import Array
@@ -47,7 +47,8 @@ def make_plan(
     """
     began = time.perf_counter()
     _check_landing(scenario)
-    best, alternatives = best_way(flight_problem(scenario), on_round, every_way=every_way)
+    best, alternatives = best_flight(scenario, on_round, every_way=every_way)
+    scenario = fixed(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
     run_up = _run_up(scenario, on_round)

@@ -42,6 +42,16 @@ class Objective:
 
 
 @dataclass(frozen=True)
+class FreeTime:
+    """A time of flight that is an unknown like any other, and what it costs."""
+
+    earliest_s: float
+    latest_s: float
+    weight: float  # cost of `reference_s` seconds
+    reference_s: float  # also the time over which energy is a mean
+
+
+@dataclass(frozen=True)
 class Problem:
     """Fly the leader from one state to another in a given time; the followers ride along in a shape that may change.
 
@@ -62,6 +72,7 @@ class Problem:
     objective: Objective
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
+    free_time: FreeTime | None = None  # then end_s is a guess
     spare_disks: int = 0  # the last so many zones are disks of which only parameters say where they are
 
     @property

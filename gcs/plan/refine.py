@@ -14,7 +14,7 @@ import numpy as np
 from gcs.errors import PlanningError
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion
-from gcs.plan.formation.shape import Rows, Shape
+from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.formation.timeline import Move
 from gcs.plan.lookout import broken
 from gcs.plan.mesh import end_refined
@@ -31,6 +31,7 @@ LONGEST_S, SHORTEST_S = 9.0, 1.0
 MAX_ROUNDS = 8
 # Shapes that move by themselves do so within a few intervals.
 LONGEST_MOVING_S = 6.0
+_SETTLED = 1e-2  # of the time, where that is free
 WINDOW_TOLERANCE_M = 5e-3  # half of what the verifier tolerates
 # Kept from the ground at the nodes: what the smooth ground does between them is then rarely worth another solve.
 CLEARANCE_RESERVE_M = 0.03
@@ -59,6 +60,9 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         program = transcribe(problem, mesh, trajectory)
         solution = solve(program, program.scaled(trajectory), solution)
         trajectory = program.trajectory(solution.y)
+        stretch = program.stretch(solution.y)
+        mesh = mesh.stretched(stretch)
+        problem = lasting(problem, trajectory.end_s)
         shape = flown_shape(problem, trajectory)
         missed, complaints = broken(problem, trajectory, shape)
         drifting, drift = drifting_intervals(problem, trajectory, shape)
@@ -74,13 +78,21 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
             )
         )
         on_round(history[-1])
-        if not complaints and not drift:
+        # Q of Eq. 33 weighs the end of the flight: where that has moved, it has to be laid anew.
+        if not complaints and not drift and abs(stretch - 1.0) < _SETTLED:
             return Optimum(trajectory, shape, solution.objective, tuple(history))
         mesh = mesh.split(drifting).watching(missed)
     raise PlanningError(
         f"no plan: after {MAX_ROUNDS} refinements of the mesh there is still {'; '.join(history[-1].complaints)}",
         hint="loosen the constraint named above a little, or give the flight more time",
     )
+
+
+def lasting(problem: Problem, end_s: float) -> Problem:
+    """The same problem with another guess of its end; the shape's changes keep their shares of the time."""
+    if end_s == problem.end_s:
+        return problem
+    return replace(problem, end_s=end_s, shape=stretched(problem.shape, problem.start_s, end_s))
 
 
 def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:

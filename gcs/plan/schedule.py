@@ -15,7 +15,7 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.automatic import automatic_moves
 from gcs.plan.formation.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.problem import Problem
-from gcs.plan.refine import Optimum, optimise
+from gcs.plan.refine import Optimum, lasting, optimise
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.scenario.model import Change
 
@@ -48,7 +48,7 @@ def optimise_on_schedule(
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
         if late <= _LATE_S:
             automatic = automatic_moves(
-                timeline.shape,
+                lasting(replace(problem, shape=timeline.shape), found.trajectory.end_s).shape,
                 problem.target_ned_m,
                 problem.coordinates,
                 found.trajectory.coordinates,

@@ -32,6 +32,8 @@ OPTIONS = {
 }
 # With a shape that moves by itself blocks are larger, and approximate minimum degree takes two thirds of the time.
 _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
+# With the time unknown, limits are ridden and change hands; a barrier that may grow again finds its way sooner.
+_TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 WARM_OPTIONS = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
@@ -73,6 +75,8 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
     options: dict[str, Any] = {**OPTIONS}
     if program.layout.coordinates:
         options |= _SHAPE_OPTIONS
+    if len(program.y_low) > program.layout.size:
+        options |= _TIME_OPTIONS
     guess: dict[str, Any] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS

@@ -66,12 +66,18 @@ class Program:
         layout = self.layout
         states = trajectory.state(layout.point_times_s())
         w = np.concatenate([states.ravel(), trajectory.control(layout.control_times_s()).ravel()])
-        return np.clip((w - self.shift) / self.unit, self.y_low, self.y_high)
+        y = np.append((w - self.shift) / self.unit, np.ones(len(self.y_low) - len(w)))
+        return np.clip(y, self.y_low, self.y_high)
+
+    def stretch(self, y: Array) -> float:
+        """How much longer the flight is than the mesh; 1 where its time is given."""
+        return float(y[-1]) if len(y) > self.layout.size else 1.0
 
     def trajectory(self, y: Array) -> Trajectory:
         """Polynomials through the solution: states of degree K, control as its form has it."""
-        mesh, layout = self.layout.mesh, self.layout
-        w = y * self.unit + self.shift
+        layout = self.layout
+        mesh = layout.mesh.stretched(self.stretch(y))
+        w = y[: layout.size] * self.unit + self.shift
         top = max(mesh.degrees)
         top_control = max(len(layout.control_support(i)[0]) for i in range(mesh.intervals)) - 1
         state = np.zeros((top + 1, mesh.intervals, layout.nx))
@@ -106,7 +112,9 @@ def transcribe(
     row_unit = sparse.diags(1.0 / np.tile(state_unit, a.shape[0] // nx))
     weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
     quadrature = layout.quadrature()
-    shares = np.vstack([quadrature / problem.duration_s, quadrature * weight / (quadrature @ weight)])
+    free = problem.free_time
+    mean_s = problem.duration_s if free is None else free.reference_s
+    shares = np.vstack([quadrature / mean_s, quadrature * weight / (quadrature @ weight)])
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = instant.functions(problem, *counts)
     nlp, derivatives = assemble(
@@ -122,6 +130,7 @@ def transcribe(
             shares=ca.DM(shares),
             slots=ca.DM(chosen.parameters.T),
             state_unit=state_unit,
+            time_cost=None if free is None else free.weight * problem.duration_s / free.reference_s,
         ),
     )
     return framed(problem, layout, chosen, nlp, derivatives)
@@ -155,15 +164,20 @@ def framed(
         (name, float(t)) for t, row in zip(times, instant.path_names(problem, chosen), strict=True) for name in row
     ]
     names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in words]
+    y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
+    if (time := problem.free_time) is not None:
+        y_low = np.append(y_low, time.earliest_s / problem.duration_s)
+        y_high = np.append(y_high, time.latest_s / problem.duration_s)
+        y_names = (*y_names, "limit of the time of flight")
     return Program(
         layout,
         unit,
         shift,
-        (y_low - shift) / unit,
-        (y_high - shift) / unit,
+        y_low,
+        y_high,
         np.concatenate([dynamics, np.where(free, -np.inf, 0.0).ravel(), (box_low / state_unit).ravel()]),
         np.concatenate([dynamics, np.full(free.size, np.inf), (box_high / state_unit).ravel()]),
-        layout.names(),
+        y_names,
         tuple(names),
         nlp,
         derivatives,
@@ -187,6 +201,7 @@ class Constants:
     state_unit: Array  # (nx,)
     lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
     parameters: ca.MX | None = None  # (p,) symbols
+    time_cost: float | None = None  # of the flight's time, where that is the last unknown, in units of itself
 
 
 def assemble(parts: instant.Instant, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
@@ -194,7 +209,12 @@ def assemble(parts: instant.Instant, k: Constants) -> tuple[ca.Function, dict[st
     nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
     nodes, points = k.nodes, k.nodes + k.watched
     sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
-    y = ca.MX.sym("y", sampling.size2())
+    unknowns = ca.MX.sym("y", sampling.size2() + (k.time_cost is not None))
+    y, stretch = unknowns[: sampling.size2()], unknowns[sampling.size2() :]
+    lengths, fixed_shares = k.lengths, shares
+    if k.time_cost is not None:
+        lengths = ca.repmat(stretch, 1, nodes)
+        shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1, :])
     p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
@@ -205,33 +225,47 @@ def assemble(parts: instant.Instant, k: Constants) -> tuple[ca.Function, dict[st
     box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.watched else ca.DM(0, 1)
 
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))
+    moved = parts.motion.map(nodes)(zn)
     g = ca.vertcat(
-        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_lasting(parts.motion.map(nodes)(zn), k.lengths))),
+        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_lasting(moved, lengths))),
         ca.vec(parts.path.map(points)(z, k.slots)),
         ca.mtimes(box, y) + box_shift,
     )
-    nlp = ca.Function("nlp", [y, p], [f, g], ["x", "p"], ["f", "g"])
 
     # IPOPT's interface copies gradients as they are stored: a sparse one would leave the gaps unset.
     gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
+    motion_blocks = _block_diagonal(parts.motion_jacobian, nodes, zn)
     jacobian = ca.vertcat(
-        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=k.lengths), s_nodes]),
+        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
         ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots), sampling),
         ca.MX(box),
     )
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
-    costate = _lasting(ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes), k.lengths)
+    pull = ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes)
+    costate = _lasting(pull, lengths)
     path_count = parts.path.size1_out(0)
     lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
     curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
+    if k.time_cost is not None:
+        # The program is linear in the stretch of time: of the cost's mean over time, and of the motion.
+        over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes))
+        f += k.time_cost * stretch
+        cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
+        gradient = ca.vertcat(gradient, ca.sum2(parts.cost.map(nodes)(zn, over_time)) + k.time_cost)
+        column = ca.vertcat(-ca.mtimes(b, ca.vec(moved)), ca.MX(g.size1() - a.size1(), 1))
+        jacobian = ca.horzcat(jacobian, column)
+        mixed = sigma * cost_gradient + ca.mtimes(s_nodes.T, ca.mtimes(motion_blocks.T, ca.vec(pull)))
+        corner = ca.horzcat(ca.MX(1, sampling.size2()), ca.MX(1, 1))
+        hessian = ca.vertcat(ca.horzcat(hessian, mixed), corner)
+    nlp = ca.Function("nlp", [unknowns, p], [f, g], ["x", "p"], ["f", "g"])
     return nlp, {
-        "grad_f": ca.Function("grad_f", [y, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [y, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "grad_f": ca.Function("grad_f", [unknowns, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [unknowns, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         "hess_lag": ca.Function(
             "hess_lag",
-            [y, p, sigma, lam],
+            [unknowns, p, sigma, lam],
             [ca.triu(hessian)],
             ["x", "p", "lam_f", "lam_g"],
             ["triu_hess_gamma_x_x"],

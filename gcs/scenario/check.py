@@ -71,13 +71,30 @@ def _time_is_enough(scenario: Scenario) -> Mistakes:
     way = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
     needed = way / scenario.limits.speed_ned_mps
     axis = int(needed.argmax())
-    if needed[axis] > scenario.time.flight_s:
+    time = scenario.time
+    key, longest_s = ("latest_s", time.latest_s) if time.free else ("flight_s", time.flight_s)
+    if longest_s is not None and needed[axis] > longest_s:
         name = ("north", "east", "vertical")[axis]
         text = (
             f"too short: {way[axis]:g} m {name} take at least {needed[axis]:.1f} s "
             f"at limits.speed_ned_mps[{axis}] = {scenario.limits.speed_ned_mps[axis]:g} m/s"
         )
-        yield Mistake(("time", "flight_s"), text, scenario.time.flight_s)
+        yield Mistake(("time", key), text, longest_s)
+
+
+@RULES.needs("time", "objective", "formation")
+def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
+    if not scenario.time.free:
+        return
+    if scenario.time.latest_s is None and not scenario.objective.time_weight:
+        text = "costs nothing, and slower flights need less energy: give [objective] time_weight, or a latest_s here"
+        yield Mistake(("time", "free"), text, True)
+    if any(not change.auto for change in scenario.formation.change):
+        text = "the planner cannot choose it while changes have times of their own: leave them out, or to `auto`"
+        yield Mistake(("time", "free"), text, True)
+    if any(zone.moves for zone in scenario.no_fly):
+        text = "the planner cannot choose it while no-fly zones move: leave out their moves"
+        yield Mistake(("time", "free"), text, True)
 
 
 @RULES.needs("start", "ground_phases")

@@ -24,6 +24,7 @@ from gcs.scenario.part import (
     Positive,
     PositiveVector,
     Share,
+    Truth,
     Vector,
 )
 from gcs.scenario.relief import Relief
@@ -85,6 +86,16 @@ class Time(Part):
     """Times of the planned flight."""
 
     flight_s: Annotated[Number, Field(gt=0, le=7200)] = Field(description="t_f, from start to end, s")
+    free: Truth = Field(default=False, description="flight_s is only a reference: the planner chooses the time")
+    earliest_s: Positive | None = Field(default=None, description="with free: the least time it may choose, s")
+    latest_s: Annotated[Number, Field(gt=0, le=7200)] | None = Field(
+        default=None, description="with free: the longest time it may choose, s"
+    )
+
+    def disagreements(self) -> Findings:
+        """Bounds that are out of order."""
+        if self.earliest_s is not None and self.latest_s is not None and self.earliest_s >= self.latest_s:
+            yield ("latest_s",), f"must be later than earliest_s = {self.earliest_s:g}"
 
 
 class Power(Part):
@@ -253,6 +264,7 @@ class Objective(Part):
     """Eq. 35 with the reference of every term."""
 
     weights: NonNegativeVector = Field(description="a_1 energy, a_2 heading, a_3 height")
+    time_weight: NonNegative = Field(default=0.0, description="cost of [time] flight_s seconds, where time is free")
     terminal_weight: TerminalWeight = Field(description="Q(t) of section 2.5.3")
     heading_ref_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
         description="psi_r, the heading asked for towards the end, degrees"
