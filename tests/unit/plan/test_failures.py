@@ -74,7 +74,7 @@ def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_
 
 
 def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(solve_module._OPTIONS, "ipopt.max_iter", 3)
+    monkeypatch.setitem(solve_module.OPTIONS, "ipopt.max_iter", 3)
     failure = attempt(meadow(alone(simulation1)))
     assert not isinstance(failure, Infeasible)
     assert "it ran out of iterations (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
