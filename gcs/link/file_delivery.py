@@ -6,7 +6,8 @@ Knows: the file's way there and back. Does not know: sockets, clocks (time is an
     state    event                                   next     sends
     IDLE     start                                   WRITING  what an FtpWriter starts with
     WRITING  closed                                  READING  what an FtpReader starts with
-    WRITING  refused, or silent                      FAILED
+    WRITING  refused, or never answered              FAILED
+    WRITING  silent after answers                    WRITING  ... once more
     READING  equal by meaning                        DONE
     READING  changed while it was read               READING  ... once more
     READING  different, refused, or silent           WRITING  ... once more, `tries` in all, then FAILED
@@ -20,7 +21,7 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from gcs.autopilot import Autopilot
-from gcs.errors import GcsError, PeerError, ProtocolMisuse
+from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.dialect import MissionType
 from gcs.link.ftp_reader import FtpReader
 from gcs.link.ftp_requests import FtpNumbers
@@ -115,7 +116,8 @@ class FileDelivery:
         if isinstance(machine, FtpWriter):
             self.sending_ended_s = now_s
             if machine.error is not None:
-                return self._fail(machine.error)
+                fell_silent = isinstance(machine.error, PeerTimeout) and machine.heard
+                return self._write(now_s) if fell_silent and self._tries > 0 else self._fail(machine.error)
             self._reads_left = _READS
             return self._read(now_s)
         return self._read_back(machine, now_s)

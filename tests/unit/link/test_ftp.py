@@ -396,3 +396,19 @@ def test_a_file_that_was_closed_and_not_taken_is_found_out_by_reading():
     arrived = air.deliver(ITEMS, transfer=Transfer.FILE)
     assert "does not hold the mission it was sent" in arrived.error.message
     assert not arrived.held
+
+
+def test_a_vehicle_that_falls_silent_half_way_is_tried_once_more():
+    air = Air(Autopilot.ARDUPILOT, CALM, 0)
+    receive, deaf = air.files.receive, []
+
+    def seldom(message, now_s):
+        """Deaf for 12 s from the first piece on, longer than patience lasts."""
+        if read_payload(message).opcode == FtpOpcode.WRITE_FILE:
+            deaf.append(now_s)
+        return [] if deaf and now_s - deaf[0] < 12.0 else receive(message, now_s)
+
+    air.files.receive = seldom
+    arrived = air.deliver(ITEMS, transfer=Transfer.FILE)
+    assert arrived.error is None and arrived.held and arrived.as_file
+    assert 12.0 < arrived.total_s < 20.0
