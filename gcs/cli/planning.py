@@ -5,6 +5,7 @@ Knows: what a MISSION argument can be, how planning is shown. Does not know: wha
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -67,7 +68,7 @@ def plan_for(
         scenario = load_scenario(mission)
         watch.lap("scenario")
         with _progress(screen) as on_round:
-            plan = make_plan(scenario, on_round, every_way=every_way)
+            plan = make_plan(scenario, on_round, every_way=every_way, workers=os.cpu_count() or 1)
         watch.lap("optimise")
         report = verify(plan)
         watch.lap("verify")

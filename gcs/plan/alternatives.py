@@ -5,6 +5,7 @@ Knows: routes, their lower bounds, what to try when none works. Does not know: h
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from gcs.plan.problem import Problem
 from gcs.plan.refine import Optimum
 from gcs.plan.route import Route, every_route
 from gcs.plan.schedule import optimise_on_schedule
+from gcs.plan.side_by_side import each, pays
 from gcs.plan.trajectory import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
@@ -25,28 +27,39 @@ _TIMES = 2000
 
 
 def best_way(
-    problem: Problem, on_round: Callable[[MeshRound], None], *, every_way: bool = False
+    problem: Problem, on_round: Callable[[MeshRound], None], *, every_way: bool = False, workers: int = 1
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best optimum over all ways found, and what became of each way, shortest first.
 
-    Raises Infeasible (no way at all, too little time, ...) or PlanningError.
+    With several `workers` ways are optimised at once where that is quicker; the result is the same. Raises Infeasible
+    (no way at all, too little time, ...) or PlanningError.
     """
     check_time(problem)
     routes = every_route(problem)
     best: Optimum | None = None
     failures: list[PlanningError] = []
     tried: list[Alternative] = []
-    for route in routes:
+    ahead: dict[int, Optimum | PlanningError] = {}
+    first_s = 0.0
+    for number, route in enumerate(routes):
         bound = least_objective(problem, route)
         if best is not None and bound >= best.objective and not every_way:
             tried.append(Alternative(route.length_m, None, f"cannot win: costs at least {bound:.3f}"))
             continue
+        if number == 1:
+            limit = np.inf if best is None or every_way else best.objective
+            worth = [n for n in range(1, len(routes)) if least_objective(problem, routes[n]) < limit]
+            if pays(len(worth), workers, first_s):
+                ahead = dict(zip(worth, each(_flight, [(problem, routes[n]) for n in worth], workers), strict=True))
+        began = time.perf_counter()
         try:
-            found = optimise_on_schedule(problem, along(problem, route), on_round)
+            found = _known(ahead[number], on_round) if number in ahead else _optimised(problem, route, on_round)
         except PlanningError as failure:
+            first_s = max(first_s, time.perf_counter() - began)
             failures.append(failure)
             tried.append(Alternative(route.length_m, None, failure.message))
             continue
+        first_s = max(first_s, time.perf_counter() - began)
         tried.append(Alternative(route.length_m, found.objective, "holds between nodes"))
         if best is None or found.objective < best.objective:
             best = found
@@ -59,6 +72,27 @@ def best_way(
         except PlanningError as failure:
             raise why_not(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)
+
+
+def _optimised(problem: Problem, route: Route, on_round: Callable[[MeshRound], None]) -> Optimum:
+    return optimise_on_schedule(problem, along(problem, route), on_round)
+
+
+def _flight(task: tuple[Problem, Route]) -> Optimum | PlanningError:
+    """One way in a process of its own."""
+    try:
+        return _optimised(*task, lambda _: None)
+    except PlanningError as failure:
+        return failure
+
+
+def _known(found: Optimum | PlanningError, on_round: Callable[[MeshRound], None]) -> Optimum:
+    """What a worker has found, told as if it were found now."""
+    if isinstance(found, PlanningError):
+        raise found
+    for done in found.history:
+        on_round(done)
+    return found
 
 
 def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alternative, ...]:
@@ -75,10 +109,10 @@ def least_objective(problem: Problem, route: Route) -> float:
         return 0.0
     straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
     length_m = max(route.length_m / GRID_EXCESS, straight_m)
-    time, wanted = problem.free_time, problem.objective
-    if time is None:
+    free, wanted = problem.free_time, problem.objective
+    if free is None:
         return wanted.energy_weight * (length_m / problem.duration_s / wanted.speed_ref_mps) ** 3
-    t_s = np.linspace(time.earliest_s, time.latest_s, _TIMES)
-    energy = wanted.energy_weight * (length_m / t_s / wanted.speed_ref_mps) ** 3 * t_s / time.reference_s
+    t_s = np.linspace(free.earliest_s, free.latest_s, _TIMES)
+    energy = wanted.energy_weight * (length_m / t_s / wanted.speed_ref_mps) ** 3 * t_s / free.reference_s
     # Between two of so many times nothing costs less than the later one's energy and the earlier one's time.
-    return float(np.min(energy[1:] + time.weight * t_s[:-1] / time.reference_s))
+    return float(np.min(energy[1:] + free.weight * t_s[:-1] / free.reference_s))

@@ -27,14 +27,14 @@ _ROUND_S = 0.01
 
 
 def best_flight(
-    scenario: Scenario, on_round: Callable[[MeshRound], None], *, every_way: bool
+    scenario: Scenario, on_round: Callable[[MeshRound], None], *, every_way: bool, workers: int = 1
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best flight in the scenario's time, or in the best time where that is free. Raises PlanningError."""
     problem = flight_problem(scenario)
     if not scenario.time.free:
-        return best_way(problem, on_round, every_way=every_way)
+        return best_way(problem, on_round, every_way=every_way, workers=workers)
     problem = freed(problem)
-    best, alternatives = best_way(problem, on_round, every_way=every_way)
+    best, alternatives = best_way(problem, on_round, every_way=every_way, workers=workers)
     return _rounded(problem, best, on_round), alternatives
 
 

@@ -39,15 +39,21 @@ from gcs.scenario.physical import (
 
 
 def make_plan(
-    scenario: Scenario, on_round: Callable[[MeshRound], None] = lambda _: None, *, every_way: bool = False
+    scenario: Scenario,
+    on_round: Callable[[MeshRound], None] = lambda _: None,
+    *,
+    every_way: bool = False,
+    workers: int = 1,
 ) -> Plan:
     """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none.
 
-    `every_way` optimises all ways through the map that the search finds, not only those that can still win.
+    `every_way` optimises all ways through the map that the search finds, not only those that can still win. `workers`
+    processes do so at once, where that is quicker than to start them; a program that asks for more than one must be
+    importable (`if __name__ == "__main__"`). The plan is the same.
     """
     began = time.perf_counter()
     _check_landing(scenario)
-    best, alternatives = best_flight(scenario, on_round, every_way=every_way)
+    best, alternatives = best_flight(scenario, on_round, every_way=every_way, workers=workers)
     scenario = fixed(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
