@@ -23,15 +23,16 @@ from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.plan.transcription import STATE_UNIT, Program, transcribe
 from gcs.quadrotor import POSITION
+from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
 from tools.bench.describe import alone, six, straight
 
 
-def each_vehicle() -> list[Problem]:
+def each_vehicle(scenario: Scenario) -> list[Problem]:
     """The leader's flight, begun and ended at every vehicle's own place."""
-    leader = flight_problem(alone(six()))
+    leader = flight_problem(alone(scenario))
     problems = []
-    for offset in offsets_ned_m(six()):
+    for offset in offsets_ned_m(scenario):
         start, end = leader.start_state.copy(), leader.end_state.copy()
         start[POSITION] += offset
         end[POSITION] += offset
@@ -43,10 +44,14 @@ def each_vehicle() -> list[Problem]:
     return problems
 
 
-def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
-    """One program for all, its derivatives CasADi's own; `limit_s` bounds the solver's time."""
+def solve(mesh: Mesh, limit_s: float, scenario: Scenario | None = None, clock: str = "wall") -> dict[str, Any]:
+    """One program for all, by default six, its derivatives CasADi's own; `limit_s` bounds the solver's time.
+
+    The time is that of the `clock`: wall or cpu.
+    """
     began, began_cpu = time.perf_counter(), time.process_time()
-    problems = each_vehicle()
+    scenario = scenario or six()
+    problems = each_vehicle(scenario)
     programs = [transcribe(problem, mesh, straight(problem), ControlForm.LAGRANGE) for problem in problems]
     guesses = [p.scaled(straight(q)) for p, q in zip(programs, problems, strict=True)]
     unknowns = [ca.MX.sym(f"y{v}", p.layout.size) for v, p in enumerate(programs)]
@@ -59,7 +64,7 @@ def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
         rows.append(g)
         low.append(program.g_low)
         high.append(program.g_high)
-    least = six().limits.separation_min_m
+    least = scenario.limits.separation_min_m
     for a, b in itertools.combinations(columns, 2):
         apart = ca.sum1((a[POSITION, :] - b[POSITION, :]) ** 2).T / least**2
         rows.append(apart)
@@ -72,7 +77,7 @@ def solve(mesh: Mesh, limit_s: float) -> dict[str, Any]:
         "ipopt.sb": "yes",
         "ipopt.tol": 1e-6,
         "ipopt.max_iter": 3000,
-        "ipopt.max_wall_time": limit_s,
+        f"ipopt.max_{clock}_time": limit_s,
     }
     solver = ca.nlpsol("solver", "ipopt", nlp, options)
     built = time.perf_counter()

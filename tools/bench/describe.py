@@ -32,8 +32,10 @@ def six() -> Scenario:
 
 def alone(scenario: Scenario) -> Scenario:
     """The same flight of the leader only."""
-    leader = [v for v in scenario.formation.vehicle if v.sysid == scenario.formation.leader]
-    formation = scenario.formation.model_copy(update={"vehicle": leader})
+    formation = scenario.formation
+    leader = tuple(v for v in formation.vehicle if v.sysid == formation.leader)
+    only = {"vehicle": leader} if formation.count is None else {"count": 1}
+    formation = formation.model_copy(update=only)
     return scenario.model_copy(update={"formation": formation})
 
 
