@@ -1,0 +1,12 @@
+"""The paper reproduced on one page, docs/paper.md, from nothing but the scenarios: ./tools/run python tools/paper.py"""
+
+import os
+
+# Before any library is loaded: seconds are the processor's, and must not be those of waiting threads.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+from tools.paper.main import app  # noqa: E402
+
+if __name__ == "__main__":
+    app()

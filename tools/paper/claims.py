@@ -1,0 +1,64 @@
+"""A sentence of the paper that can be tested: what it says in our words, what was measured, and the verdict.
+
+Knows: how claims are kept and printed. Does not know: flights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Claim:
+    """`measured` is a template over `numbers`; `why` explains the verdict and holds no number of its own."""
+
+    place: str  # section of the paper
+    figures: tuple[int, ...]
+    says: str
+    measured: str
+    numbers: dict[str, float]
+    holds: bool
+    why: str
+
+
+def kept(claims: list[Claim], prefix: str) -> list[dict[str, Any]]:
+    """For the record: numbers as plain floats, numbered with a prefix."""
+    return [
+        asdict(claim)
+        | {
+            "id": f"{prefix}{number}",
+            "figures": list(claim.figures),
+            "numbers": {key: float(value) for key, value in claim.numbers.items()},
+            "holds": bool(claim.holds),
+        }
+        for number, claim in enumerate(claims, start=1)
+    ]
+
+
+def verdict(claim: dict[str, Any]) -> str:
+    """One word or three."""
+    return "holds" if claim["holds"] else "**does not hold**"
+
+
+def table(claims: list[dict[str, Any]]) -> list[str]:
+    """A row for each."""
+    lines = ["| | the paper says | measured | | why |", "| --- | --- | --- | --- | --- |"]
+    for claim in claims:
+        measured = claim["measured"].format(**claim["numbers"])
+        lines.append(
+            f"| {claim['id']} | {claim['place']}: {claim['says']} | {measured} | {verdict(claim)} | {claim['why']} |"
+        )
+    return lines
+
+
+def beside(picture: str, number: int, caption: str, claims: list[dict[str, Any]]) -> list[str]:
+    """A figure and what the paper says of it, side by side."""
+    said = [f"{c['id']}: {c['says']} – {verdict(c)}" for c in claims if number in c["figures"]]
+    text = "<br>".join(said) or "no sentence of its own that could be tested"
+    return [
+        f"| Fig. {number}: {caption} | what the paper says of it |",
+        "| --- | --- |",
+        f"| ![Fig. {number}: {caption}]({picture}) | {text} |",
+        "",
+    ]

@@ -1,0 +1,82 @@
+"""Figs. 8 to 20 (§4.1, §4.2): both simulations, drawn and held against the paper's sentences.
+
+Knows: which figure shows what. Does not know: how sentences are judged.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tools.paper import curves, first, interactive, second, views
+from tools.paper.claims import beside, kept, table
+from tools.paper.drawing import save
+from tools.paper.run import Run
+from tools.paper.track import Track
+
+TITLE = "Simulations 1 and 2 (§4.1, §4.2, Figs. 8 to 20)"
+CAPTIONS = {
+    8: "Simulation 1 in 3D over its ground",
+    9: "Simulation 1 from above",
+    10: "pitch and roll in Simulation 1",
+    11: "the formation of Simulation 1 close up, seen from its leader",
+    12: "U1 in Simulation 1",
+    13: "U2, U3 and U4 in Simulation 1",
+    14: "v_x, v_y and v_z in Simulation 1",
+    15: "Simulation 2 in 3D over its ground",
+    16: "Simulation 2 from above",
+    17: "pitch and roll in Simulation 2",
+    18: "v_x, v_y and v_z in Simulation 2",
+    19: "U1 in Simulation 2",
+    20: "U2, U3 and U4 in Simulation 2",
+}
+_VIEWS = {"simulation1": (8, 9), "simulation2": (15, 16)}
+_CURVES = {
+    "simulation1": {10: "attitude", 12: "thrust", 13: "moments", 14: "velocity"},
+    "simulation2": {17: "attitude", 18: "velocity", 19: "thrust", 20: "moments"},
+}
+
+
+def measure(run: Run) -> dict[str, Any]:
+    """Plan, draw, judge."""
+    for name, (space, above) in _VIEWS.items():
+        plan = run.plan(name)
+        run.log(f"figures of {name}")
+        t_s, tracks = views.tracks_of(plan)
+        views.in_space(run, plan.scenario, plan.sysids, t_s, tracks, file_of(space))
+        views.from_above(run, plan.scenario, plan.sysids, tracks, file_of(above))
+        if name == "simulation1":
+            views.formation(run, plan, t_s, tracks, file_of(11))
+        for number, what in _CURVES[name].items():
+            save(curves.draw(plan, what), run, file_of(number))
+        interactive.write_page(plan, t_s, tracks, run.pictures / f"{name}.html")
+    one, two = (Track(run.plan(name)) for name in _VIEWS)
+    return {
+        "claims": kept(first.claims(one, run.report("simulation1")), "A")
+        + kept(second.claims(one, two, run.report("simulation2")), "B"),
+        "plans": {
+            name: {
+                "plan_s": sum(run.plan(name).timings_s.values()),
+                "clearance_m": run.report(name).clearance_min_m,
+                "separation_m": run.report(name).separation_min_m,
+            }
+            for name in _VIEWS
+        },
+    }
+
+
+def page(record: dict[str, Any]) -> list[str]:
+    """Figures beside the sentences, then the tables."""
+    found = record["claims"]
+    lines = [
+        "All six vehicles are drawn; where a rigid formation makes them do the same, they are rims of each other. "
+        "In 3D, to turn and to zoom: [Simulation 1](paper/simulation1.html), [Simulation 2](paper/simulation2.html).",
+        "",
+    ]
+    for number, caption in CAPTIONS.items():
+        lines += beside(f"paper/{file_of(number)}", number, caption, found)
+    return [*lines, *table(found)]
+
+
+def file_of(number: int) -> str:
+    """The figure's file."""
+    return f"fig{number:02d}.png"

@@ -1,0 +1,181 @@
+"""Figs. 6 and 7 (§2.5.3): four weights ask for a straight way in from a height.
+
+Knows: the study's four flights and the paper's sentences on them. Does not know: formations.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tools.paper.claims import Claim, beside, kept, table
+from tools.paper.drawing import save
+from tools.paper.run import Run
+from tools.paper.track import SETTLED_S, Track
+from tools.pictures.scenery import colour
+
+TITLE = "Terminal weighting (§2.5.3, Figs. 6 and 7)"
+FLIGHTS = {"1": "constant", "t²": "squared", "1/(tf-t+0.5)": "scenario", "1/(tf-t+0.5)²": "inverse_square"}
+CONSTANT, SQUARED, CHOSEN, INVERSE = FLIGHTS
+_ASKED_DEG = 90.0
+_NEAR_DEG = 7.0
+_LATE_S, _CREEP_S = 10.0, 3.0  # the last seconds before it creeps into its stop
+
+
+def measure(run: Run) -> dict[str, Any]:
+    """Plan the four, draw them, judge the sentences."""
+    tracks = {q: Track(run.plan(f"terminal_weighting/{name}.toml")) for q, name in FLIGHTS.items()}
+    save(_from_above(tracks), run, "fig06.png")
+    save(_heights(tracks), run, "fig07.png")
+    return {"claims": kept(claims(tracks), "W")}
+
+
+def page(record: dict[str, Any]) -> list[str]:
+    """Figures beside the sentences, and the table."""
+    found = record["claims"]
+    return [
+        *beside("paper/fig06.png", 6, "one vehicle from above, by the weight Q", found),
+        *beside("paper/fig07.png", 7, "the same in 3D, and its height before the arrival", found),
+        *table(found),
+    ]
+
+
+def claims(tracks: dict[str, Track]) -> list[Claim]:
+    """Every sentence that can be tested."""
+    late = {q: t.last(_LATE_S, _CREEP_S) for q, t in tracks.items()}
+    bends = {_key(q): t.bend_m(SETTLED_S) for q, t in tracks.items()}
+    off = {_key(q): float(np.abs(t.course_deg[late[q]] - _ASKED_DEG).max()) for q, t in tracks.items()}
+    lost = {_key(q): t.at_to_go(t.height_m, 60.0) - t.at_to_go(t.height_m, _LATE_S) for q, t in tracks.items()}
+    high = {_key(q): t.at_to_go(t.height_m, _LATE_S) for q, t in tracks.items()}
+    most = {_key(q): float(t.height_m.max()) for q, t in tracks.items()}
+    descent = {_key(q): _descent_s(t) for q, t in tracks.items()}
+    shake = {_key(q): float(np.sqrt(np.mean(t.acceleration_ned_mps2[t.last(60.0), 2] ** 2))) for q, t in tracks.items()}
+    rises = {_key(q): float(np.diff(t.height_m[t.last(SETTLED_S)]).max()) for q, t in tracks.items()}
+    return [
+        _claim(
+            (6,),
+            "all four weights end in a straight stretch",
+            "the last 20 s bend by at most {constant:.1f}, {squared:.1f}, {chosen:.1f}, {inverse:.1f} m",
+            bends,
+            max(bends.values()) < 3.0,
+            "every flight settles on one line before it brakes",
+        ),
+        _claim(
+            (6,),
+            "all four come in from 90°, as asked",
+            "course off by up to {constant:.0f}°, {squared:.0f}°, {chosen:.0f}°, {inverse:.0f}° from 10 s to 3 s "
+            "before the arrival",
+            off,
+            max(off.values()) < _NEAR_DEG,
+            "the two weights that grow towards the end do it; t² hardly changes over the last part and leaves its turn "
+            "unfinished; Q = 1 weighs all instants alike, and then constant velocity is best (Jensen)",
+        ),
+        _claim(
+            (7,),
+            "Q = 1 changes its height much late in the flight and cannot be relied on to come from above",
+            "10 s before the arrival at {constant:.1f} m; t² at {squared:.1f}, 1/(tf-t+0.5) at {chosen:.1f} m",
+            high,
+            high["constant"] < min(high["squared"], high["chosen"]) - 1.5,
+            "it gives its height up earlier than the weights that still grow",
+        ),
+        _claim(
+            (7,),
+            "t² and 1/(tf-t+0.5)² are higher than 1/(tf-t+0.5)",
+            "10 s before the arrival {squared:.1f} and {inverse:.1f} m against {chosen:.1f} m",
+            high,
+            min(high["squared"], high["inverse"]) > high["chosen"],
+            "with each Q divided by its mean, none is as large as 1/(tf-t+0.5) in the seconds that decide",
+        ),
+        _claim(
+            (7,),
+            "t² and 1/(tf-t+0.5)² take longer to come down than 1/(tf-t+0.5)",
+            "from nine tenths of their height {squared:.1f} and {inverse:.1f} s against {chosen:.1f} s",
+            descent,
+            min(descent["squared"], descent["inverse"]) > descent["chosen"],
+            "one weighs the last seconds too little to keep the height, the other never asks for all of it",
+        ),
+        _claim(
+            (7,),
+            "1/(tf-t+0.5) does not climb so high",
+            "highest {chosen:.1f} m; t² {squared:.1f} m, 1/(tf-t+0.5)² {inverse:.1f} m",
+            most,
+            most["chosen"] < min(most["squared"], most["inverse"]),
+            "the inverse square spends all of its weight at the very end and never climbs",
+        ),
+        _claim(
+            (7,),
+            "with 1/(tf-t+0.5) the height changes most smoothly",
+            "vertical acceleration in the last minute {chosen:.3f} m/s² RMS; Q = 1 {constant:.3f}, t² {squared:.3f}, "
+            "1/(tf-t+0.5)² {inverse:.3f}",
+            shake,
+            shake["chosen"] <= min(shake.values()),
+            "who stays high longest comes down fastest",
+        ),
+        _claim(
+            (7,),
+            "Remark 2: all four come down gradually from a height",
+            "heights 10 s before the arrival {constant:.1f}, {squared:.1f}, {chosen:.1f}, {inverse:.1f} m; none rises "
+            "in the last 20 s by more than {rise:.4f} m from one twentieth of a second to the next",
+            high | {"rise": max(0.0, *rises.values())},
+            min(high.values()) > 5.0 and max(rises.values()) < 1e-3,
+            "the height term asks for it, the end of Eq. 16 for the rest",
+        ),
+        _claim(
+            (7,),
+            "Q = 1 loses more height in the last minute than the others",
+            "{constant:.1f} m until 10 s before the arrival; {squared:.1f}, {chosen:.1f}, {inverse:.1f} m the others",
+            lost,
+            lost["constant"] > max(lost["squared"], lost["chosen"], lost["inverse"]),
+            "nothing tells it that late heights count more",
+        ),
+    ]
+
+
+def _claim(
+    figures: tuple[int, ...], says: str, measured: str, numbers: dict[str, float], holds: bool, why: str
+) -> Claim:
+    return Claim("§2.5.3", figures, says, measured, numbers, holds, why)
+
+
+def _key(q: str) -> str:
+    return {CONSTANT: "constant", SQUARED: "squared", CHOSEN: "chosen", INVERSE: "inverse"}[q]
+
+
+def _descent_s(track: Track) -> float:
+    """From the last instant at nine tenths of its height to the arrival."""
+    return float(track.end_s - track.t_s[track.height_m >= 0.9 * track.height_m.max()].max())
+
+
+def _from_above(tracks: dict[str, Track]) -> Figure:
+    figure = Figure(figsize=(9.0, 4.4), layout="constrained")
+    whole, end = figure.subplots(1, 2)
+    for row, (q, track) in enumerate(tracks.items()):
+        for axes, part in ((whole, track.t_s >= 0.0), (end, track.last(60.0))):
+            axes.plot(track.states[part, 1], track.states[part, 0], color=colour(row), lw=1.5, label=f"Q = {q}")
+    for axes, title in ((whole, "whole flight"), (end, "last 60 s")):
+        axes.set(xlabel="east, m", ylabel="north, m", title=title)
+        axes.grid(alpha=0.3)
+    whole.set_aspect("equal")
+    whole.legend(fontsize=8)
+    return figure
+
+
+def _heights(tracks: dict[str, Track]) -> Figure:
+    figure = Figure(figsize=(9.0, 4.4), layout="constrained")
+    above: Any = figure.add_subplot(1, 2, 1, projection="3d")
+    profile = figure.add_subplot(1, 2, 2)
+    for row, (q, track) in enumerate(tracks.items()):
+        every = slice(None, None, 20)
+        above.plot(
+            track.states[every, 1], track.states[every, 0], track.height_m[every], color=colour(row), label=f"Q = {q}"
+        )
+        part = track.last(60.0)
+        profile.plot(track.end_s - track.t_s[part], track.height_m[part], color=colour(row), label=f"Q = {q}")
+    above.set(xlabel="east, m", ylabel="north, m", zlabel="height, m")
+    above.set_box_aspect((1, 1, 0.6), zoom=0.85)
+    profile.set(xlabel="time before the arrival, s", ylabel="height, m", xlim=(60.0, 0.0))
+    profile.grid(alpha=0.3)
+    profile.legend(fontsize=8)
+    return figure
