@@ -226,8 +226,10 @@ def page(record: dict[str, Any]) -> list[str]:
     """A heading and tables for each."""
     lines = [
         "Each benchmark is a program of its own (`tools/bench_*.py`); `tools/paper.py --benchmarks all` runs them and "
-        "keeps their records in [bench/](bench). Ratios come before times: times belong to the machine.",
+        "keeps their records in `docs/bench`. Ratios come before times: times belong to the machine.",
     ]
+    if not record["benchmarks"]:
+        return [*lines, "", "None is recorded yet."]
     for name, benchmark in record["benchmarks"].items():
         lines += ["", f"### {benchmark['title']}", "", f"`{benchmark['command']}` ([record](bench/{name}.json))"]
         for table in benchmark["tables"]:
