@@ -11,7 +11,7 @@ from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 
-LONG = ("test_readme.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
+LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -27,6 +27,7 @@ from tests.fleets import free_port
 
 EACH = pytest.mark.parametrize("backend", BACKENDS)
 BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+PX4_TOO = pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
 SYSIDS = (1, 2)
 
 
@@ -102,7 +103,7 @@ def test_one_bad_item_leaves_nobody_with_a_mission(
 
 
 @EACH
-@BOTH
+@PX4_TOO
 def test_vehicles_are_listed(
     make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], backend: str, autopilot: str
 ) -> None:
@@ -126,7 +127,7 @@ def test_vehicles_are_listed(
 
 
 @EACH
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+@PX4_TOO
 def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet], backend: str, autopilot: str) -> None:
     port = free_port()
     fleet = make_fleet(vehicles=2, autopilot=autopilot, links=(f"udpout:127.0.0.1:{port}",), speedup=8.0, seed=2)
