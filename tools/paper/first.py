@@ -12,6 +12,7 @@ from gcs.scenario.terrain import ground_height_m
 from tools.paper.claims import Claim
 from tools.paper.track import SETTLED_S, Track, rms
 
+_RISE_M = 0.1  # less is level flight
 _STEP = 0.1  # s: a jump of a control is what it does in a tenth of a second
 
 
@@ -311,7 +312,7 @@ def _velocities(track: Track) -> list[Claim]:
             "towards the end it rises slowly, then lands",
             "in the last minute it rises by {rise:.2f} m to {top:.1f} m before it comes down",
             {"rise": top - before, "top": top},
-            bool(top - before > 0.0 and int(np.argmax(track.height_m[late])) > 0),
+            top - before > _RISE_M,
             "it is as high as h_r asks long before; nothing is left to climb",
         ),
     ]

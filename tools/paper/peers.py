@@ -124,11 +124,22 @@ def stream(found: Any) -> Table:
 
 def upload(found: Any) -> Table:
     """Deliveries on a fake clock."""
-    rows = [["autopilot", "round trip", "loss", "over the floor", "sent", "read back equal", "errors", "wrong"]]
+    rows = [
+        ["autopilot", "sent as", "round trip", "loss", "over the floor", "sent", "read back equal", "errors", "wrong"]
+    ]
     for r in found["cells"]:
         over = "" if r["of_floor"] is None else f"{r['of_floor']:.2f}"
         absolute = (f"{r['sent_s']:.2f} s", f"{r['held_s']:.2f} s", f"{r['errors']}", f"{r['wrong']}")
-        rows.append([r["autopilot"], f"{1e3 * r['round_trip_s']:.0f} ms", f"{100 * r['loss']:.0f} %", over, *absolute])
+        rows.append(
+            [
+                r["autopilot"],
+                r["transfer"],
+                f"{1e3 * r['round_trip_s']:.0f} ms",
+                f"{100 * r['loss']:.0f} %",
+                over,
+                *absolute,
+            ]
+        )
     return rows
 
 
