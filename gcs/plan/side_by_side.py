@@ -25,7 +25,7 @@ def pays(tasks: int, workers: int, expected_s: float) -> bool:
 
 
 def each(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
-    """Results of `work` in the order of the tasks; the first failure in that order ends all workers and is raised here."""
+    """Results of `work` in the order of the tasks; the first failure in that order ends all and is raised here."""
     pool = multiprocessing.get_context("spawn").Pool(min(workers, len(tasks)), _leave_ctrl_c_to_the_parent)
     try:
         return list(pool.imap(work, tasks))
