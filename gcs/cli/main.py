@@ -8,6 +8,7 @@ so that `gcs --help` and mistyped arguments are answered at once; a test holds t
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -94,6 +95,7 @@ def _gcs(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command line (default: the process's) and return its exit code; nothing escapes as a traceback."""
+    is_the_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
@@ -126,6 +128,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
             exit_code=code,
         )
     if code == STOPPED:
+        if is_the_process:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # people press twice, and all is done
         screen.stopped(code)
     return int(code)
 

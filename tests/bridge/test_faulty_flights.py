@@ -85,7 +85,13 @@ def sound(simulation1: Scenario) -> np.ndarray:
     return flown(simulation1, math.inf)
 
 
-@pytest.mark.parametrize("texts", [BAD_LINK, BAD_LINK + BROKEN], ids=["bad link", "broken body too"])
+@pytest.mark.parametrize(
+    "texts",
+    [
+        pytest.param(BAD_LINK, id="bad link", marks=pytest.mark.slow),
+        pytest.param(BAD_LINK + BROKEN, id="broken body too"),
+    ],
+)
 def test_faults_are_flown_the_same_at_any_speedup(
     simulation1: Scenario, sound: np.ndarray, texts: tuple[str, ...]
 ) -> None:

@@ -148,7 +148,7 @@ def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None
     ("fault", "code", "words"),
     [
         ("3:reject-mission", 8, ("vehicle 3",)),
-        ("5:silent", 8, ("vehicle 5",)),
+        pytest.param("5:silent", 8, ("vehicle 5",), marks=pytest.mark.slow),
         ("2:die@10", 9, ("vehicle 2", "lost")),
     ],
 )

@@ -28,7 +28,7 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
 
 def test_followers_stay_with_a_leader_who_is_held_up(hop: Plan) -> None:
     """The leader crawls for three seconds. Those who follow hang back with him; those who do not fly into him."""
-    fault = "1:slow=1.2@30..33"
+    fault = "1:slow=1.0@30..33"
     alone = fly(hop, fault)
     assert "separation in danger" in [event.what for event in alone.events]
     following = fly(hop, fault, follow=True)

@@ -13,7 +13,8 @@ from tests.fleets import free_port
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "name", "version"), [("ardupilot", "ArduCopter", "4.5.6"), ("px4", "PX4", "1.17")]
+    ("autopilot", "name", "version"),
+    [("ardupilot", "ArduCopter", "4.5.6"), pytest.param("px4", "PX4", "1.17", marks=pytest.mark.slow)],
 )
 def test_vehicles_are_listed(
     make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], autopilot: str, name: str, version: str

@@ -102,7 +102,7 @@ def test_parameters_missions_and_fences_of_all_six(autopilot: str) -> None:
             missions.clear_mission()
 
 
-@autopilots
+@pytest.mark.parametrize("autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), "px4"])
 def test_take_off_offboard_mission_and_landing(autopilot: str) -> None:
     port, sysid = free_port(), 1
     with (
