@@ -69,7 +69,8 @@ def page(record: dict[str, Any]) -> list[str]:
     found = record["claims"]
     lines = [
         "All six vehicles are drawn; where a rigid formation makes them do the same, they are rims of each other. "
-        "In 3D, to turn and to zoom: [Simulation 1](paper/simulation1.html), [Simulation 2](paper/simulation2.html).",
+        "In 3D, to turn and to zoom: `docs/paper/simulation1.html` and `simulation2.html`, which the tool writes "
+        "beside the pictures; they hold all of plotly and are not kept.",
         "",
     ]
     for number, caption in CAPTIONS.items():
