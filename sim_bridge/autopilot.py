@@ -265,9 +265,9 @@ class Autopilot:
             return self.armed and not self.helm.waits_for_motors
         return self.mode.intent in _HOVERING and self.helm.path.at_rest
 
-    def awaits_setpoint(self, t_s: float) -> bool:
-        """Whether it flies a stamped stream and has to guess how it goes on from `t_s`."""
-        return self.helm.path.awaits_setpoint(t_s)
+    def awaits_setpoint_after_s(self, t_s: float) -> float | None:
+        """The newest instant it knows of, where it flies a stamped stream and has to guess how that goes on."""
+        return self.helm.path.awaits_setpoint_after_s(t_s)
 
     def can_arm(self, t_s: float) -> bool:
         """Whether nothing is in the way of being armed; what SYS_STATUS says of that."""

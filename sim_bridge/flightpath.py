@@ -93,10 +93,12 @@ class Flightpath:
             self._fly_stream(t_s)
         self._wake_s = min(self._wake_s, self._stream.next_s)
 
-    def awaits_setpoint(self, t_s: float) -> bool:
-        """Whether it flies a stamped stream and has to guess how it goes on from `t_s`."""
+    def awaits_setpoint_after_s(self, t_s: float) -> float | None:
+        """The newest instant it knows of, where it flies a stamped stream and has to guess how that goes on."""
         stream = self._stream
-        return stream is not None and (self.streaming or stream.next_s <= t_s) and stream.awaits_more(t_s)
+        if stream is None or not (self.streaming or stream.next_s <= t_s):
+            return None
+        return stream.awaits_more_after_s(t_s)
 
     def step(self, t_s: float) -> Passed:
         """Go on to `t_s`."""

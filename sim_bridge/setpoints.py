@@ -14,10 +14,13 @@ from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.dialect import SetpointMask, WireFrame
 from gcs.link.message import Message
 from gcs.quadrotor import Array
-from sim_bridge.guidance.stream import LONGEST_GAP_S, Setpoint
+from sim_bridge.guidance.stream import Setpoint
 from sim_bridge.telemetry import Instruments
 
 SETPOINTS = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"})
+# What is stamped further off was stamped by a clock of the station's own. Boot clocks begin at 5 s or more, so that
+# stations younger than the vehicles are always further behind.
+_BEHIND_S, _AHEAD_S = 4.0, 10.0
 _FAR = 1e6  # m, m/s, m/s²: no setpoint is as large as this
 _OFFSETS = frozenset({WireFrame.LOCAL_OFFSET_NED, WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
 _TURNED = frozenset({WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
@@ -59,8 +62,13 @@ def setpoint_in(
     if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
         return Setpoint(t_s, flat, stamped=False), True
     stamp_s = instruments.simulated_s(fields["time_boot_ms"])
-    stamped = abs(stamp_s - t_s) <= LONGEST_GAP_S
+    stamped = is_stamp(stamp_s, t_s)
     return Setpoint(stamp_s if stamped else t_s, flat, stamped), False
+
+
+def is_stamp(stamp_s: float, t_s: float) -> bool:
+    """Whether a time on a setpoint that comes at `t_s` is of the vehicle's own clock, both in simulated seconds."""
+    return t_s - _BEHIND_S <= stamp_s <= t_s + _AHEAD_S
 
 
 def _known(message: Message) -> bool:

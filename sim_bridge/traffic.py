@@ -21,8 +21,8 @@ from gcs.link.message import Message
 from sim_bridge.endpoints.switchboard import Switchboard
 from sim_bridge.fault_commands import answer, is_fault_command, read_order
 from sim_bridge.fault_desk import FaultDesk
-from sim_bridge.guidance.stream import LONGEST_GAP_S
 from sim_bridge.missions.files import items_in
+from sim_bridge.setpoints import is_stamp
 from sim_bridge.vehicle import Vehicle
 
 LEAD_S = 0.1
@@ -94,12 +94,20 @@ class Traffic:
         """The vehicle of this row numbers its frames from 0 again."""
         self._encoders[row] = Codec(*self._vehicles[row].station)
 
-    def stream_is_known(self, row: int, t_s: float) -> bool | None:
-        """Whether the setpoints that leave by now have come in; None where there is no stamped stream or bad link."""
+    def tell_time(self) -> None:
+        """Say again what time it is on board; not over bad links, whose luck is that of the flight."""
+        for row, vehicle in enumerate(self._vehicles):
+            if row not in self._desk.radios and (message := vehicle.time_message()) is not None:
+                signature = vehicle.signature(time.monotonic())
+                self._board.put(row, [self._encoders[row].encode(message, signature)])
+        self._board.flush(time.monotonic())
+
+    def departed_s(self, row: int, t_s: float) -> float | None:
+        """Stamp of the newest setpoint that came in to leave over a bad link; None where there is none."""
         stamp_s = self._stamp_s.get(row)
-        if stamp_s is None or row not in self._desk.radios or stamp_s < t_s - LONGEST_GAP_S:
+        if stamp_s is None or row not in self._desk.radios or not is_stamp(stamp_s, t_s):
             return None
-        return stamp_s > t_s + LEAD_S
+        return stamp_s
 
     def _addressed(self, line: int, message: Message) -> Iterable[int]:
         sysid = message.fields.get("target_system", 0)
@@ -127,7 +135,7 @@ class Traffic:
         if message.name != _SETPOINT:
             return t_s
         stamp_s = self._vehicles[row].simulated_s(message.fields["time_boot_ms"])
-        if abs(stamp_s - t_s) > LONGEST_GAP_S:
+        if not is_stamp(stamp_s, t_s):
             return t_s
         self._stamp_s[row] = max(stamp_s, self._stamp_s.get(row, -math.inf))
         return max(stamp_s - LEAD_S, t_s)

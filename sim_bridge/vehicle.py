@@ -99,6 +99,11 @@ class Vehicle:
         """What its next frame is to be signed with; None where it is not."""
         return self._trust.signature(now_s)
 
+    def time_message(self) -> Message | None:
+        """SYSTEM_TIME as of now; None from one that is off, silent or without it."""
+        off = self._dead or not self._heard or self._instruments.t_s < self.on_from_s
+        return None if off else self._telemetry.build(MessageId.SYSTEM_TIME)
+
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message; those for other vehicles, unknown ones and those it does not trust get none."""
         everyone = self._personality.replies.any_component

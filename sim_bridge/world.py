@@ -6,8 +6,8 @@ Time. A step is 10 ms of simulated time. `speedup` says how fast steps follow on
 back:
 - orders: while a vehicle stands armed or hovers with nothing to do, or nobody is armed at all, time runs at most
   `WAITING_RATE` times real time, because ground stations answer in real time (10 s to disarming would be 0.2 s);
-- the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on, up
-  to `STREAM_PATIENCE_S`, so that a flight is the same at any speed-up;
+- the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on
+  (`StreamPatience`), so that a flight is the same at any speed-up;
 - the machine: what it cannot do in time is made up for later, within reason (`Pace`).
 """
 
@@ -34,12 +34,12 @@ from sim_bridge.guidance.piece import PieceBatch
 from sim_bridge.hangar import Hangar
 from sim_bridge.pace import Pace
 from sim_bridge.personality import Personality, by_name
-from sim_bridge.traffic import Traffic
+from sim_bridge.stream_patience import StreamPatience
+from sim_bridge.traffic import LEAD_S, Traffic
 from sim_bridge.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.wind import CALM, Wind
 
 WAITING_RATE = 10.0
-STREAM_PATIENCE_S = 1.5
 OFF_S = 1.0  # that a restart takes
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
@@ -79,9 +79,8 @@ class World:
         self._steps = 0
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()
-        self._starved: set[int] = set()
         self._pace = Pace(options.speedup)
-        self._wait_until_s = -math.inf
+        self._patience = StreamPatience()
         self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
         boot_s = [ms / 1000.0 for ms in hangar.boot_ms]
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
@@ -130,8 +129,8 @@ class World:
                 self._calls.popleft()()
             now_s = time.monotonic()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
-            if not wait_s and self._stream_is_due(now_s):
-                wait_s = self._wait_until_s - now_s
+            if not wait_s and self.options.speedup > 1.0:
+                wait_s = self._stream_wait_s(now_s)
             if wait_s > 0.0:
                 self._listen(wait_s)
             else:
@@ -176,29 +175,24 @@ class World:
         under_way = any(pilot.flying for pilot in pilots) and not any(pilot.awaits_orders for pilot in pilots)
         return self.options.speedup if under_way else min(self.options.speedup, WAITING_RATE)
 
-    def _stream_is_due(self, now_s: float) -> bool:
-        """Whether to wait for a setpoint; each vehicle's stream is waited for once, until it goes on."""
-        if self.options.speedup <= 1.0:
-            return False
+    def _stream_wait_s(self, now_s: float) -> float:
         t_s = self.t_s
-        waiting = {row for row in range(len(self.vehicles)) if self._awaits_setpoint(row, t_s)}
-        self._starved &= waiting
-        if not waiting - self._starved:
-            self._wait_until_s = math.inf
-            return False
-        if math.isinf(self._wait_until_s):
-            self._wait_until_s = now_s + STREAM_PATIENCE_S
-        if now_s < self._wait_until_s:
-            return True
-        self._starved = waiting
-        self._wait_until_s = math.inf
-        return False
+        newest_s = {row: self._awaits_after_s(row, t_s) for row in range(len(self.vehicles))}
+        wait_s = self._patience.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
+        if self._patience.reminds(now_s):
+            self.traffic.tell_time()
+        return wait_s
 
-    def _awaits_setpoint(self, row: int, t_s: float) -> bool:
-        """On a bad link it is the setpoint's departure that is waited for: it may never arrive."""
+    def _awaits_after_s(self, row: int, t_s: float) -> float | None:
+        """The newest stamp a vehicle has that has to guess how its stream goes on; None for those who know.
+
+        On a bad link it is the setpoint's departure that is waited for: it may never arrive.
+        """
         pilot = self.vehicles[row].autopilot
-        known = self.traffic.stream_is_known(row, t_s) if pilot.flying else None
-        return pilot.awaits_setpoint(t_s) if known is None else not known
+        departed_s = self.traffic.departed_s(row, t_s) if pilot.flying else None
+        if departed_s is not None:
+            return departed_s if departed_s <= t_s + LEAD_S else None
+        return pilot.awaits_setpoint_after_s(t_s)
 
     def _listen(self, timeout_s: float) -> None:
         if not self.traffic.listen(timeout_s, self.t_s):

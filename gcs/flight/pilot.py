@@ -32,6 +32,7 @@ _LONGEST_WAIT_S = 0.05
 _EMULATED_WAIT_S, _EMULATED_KEEP_S = 0.002, 0.5
 _AHEAD_S = 0.5  # between the decision to start and the first setpoint
 _EMULATED_AHEAD_S = 3.0  # ten times as fast, and on a machine that has other things to do
+_EMULATED_SOON_S = 0.6
 _NEVER_S = 1e6
 
 
@@ -96,10 +97,10 @@ class Pilot:
         return t0_unix_s
 
     def _announce(self) -> None:
-        """Have everybody hold its first setpoint now: from then on emulated time waits for the ones that follow."""
+        """Tell everybody what is next now: from its instant on, emulated time waits for the ones that follow."""
         assert self.scheduler is not None
-        for sysid, stream in self.scheduler.streams.items():
-            if stream.next == 0 and (first := self.scheduler.advance(sysid)) is not None:
+        for sysid in self.scheduler.streams:
+            if (first := self.scheduler.advance(sysid)) is not None:
                 message = numbered_message(self.scheduler, self.vehicles[sysid], first)
                 if message is not None:
                     self._send(sysid, message)
@@ -186,7 +187,8 @@ class Pilot:
         grid = self.scheduler.grid
         for crew in self._crews.values():
             if crew.manners.stream_first_s:  # it needs a stream to stay in its mode, until it lands
-                self.scheduler.start(crew.sysid, grid.ahead_of(self._time.sure_s() - t0_unix_s), None)
+                soon_s = _EMULATED_SOON_S if self._emulated else 0.0
+                self.scheduler.start(crew.sysid, grid.ahead_of(self._time.sure_s() + soon_s - t0_unix_s), None)
             elif ends:
                 self.scheduler.start(crew.sysid, 0, len(grid.t_s))
 

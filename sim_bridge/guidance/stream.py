@@ -55,13 +55,13 @@ class SetpointFollower:
         """The latest setpoint known, in force or waiting."""
         return self._ahead[-1] if self._ahead else self._current
 
-    def awaits_more(self, t_s: float) -> bool:
-        """Whether a stamped stream is under way whose next setpoint is needed to fly on from `t_s`.
+    def awaits_more_after_s(self, t_s: float) -> float | None:
+        """The newest instant of a stamped stream whose next setpoint is needed to fly on from `t_s`; else None.
 
         The one that comes into force at `t_s` does not do: how it is flown depends on the next.
         """
         newest = self.newest
-        return newest is not None and newest.stamped and newest.t_s <= t_s
+        return newest.t_s if newest is not None and newest.stamped and newest.t_s <= t_s else None
 
     def add(self, setpoint: Setpoint) -> None:
         """Take in a setpoint: one for a known instant replaces it, one older than that in force is dropped."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import socket
+import threading
 
 import numpy as np
 import pytest
 
+from gcs.link.codec import Codec
 from gcs.link.dialect import CopterMode, MavResult
 from gcs.link.message import GROUND, Message
-from sim_bridge.endpoints.spec import Kind, LinkSpec
+from sim_bridge.endpoints.spec import Kind, LinkSpec, call
 from sim_bridge.plain import plain_scenario
 from sim_bridge.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
@@ -56,7 +59,7 @@ def flown(seed: int, latest_s: float) -> np.ndarray:
             while fleet.t_s > BEGINS_S - 1.0 and BEGINS_S + sent * PERIOD_S < fleet.t_s + ahead_s:
                 send()
                 sent += 1
-            while pilot.awaits_setpoint(fleet.t_s):  # as `World.run` waits for the one that is late
+            while pilot.awaits_setpoint_after_s(fleet.t_s) is not None:  # as `World.run` waits for it
                 send()
                 sent += 1
                 waited += 1
@@ -71,3 +74,39 @@ def test_when_setpoints_come_changes_nothing(latest_s: float) -> None:
     early, late = flown(1, 0.1), flown(2, latest_s)
     assert np.abs(early[-1, :2] - early[0, :2]).max() > 3.0
     np.testing.assert_array_equal(early, late)
+
+
+def test_time_stands_still_for_a_late_stream_and_says_so_again() -> None:
+    """What told the ground station the time may have been lost; nothing else will come while time stands."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
+        ground.bind(("127.0.0.1", 0))
+        ground.settimeout(5.0)
+        options = WorldOptions(links=[call(ground.getsockname()[1])], speedup=math.inf, epoch_unix_s=EPOCH_UNIX_S)
+        with World(plain_scenario(1), options) as fleet:
+            vehicle = fleet.vehicles[0]
+            pilot = vehicle.autopilot
+            while not pilot.ready:
+                fleet.step()
+            pilot.set_mode(fleet.t_s, CopterMode.GUIDED)
+            assert pilot.arm(fleet.t_s, fleet.airframes.estimate[0]) == MavResult.ACCEPTED
+            pilot.take_off(fleet.t_s, 3.0)
+            while fleet.t_s < BEGINS_S:
+                fleet.step()
+
+            def send(t_s: float) -> None:
+                vehicle.receive(setpoint(t_s, vehicle._instruments.boot_offset_ms + round(1e3 * (BEGINS_S + t_s))), 0.0)
+
+            send(0.2)
+            flying = threading.Thread(target=fleet.run)
+            flying.start()
+            try:
+                for newest_s in (0.2, 0.6):
+                    codec, said_ms = Codec(0, 0), list[int]()
+                    while len(said_ms) < 3 or len(set(said_ms[-3:])) > 1:
+                        messages = codec.decode(ground.recv(4096))
+                        said_ms += [m.fields["time_boot_ms"] for m in messages if m.name == "SYSTEM_TIME"]
+                    assert fleet.t_s == pytest.approx(BEGINS_S + newest_s)
+                    fleet.call(lambda: send(0.6))
+            finally:
+                fleet.stop()
+                flying.join(10.0)

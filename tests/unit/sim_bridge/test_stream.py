@@ -68,18 +68,18 @@ def test_without_a_next_one_velocity_and_acceleration_are_held():
 def test_it_awaits_more_only_when_it_would_have_to_guess():
     stream = follower(3)
     stream.advance(0.0)
-    assert not stream.awaits_more(PERIOD_S)
+    assert stream.awaits_more_after_s(PERIOD_S) is None
     stream.advance(2 * PERIOD_S)
-    assert stream.awaits_more(2 * PERIOD_S)
+    assert stream.awaits_more_after_s(2 * PERIOD_S) == 2 * PERIOD_S
     stream.add(Setpoint(3 * PERIOD_S, on_circle(3 * PERIOD_S)))
-    assert not stream.awaits_more(2 * PERIOD_S)
+    assert stream.awaits_more_after_s(2 * PERIOD_S) is None
 
 
 def test_unstamped_streams_are_never_awaited():
     stream = SetpointFollower()
     stream.add(Setpoint(1.0, on_circle(1.0), stamped=False))
     stream.advance(1.0)
-    assert not stream.awaits_more(2.0)
+    assert stream.awaits_more_after_s(2.0) is None
 
 
 def test_what_is_older_than_the_one_in_force_is_dropped():
