@@ -1,4 +1,4 @@
-"""Writes docs/scenario.md, every key of a scenario file, from the schema:  ./tools/run python tools/reference.py"""
+"""Writes docs/scenario.md, every key of a scenario file, and docs/api.md:  ./tools/run python tools/reference.py"""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 
 from gcs.files import atomic_write
 from gcs.scenario.json_schema import scenario_schema
+from tools.api_reference import api_reference
 
-FILE = Path(__file__).resolve().parent.parent / "docs" / "scenario.md"
+DOCS = Path(__file__).resolve().parent.parent / "docs"
 HEAD = """# Scenario files
 
 <!-- made by tools/reference.py from the models in gcs/scenario; change those -->
@@ -122,5 +123,6 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    atomic_write(FILE, reference())
-    print(FILE)
+    for file, text in ((DOCS / "scenario.md", reference()), (DOCS / "api.md", api_reference())):
+        atomic_write(file, text)
+        print(file)

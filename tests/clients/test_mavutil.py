@@ -17,8 +17,15 @@ from tests.fleets import free_port
 SYSID = 2
 
 
-@pytest.mark.parametrize("link", ["udp", "tcp"])
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize(
+    ("autopilot", "link"),
+    [
+        ("ardupilot", "udp"),
+        ("px4", "tcp"),
+        pytest.param("ardupilot", "tcp", marks=pytest.mark.slow),
+        pytest.param("px4", "udp", marks=pytest.mark.slow),
+    ],
+)
 def test_a_script_with_mavutil_flies_a_mission(tmp_path: Path, autopilot: str, link: str) -> None:
     port, home_first = free_port(), autopilot == "ardupilot"
     path = written(tmp_path / "mission.waypoints", rows(plain_scenario(1), home_first))

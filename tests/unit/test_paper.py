@@ -15,6 +15,7 @@ from matplotlib import image
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
 from tools.paper import book
+from tools.paper.peers import ALL
 from tools.paper.readme import MARK, updated
 from tools.paper.run import Run
 from tools.paper.swarm import POINTS, Search
@@ -93,6 +94,10 @@ def test_what_the_page_shows_is_there(docs: Path) -> None:
     text = (docs / book.PAGE).read_text(encoding="utf-8")
     for name in PICTURE.findall(text) + LINK.findall(text):
         assert (docs / name).is_file(), name
+
+
+def test_every_benchmark_has_its_place_on_the_page(repo_root: Path) -> None:
+    assert {file.stem.removeprefix("bench_") for file in repo_root.glob("tools/bench_*.py")} == set(ALL)
 
 
 def test_turning_points_are_counted_beyond_noise() -> None:

@@ -1,16 +1,27 @@
-"""docs/scenario.md says what the program takes: it is made from the models, and nobody edited it by hand."""
+"""docs/scenario.md and docs/api.md say what the program takes: they are made from the code, and nobody edited them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import gcs
 from gcs.scenario.model import Scenario
+from tools.api_reference import CHAPTERS, api_reference
 from tools.reference import reference
 
 
 def test_the_page_is_up_to_date(repo_root: Path) -> None:
     told = (repo_root / "docs" / "scenario.md").read_text(encoding="utf-8")
     assert told == reference(), "run ./tools/run python tools/reference.py"
+
+
+def test_the_page_of_the_api_is_up_to_date(repo_root: Path) -> None:
+    told = (repo_root / "docs" / "api.md").read_text(encoding="utf-8")
+    assert told == api_reference(), "run ./tools/run python tools/reference.py"
+
+
+def test_every_public_name_is_told_once() -> None:
+    assert sorted(name for names in CHAPTERS.values() for name in names) == gcs.__all__
 
 
 def test_every_key_is_there_with_its_meaning() -> None:

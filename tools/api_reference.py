@@ -1,0 +1,109 @@
+"""The public Python API as a page, docs/api.md, from signatures and docstrings; `tools/reference.py` writes it."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gcs
+from gcs.scenario.model import Scenario
+
+HEAD = """# The Python API
+
+<!-- made by tools/reference.py from the code of gcs; change that -->
+
+The commands call nothing else. `import gcs` loads nothing yet; each name is loaded when it is first used. Arrays are of
+float64 in SI units, north, east and down; their shapes stand with them (V vehicles, N instants). Everything raises
+`GcsError`, whose message says what happened and whose `hint` says what to do. The README plans, exports and flies in
+ten lines; [scenario.md](scenario.md) has the keys of a scenario.
+"""
+CHAPTERS = {
+    "Scenario": ("load_scenario", "Scenario"),
+    "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "Replanner"),
+    "Verify": ("verify", "Report"),
+    "Export": ("export", "build_missions", "build_stream"),
+    "Fleet": ("Connection",),
+    "Fly": ("fly", "Emulated", "Flown", "Verdict", "Watcher"),
+    "Errors": ("GcsError",),
+}
+
+_REMARK = re.compile(r"^    (\w+): [^#\n]+?  # (.+)$", re.M)
+
+
+def api_reference() -> str:
+    """The page."""
+    lines = [HEAD]
+    for chapter, names in CHAPTERS.items():
+        lines.append(f"## {chapter}\n")
+        for name in names:
+            lines += _entry(name, getattr(gcs, name))
+    return "\n".join(lines)
+
+
+def _entry(name: str, thing: Any) -> Iterator[str]:
+    if not inspect.isclass(thing):
+        yield f"### `gcs.{name}`\n\n```text\n{_call(name, thing)}\n```\n\n{inspect.getdoc(thing)}\n"
+        return
+    yield f"### `gcs.{name}`\n\n{inspect.getdoc(thing)}\n"
+    if issubclass(thing, Scenario):
+        return
+    rows = [*_fields(thing), *_members(thing)]
+    if rows:
+        yield "\n".join(["| | |", "| --- | --- |", *rows]) + "\n"
+
+
+def _fields(thing: type) -> Iterator[str]:
+    """What is kept, with its type and, where it may be left out, what it is then."""
+    if not dataclasses.is_dataclass(thing):
+        return
+    said = dict(_REMARK.findall(inspect.getsource(thing)))
+    for field in dataclasses.fields(thing):
+        if field.name.startswith("_"):
+            continue
+        default = "" if field.default is dataclasses.MISSING else f" = {_value(field.default)}"
+        remark = f"; {said[field.name]}" if field.name in said else ""
+        yield f"| `{field.name}` | {_cell(f'`{field.type}{default}`{remark}')} |"
+
+
+def _members(thing: type) -> Iterator[str]:
+    """Methods and properties with the first sentence of what they do."""
+    for name, member in vars(thing).items():
+        if name.startswith("_"):
+            continue
+        found = member.__func__ if isinstance(member, classmethod | staticmethod) else member
+        if isinstance(found, property):
+            yield f"| `{name}` | {_cell(_first(found))} |"
+        elif inspect.isfunction(found):
+            yield f"| {_cell(f'`{_call(name, found)}`')} | {_cell(_first(found))} |"
+
+
+def _first(thing: object) -> str:
+    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+
+
+def _call(name: str, function: Callable[..., Any]) -> str:
+    """How it is called: parameters with types and defaults, and what comes back."""
+    words, signature = list[str](), inspect.signature(function)
+    for parameter in signature.parameters.values():
+        if parameter.name in ("self", "cls"):
+            continue
+        if parameter.kind is parameter.KEYWORD_ONLY and "*" not in words:
+            words.append("*")
+        type_ = "" if parameter.annotation is parameter.empty else f": {parameter.annotation}"
+        default = "" if parameter.default is parameter.empty else f" = {_value(parameter.default)}"
+        words.append(f"{parameter.name}{type_}{default}")
+    returns = "" if signature.return_annotation is signature.empty else f" -> {signature.return_annotation}"
+    return f"{name}({', '.join(words)}){returns}"
+
+
+def _value(default: Any) -> str:
+    if isinstance(default, str):
+        return repr(str(default))
+    return repr(default) if default is None or isinstance(default, bool | int | float | tuple) else "..."
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
