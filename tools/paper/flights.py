@@ -42,7 +42,8 @@ def page(record: dict[str, Any]) -> list[str]:
     lines = [
         "Flown by `tools/paper.py --benchmarks flights` in wind and gusts that no plan knows "
         "([record](bench/flights.json)). Each flight gives its worst vehicle's figure, from true states; the table has "
-        "the mean, the tail and the worst over flights. `held` counts flights that the scenario's judge accepts.",
+        "the mean, the tail and the worst over flights. `held` counts flights that the scenario's judge accepts. A "
+        "vehicle arrives when it comes into the judge's circle to stay: who is pushed out by a gust arrives again.",
         "",
         f"| {' | '.join(head)} |",
         "|" + " --- |" * len(head),
