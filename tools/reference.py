@@ -15,12 +15,15 @@ HEAD = """# Scenario files
 <!-- made by tools/reference.py from the models in gcs/scenario; change those -->
 
 A mission is a folder with a `scenario.toml`. `gcs new FOLDER` writes one that plans at once and comments what people
-change first; the missions under `missions/` are examples of everything else. Positions are metres north, east and up
-from the origin (of height 0, not above the ground), headings degrees clockwise from north. A key that is missing,
-unknown, out of range or at odds with another is told with its line, all of them at once, and nothing is planned.
+change first; the [missions](../README.md#missions) are examples of everything else, and [howto.md](howto.md) leads
+from a plan to aircraft. Positions are metres north, east and up from the origin (of height 0, not above the ground),
+headings degrees clockwise from north. A key that is missing, unknown, out of range or at odds with another is told
+with its line, all of them at once, and nothing is planned.
 
 Keys in **bold** must be there. With a `vehicle_type`, `[vehicle]` and those of `[limits]` that say what the vehicle
-can do may be left out; what the scenario says goes before. `gcs schema` prints the same as JSON Schema, for editors.
+can do (`speed_ned_mps` to `control_margin`) may be left out; what the scenario says goes before. A vehicle file has
+those two tables and may name its `autopilot`: copy one from `gcs/scenario/presets`. `gcs schema` prints all this as
+JSON Schema, for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
 """
 HIDDEN = {("Terrain", "relief")}  # what programs hand on, and nobody writes
 Schema = dict[str, Any]

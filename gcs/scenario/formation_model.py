@@ -133,7 +133,7 @@ class Formation(Part):
         default=(), max_length=254, description="every vehicle, leader included; or count and start_shape"
     )
     count: Annotated[int, Strict(), Field(ge=1, le=10_000)] | None = Field(
-        default=None, description="number of vehicles 1, 2, ... that stand in start_shape"
+        default=None, description="number of vehicles 1, 2, ... that stand in start_shape; up to 254 can be flown"
     )
     start_shape: str | None = Field(default=None, description="name of the shape at t = 0, with count")
     shape: tuple[Shape, ...] = Field(default=(), description="shapes that changes name")

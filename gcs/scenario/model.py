@@ -289,20 +289,20 @@ class MissionOptions(Part):
     """How the plan is turned into waypoints and setpoints."""
 
     autopilot: Literal["ardupilot", "px4"] = Field(
-        default="ardupilot", description="whose dialect files and links speak"
+        default="ardupilot", description="for whom missions are written and timed, and whom emulated vehicles are like"
     )
-    tolerance_m: Positive = Field(description="farthest the waypoints' polyline is from the trajectory, m")
-    setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second")
+    tolerance_m: Positive = Field(description="farthest from the plan that waypoints at its own speeds lead, m")
+    setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second to each vehicle")
 
 
 class Sensors(Part):
     """What the emulated vehicles measure with."""
 
-    grade: Literal["rtk", "gnss"] = Field(description="centimetres or metres")
+    grade: Literal["rtk", "gnss"] = Field(description="rtk errs by centimetres, gnss by metres")
 
 
 class Judge(Part):
-    """What a flight must hold."""
+    """What the flight of emulated vehicles must hold; conflicts in any flight are judged by separation_min_m."""
 
     separation_min_m: Positive = Field(description="least true distance between two vehicles, m")
     arrival_time_s: Positive = Field(description="largest error of the arrival time, s")
