@@ -3,7 +3,7 @@
 Knows: names, whether a command names a place, what manuals list and what recorded vehicles answered. Does not know:
 what commands do to a flight (`flown`).
 Sources: Copter's "Mission Commands" page (commands supported by Copter), PX4's "Mission Mode (Multicopter)" page
-(mission commands), and uploads to ArduCopter 4.5.6 and 4.7-dev and to PX4 1.17-alpha, recorded frame by frame.
+(mission commands), and uploads to ArduCopter 4.5.6 and 4.7-dev and to PX4 1.17-dev, recorded frame by frame.
 """
 
 from __future__ import annotations
