@@ -12,8 +12,6 @@ from gcs.cli.link_options import KeyOption, LinkOption, MapOption, TransferOptio
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UnverifiedOption
 from gcs.errors import UsageError
 
-CONFIRMATION = "arm"
-
 LARGEST_SYSID = 254  # 255 is the ground station
 
 
@@ -104,15 +102,13 @@ def fly(
             f"{len(plan.sysids)} vehicles do not fit on one MAVLink network: system ids end at {LARGEST_SYSID}",
             hint="`gcs export` writes files for all of them; fly smaller formations",
         )
-    if known is not None and not yes_arm:
-        _confirm(str(known), len(plan.sysids))
     limits = PreflightLimits() if kept is None else PreflightLimits(reserve=kept)
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
     sortie = Sortie(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
-    return fly_and_judge(sortie, screen, watch)
+    return fly_and_judge(sortie, screen, watch, asks=not yes_arm)
 
 
 def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:
@@ -168,13 +164,3 @@ def _reserve(text: str | None, sim: bool) -> float | None:
     if rest or not 0.0 <= share < 1.0:
         raise UsageError(f"--reserve {text}: give a share of a full battery, 30% or 0.3")
     return share
-
-
-def _confirm(link: str, vehicles: int) -> None:
-    """Real vehicles need a typed word."""
-    try:
-        answer = input(f"This arms and flies {vehicles} vehicles at {link}. Type '{CONFIRMATION}' to go on: ")
-    except EOFError:
-        answer = ""
-    if answer.strip() != CONFIRMATION:
-        raise UsageError("not armed: the word was not typed", hint="type it when asked, or give --yes-arm")

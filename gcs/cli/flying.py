@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from contextlib import nullcontext
 
 from rich.live import Live
 from rich.table import Table
 
+from gcs.cli.asking import typed_line
 from gcs.cli.checks import show_checks
 from gcs.cli.console import Screen
 from gcs.cli.planning import Stopwatch
-from gcs.errors import JudgementError
+from gcs.errors import JudgementError, UsageError
 from gcs.flight.fly import Flight
 from gcs.flight.journal import asked
 from gcs.flight.lateness import skew_s
@@ -24,6 +24,7 @@ from gcs.flight.sortie import Flown, Sortie, fly_sortie
 from gcs.flight.stages import Snapshot
 from gcs.flight.watcher import Watcher
 
+CONFIRMATION = "arm"
 _REFRESH_S = 0.25
 _LINE_EVERY_S = 5.0
 
@@ -31,9 +32,11 @@ _LINE_EVERY_S = 5.0
 class Spectator(Watcher):
     """A person at a terminal, or what reads its lines."""
 
-    def __init__(self, screen: Screen, watch: Stopwatch) -> None:
+    def __init__(self, screen: Screen, watch: Stopwatch, question: str) -> None:
         self._screen = screen
         self._watch = watch
+        self._question = question  # none where it was answered before
+        self._live: Live | None = None
 
     @property
     def laps_s(self) -> dict[str, float]:
@@ -52,14 +55,38 @@ class Spectator(Watcher):
         """The go/no-go table."""
         show_checks(self._screen, checks)
 
+    async def confirm(self) -> None:
+        """Whoever flies real vehicles types a word, having seen the table."""
+        if not self._question:
+            return
+        if self._live is not None:
+            self._live.stop()
+        self._screen.say(self._question)
+        if await typed_line() != CONFIRMATION:
+            raise UsageError("not armed: the word was not typed", hint="type it when asked, or give --yes-arm")
+        if self._live is not None:
+            self._live.start()
+
     async def follow(self, flight: Flight) -> None:
-        """A table or lines."""
-        await _show_live(self._screen, flight)
+        """A table that redraws where somebody watches, else a line now and then."""
+        if not self._screen.is_watched:
+            await _tell(self._screen, flight)
+        with Live(console=self._screen.console, refresh_per_second=4, transient=True) as self._live:
+            while True:
+                self._live.update(_table(flight.snapshot()))
+                await asyncio.sleep(_REFRESH_S)
 
 
-def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch) -> int:
-    """Fly and show it; raises JudgementError when the flight does not hold."""
-    flown = fly_sortie(sortie, Spectator(screen, watch))
+def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
+    """Fly and show it; raises JudgementError when the flight does not hold.
+
+    Vehicles on a link are armed once their table was shown and, with `asks`, a word was typed.
+    """
+    question = ""
+    if asks and sortie.link is not None:
+        many = len(sortie.plan.sysids)
+        question = f"This arms and flies {many} vehicles at {sortie.link}. Type '{CONFIRMATION}' to go on:"
+    flown = fly_sortie(sortie, Spectator(screen, watch, question))
     verdict = flown.verdict
     if verdict is None:
         screen.say(f"landed. Telemetry: {flown.folder / 'telemetry.tlog'}")
@@ -81,22 +108,15 @@ def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch) -> int:
     raise failure
 
 
-async def _show_live(screen: Screen, flight: Flight) -> None:
-    """A table that redraws where somebody watches, else a line now and then."""
-    live = Live(console=screen.console, refresh_per_second=4, transient=True) if screen.is_watched else None
-    with live or nullcontext():
-        last_line = ""
-        due_s = 0.0
-        while True:
-            snapshot = flight.snapshot()
-            if live is not None:
-                live.update(_table(snapshot))
-            else:
-                now_s = asyncio.get_running_loop().time()
-                if snapshot.phase != last_line or now_s >= due_s:
-                    last_line, due_s = snapshot.phase, now_s + _LINE_EVERY_S
-                    screen.say(_line(snapshot))
-            await asyncio.sleep(_REFRESH_S)
+async def _tell(screen: Screen, flight: Flight) -> None:
+    last_line, due_s = "", 0.0
+    while True:
+        snapshot = flight.snapshot()
+        now_s = asyncio.get_running_loop().time()
+        if snapshot.phase != last_line or now_s >= due_s:
+            last_line, due_s = snapshot.phase, now_s + _LINE_EVERY_S
+            screen.say(_line(snapshot))
+        await asyncio.sleep(_REFRESH_S)
 
 
 def _line(snapshot: Snapshot) -> str:

@@ -225,6 +225,7 @@ def _flight(
 
     async def look() -> None:
         await go_or_no_go(fleet, sessions, plan, sortie.limits, watcher.checks)
+        await watcher.confirm()
 
     held = [load.mission for load in loads]
     return Flight(plan, held, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)

@@ -29,5 +29,8 @@ class Watcher:
     def checks(self, checks: tuple[Check, ...]) -> None:
         """What the pre-flight found, good or not."""
 
+    async def confirm(self) -> None:
+        """All vehicles on a link are fit to fly: may they be armed? Raises `UsageError` for a no."""
+
     async def follow(self, flight: Flight) -> None:
         """Runs beside the flight until it is cancelled: `flight.snapshot()` tells how it goes."""

@@ -256,17 +256,37 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 
+def test_without_the_word_nothing_is_uploaded(
+    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+) -> None:
+    fleet, link = vehicles_out_there
+    done = fly(short_mission, "--link", link, "--to", tmp_path, input="yes\n")
+    assert done.returncode == 2, done.stdout + done.stderr
+    table, asked, after = done.stdout.partition("This arms and flies 6 vehicles")
+    assert asked
+    assert re.search(r"^ +GO *$", table, re.M)  # it is seen before anybody types
+    assert "upload" not in after
+    assert "not armed" in done.stderr
+    assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
+
+
 def test_ctrl_c_lands_vehicles_that_are_not_ours(
     short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
     process = subprocess.Popen(
-        [*GCS, "fly", str(short_mission), "--link", link, "--yes-arm", "--to", str(tmp_path)],
+        [*GCS, "fly", str(short_mission), "--link", link, "--to", str(tmp_path)],
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
+    assert process.stdin is not None
     assert process.stdout is not None
+    while not (line := process.stdout.readline()).startswith("This arms and flies"):
+        assert line, "it ended before it asked"
+    process.stdin.write("arm\n")
+    process.stdin.flush()
     while not (line := process.stdout.readline()).startswith("flying: t = "):
         assert line, "it ended before it flew"
     assert not fleet.airframes.landed.any()
@@ -313,13 +333,6 @@ def test_a_port_in_use_is_said(short_mission: Path, tmp_path: Path) -> None:
     assert done.returncode == 7
     assert str(port) in done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_vehicles_out_there_need_a_typed_word(short_mission: Path, tmp_path: Path) -> None:
-    done = fly(short_mission, "--link", "udpin:127.0.0.1:0", "--to", tmp_path, input="yes\n")
-    assert done.returncode == 2
-    assert "not armed" in done.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_say_what_to_fly(short_mission: Path) -> None:

@@ -105,9 +105,19 @@ def test_long_commands_are_left_to_the_end_to_end_test(document: str) -> None:
 
 @pytest.mark.parametrize("document", documents(), ids=name_of)
 def test_links_inside_the_repository_lead_somewhere(document: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", document.read_text(encoding="utf-8")):
-        if "://" not in target and not target.startswith("mailto:"):
-            assert (document.parent / target).exists(), f"{document.name}: {target}"
+    for target, anchor in re.findall(r"\]\(([^)#]*?)(?:#([^)]*))?\)", document.read_text(encoding="utf-8")):
+        if "://" in target or target.startswith("mailto:"):
+            continue
+        there = document.parent / target if target else document
+        assert there.exists(), f"{document.name}: {target}"
+        if anchor:
+            assert anchor in anchors(there), f"{document.name}: {target}#{anchor}"
+
+
+def anchors(file: Path) -> set[str]:
+    """What links to headings may name, as they are made on GitHub."""
+    headings = re.findall(r"^#+ +(.+?) *$", file.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def test_the_harness_reads_blocks_notes_and_prompts() -> None:
