@@ -168,6 +168,12 @@ def replan(found: Any) -> Table:
     return rows
 
 
+def first_share(found: Any) -> float:
+    """Median time of a mission's verified re-plans over that of its first plan."""
+    seconds = [o["seconds"] for o in found["replans"] if o["kind"] == "verified"]
+    return float(statistics.median(seconds) / statistics.median(found["cold_s"]))
+
+
 def maps(found: Any) -> Table:
     """How many random maps get a plan."""
     possible = [o for o in found if o["kind"] != "no way"]

@@ -20,6 +20,7 @@ from tools.paper.peer_tables import (
     Table,
     bridge,
     export,
+    first_share,
     maps,
     planner,
     planner_times,
@@ -97,7 +98,13 @@ def measure(run: Run) -> dict[str, Any]:
             "took_s": kept["took_s"],
             "tables": [table for table in tables if len(table) > 1],
         }
-    return {"benchmarks": benchmarks}
+    return {"benchmarks": benchmarks, "figures": _figures()}
+
+
+def _figures() -> dict[str, Any]:
+    """Numbers that the README tells."""
+    kept = load("replan")
+    return {} if kept is None else {"replan": {name: first_share(found) for name, found in kept["record"].items()}}
 
 
 def page(record: dict[str, Any]) -> list[str]:
