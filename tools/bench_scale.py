@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from rich.table import Table
 import gcs
 from gcs.scenario.check import check
 from gcs.scenario.model import Scenario
+from tools.bench.memory import peak_mb
 
 ROOT = Path(__file__).resolve().parent.parent
 SPACING_M = 0.5
@@ -57,14 +57,14 @@ def measure(vehicles: int, changes: bool) -> dict[str, Any]:
     began = time.perf_counter()
     plan = gcs.make_plan(task)
     planned = time.perf_counter()
-    memory = _memory_mb()
+    memory = peak_mb()
     report = gcs.verify(plan)
     return {
         "vehicles": vehicles,
         "plan_s": planned - began,
         "memory_mb": memory,
         "verify_s": time.perf_counter() - planned,
-        "verify_memory_mb": _memory_mb(),
+        "verify_memory_mb": peak_mb(),
         "solves": len(plan.mesh_history),
         "verified": report.ok,
         "clearance_m": report.clearance_min_m,
@@ -131,10 +131,6 @@ def _show(medians: list[dict[str, Any]]) -> None:
     for key, goal in GOALS.items():
         ratio = medians[-1][key] / least[key]
         console.print(f"{key}: {ratio:.2f} x, asked {goal:g} x: {'met' if ratio <= goal else 'MISSED'}")
-
-
-def _memory_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

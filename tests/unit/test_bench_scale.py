@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from gcs.plan.guess import along, straight_way
 from gcs.plan.mesh import end_refined
 from gcs.plan.problem import flight_problem
 from gcs.plan.transcription import Program, transcribe
+from tools.bench.memory import peak_mb
 from tools.bench_scale import scenario
 
 
@@ -33,3 +37,11 @@ def test_the_benchmark_flies_what_it_says(changes: bool) -> None:
     assert len(task.formation.sysids) == 50
     assert len(task.formation.change) == 3 * changes
     assert np.all(np.diff(task.formation.sysids) == 1)
+
+
+def test_a_small_program_started_by_a_large_one_is_small() -> None:
+    """The kernel's ru_maxrss survives exec; what is measured must not."""
+    ballast = np.ones(40_000_000)  # 320 MB
+    code = "from tools.bench.memory import peak_mb; print(peak_mb())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 100.0 < ballast.nbytes / 1e6 < peak_mb()

@@ -57,8 +57,10 @@ def measure(run: Run) -> dict[str, Any]:
             curves[way].append(_median([r for r in runs if r is not None]))
             run.log(f"{NAMES[way]}: {curves[way][-1]}")
 
+    jobs = dict(_SHORT if run.short else SIZES)
+    grow("rigid", jobs.pop("rigid"))  # alone: its ratio is the claim, and two runs at a time slow each other
     with ThreadPoolExecutor(CORES) as pool:
-        for ended in [pool.submit(grow, *job) for job in (_SHORT if run.short else SIZES).items()]:
+        for ended in [pool.submit(grow, *job) for job in jobs.items()]:
             ended.result()
     save(_draw(curves, stops), run, "scale.png")
     first, last = (next(p for p in curves["rigid"] if p["vehicles"] == n) for n in _span(curves["rigid"]))

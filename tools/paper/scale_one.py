@@ -6,7 +6,6 @@ Knows: the three ways. Does not know: which sizes are asked for. Run as `python 
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from typing import Any
@@ -17,6 +16,7 @@ import gcs
 from gcs.plan.problem import flight_problem
 from tools.bench import coupled
 from tools.bench.describe import alone, uniform
+from tools.bench.memory import peak_mb
 from tools.bench_scale import scenario
 from tools.paper import swarm_fleet
 
@@ -51,7 +51,7 @@ def main(way: str, vehicles: str, limit_s: str) -> None:
     result: dict[str, Any] = {
         "vehicles": int(vehicles),
         "seconds": time.process_time() - began,
-        "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "memory_mb": peak_mb(),
         "done": done,
     }
     print(json.dumps(result))
