@@ -146,7 +146,7 @@ def _draw(curves: dict[str, list[dict[str, Any]]], stops: dict[str, dict[str, fl
         if key == "seconds":
             if stops:
                 axes.plot([], [], "x", color=ASKED, ms=9, mew=2, label="stopped: no plan by then")
-            axes.legend(fontsize=7)
+            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncol=4, fontsize=7)
         axes.set(xlabel="vehicles", ylabel=name, xscale="log")
         if key == "seconds":
             axes.set_yscale("log")
