@@ -79,7 +79,7 @@ class Flight:
         self.sessions = sessions
         self.options = options
         self.monitor = Monitor(plan)
-        self.step = Step.UPLOAD
+        self.step = Step.READY
         self.crews = {
             sysid: Crew(
                 sessions[sysid],
