@@ -111,7 +111,13 @@ def run_race(autopilot: Autopilot, cells: list[str], items: int, mischief: float
 
     every: list[dict[str, Any]] = []
     columns = ("round trip", "loss", "client", "vehicles", "echo", "sent", "held", "of floor", "of one", "of MAVSDK")
-    table = Table(*columns, "messages", "failed", "wrong", title=f"medians of {laps}, {items} items, real sockets")
+    table = Table(
+        *columns,
+        "messages",
+        "failed",
+        "wrong",
+        title=f"{autopilot.name}, medians of {laps}, {items} items, real sockets",
+    )
     for text in cells:
         round_trip_s, loss = map(float, text.split(":"))
         weather = Weather(round_trip_s, loss, mischief, mischief)
@@ -165,7 +171,12 @@ def main() -> None:
     ]
     if rows:
         show(rows, chosen.uploads, chosen.items)
-    laps = run_race(autopilots[0], chosen.race, chosen.items, chosen.mischief, chosen.laps) if chosen.race else []
+    laps = [
+        lap
+        for autopilot in autopilots
+        if chosen.race
+        for lap in run_race(autopilot, chosen.race, chosen.items, chosen.mischief, chosen.laps)
+    ]
     if chosen.json is not None:
         chosen.json.write_text(json.dumps({"cells": rows, "race": laps}, indent=2) + "\n")
 

@@ -132,11 +132,24 @@ def upload(found: Any) -> Table:
 
 
 def race(found: Any) -> Table:
-    """Six vehicles at once, ours and MAVSDK."""
-    rows = [["round trip", "loss", "client", "sent", "failed of six", "wrong"]]
+    """Fleets over sockets, ours and MAVSDK: over the protocol's floor, over one vehicle alone, over MAVSDK."""
+    head = [
+        "autopilot",
+        "round trip",
+        "loss",
+        "client",
+        "vehicles",
+        "over the floor",
+        "over one vehicle",
+        "over MAVSDK",
+    ]
+    rows = [[*head, "sent", "failed", "wrong"]]
     for r in found["race"]:
-        counts = (f"{r['sent_s']:.1f} s", f"{r['failures']}", f"{r['wrong']}")
-        rows.append([f"{1e3 * r['round_trip_s']:.0f} ms", f"{100 * r['loss']:.0f} %", r["client"], *counts])
+        ratios = ("" if r[key] is None else f"{r[key]:.2f}" for key in ("of_floor", "of_one", "of_mavsdk"))
+        echo = "" if r["echo_s"] is None else f", {1e3 * r['echo_s']:.0f} measured"
+        link = (f"{1e3 * r['round_trip_s']:.0f} ms{echo}", f"{100 * r['loss']:.0f} %")
+        counts = (f"{r['sent_s']:.1f} s", f"{r['failures']:g}", f"{r['wrong']:g}")
+        rows.append([r["autopilot"], *link, r["client"], f"{r['vehicles']}", *ratios, *counts])
     return rows
 
 

@@ -47,7 +47,11 @@ TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]
     "replan": ("Plans that change in flight", ("--replans", "50"), (replan,)),
     "maps": ("Random maps", ("--maps", "30"), (maps,)),
     "export": ("Exports, and reading them", ("--repeat", "1"), (export, readers)),
-    "upload": ("Uploads over bad links", ("--uploads", "20", "--race", "0.05:0", "0.05:0.2"), (upload, race)),
+    "upload": (
+        "Uploads over bad links",
+        ("--uploads", "20", "--race", "0.05:0", "0.05:0.2"),
+        (upload, race),
+    ),
     "stream": ("Setpoint streams", ("--seconds", "20"), (stream,)),
     "bridge": ("Emulated vehicles", ("--seconds", "3", "--profile", "0"), (bridge,)),
 }
