@@ -181,7 +181,9 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     """How everyone returns at once, and what stands in the way."""
-    returns, limits = index.safety.returns, plan.scenario.limits
+    from gcs.mission.return_warnings import return_warnings
+
+    returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)
     screen.say(f"returning: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
     worst = returns.worst
@@ -192,17 +194,8 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
             f"  from any instant at least {worst.distance_m:.2f} m apart; nearest are vehicles {first} and {second}, "
             f"from {worst.t_s:.1f} s, {where}"
         )
-        if worst.distance_m < plan.scenario.judge.separation_min_m:
-            asked = f"{plan.scenario.judge.separation_min_m:g} m are asked"
-            screen.say(f"  WARNING: that is too near ({asked}); do not let all return at once")
-    if returns.top_m > limits.height_m[1]:
-        screen.say(f"  WARNING: up to {returns.top_m:.1f} m, above the plan's ceiling of {limits.height_m[1]:g} m")
-    for crossing in returns.crossings:
-        where = "home" if crossing.ends == "home" else "to the nearer of home and rally point"
-        screen.say(
-            f"  WARNING: straight {where} leads through no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
-            f"{crossing.to_s:.1f} s"
-        )
+    for text in return_warnings(plan, returns):
+        screen.say(f"  WARNING: {text}")
 
 
 def _seconds_of_day(text: str) -> int:

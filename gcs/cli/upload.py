@@ -127,7 +127,10 @@ async def _upload(
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
-        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
+        autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
+        loads = build_loads(
+            plan, autopilots, timed=timed, safety=safety, warn=lambda text: screen.say(f"WARNING: {text}")
+        )
         watch.lap("missions")
         changes = await preview(sessions, loads)
         _show(screen, changes)

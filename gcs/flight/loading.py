@@ -5,7 +5,7 @@ Knows: plan, exports' fence, rally points and parameters, which autopilot a vehi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from gcs.autopilot import Autopilot
 from gcs.errors import PeerError
@@ -14,19 +14,26 @@ from gcs.mission.formats import Format
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.mission_files import MissionOrder, make_missions
 from gcs.mission.model import VehicleMission
+from gcs.mission.return_warnings import return_warnings
 from gcs.mission.safety import build_safety
 from gcs.plan.trajectory import Plan
 
 
 def build_loads(
-    plan: Plan, autopilots: Mapping[int, int], *, timed: bool, safety: bool = True
+    plan: Plan,
+    autopilots: Mapping[int, int],
+    *,
+    timed: bool,
+    safety: bool = True,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> tuple[VehicleLoad, ...]:
     """The load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
 
     Missions are those that an export writes, checked as such: `timed` ones may be flown by themselves, others ask for
     the plan's own speeds, which autopilots do not keep. With `safety` loads carry the fence, the rally point and the
-    parameters too. Raises `PeerError` for an autopilot that missions are not written for, `ScenarioError` for missions
-    that it does not store, and `VerificationError` for missions that must not fly.
+    parameters too, and `warn` hears what is wrong with the returns that these let happen. Raises `PeerError` for an
+    autopilot that missions are not written for, `ScenarioError` for missions that it does not store, and
+    `VerificationError` for missions that must not fly.
     """
     loads: dict[int, VehicleLoad] = {}
     for autopilot in sorted(set(autopilots.values())):
@@ -39,6 +46,8 @@ def build_loads(
         loads |= {m.sysid: VehicleLoad(m) for m in made.missions if m.sysid in ours}
         if not safety:
             continue
+        for text in return_warnings(plan, safe.returns):
+            warn(text)
         fence = fence_items(safe.fence.geofence)
         for row, sysid in enumerate(plan.sysids):
             if sysid in ours:

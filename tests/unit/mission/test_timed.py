@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -83,7 +84,15 @@ def test_nor_are_such_missions_uploaded(field: Plan) -> None:
     autopilots = dict.fromkeys(field.sysids, int(Autopilot.PX4))
     with pytest.raises(VerificationError, match="not fit for mission mode"):
         build_loads(field, autopilots, timed=True)
-    assert [load.sysid for load in build_loads(field, autopilots, timed=False)] == list(field.sysids)
+    heard: list[str] = []
+    loads = build_loads(field, autopilots, timed=False, warn=heard.append)
+    assert [load.sysid for load in loads] == list(field.sysids)
+    # What an export says of its returns, whoever only uploads must hear as well.
+    assert any(re.search(r"returns are up to [\d.]+ m high, above the plan's ceiling of 40 m", text) for text in heard)
+    assert any("leads through no-fly zone" in text for text in heard)
+    heard.clear()
+    build_loads(field, autopilots, timed=False, safety=False, warn=heard.append)
+    assert heard == []
 
 
 def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
