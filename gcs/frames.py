@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pymap3d
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 @dataclass(frozen=True)

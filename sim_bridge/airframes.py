@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.battery import Battery, PowerTrain
 from sim_bridge.breakdowns import Breakdowns
 from sim_bridge.control import Controller

@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gcs.link.dialect import LandedState, MavResult
+from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, MissionItem
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.arming import Arming
 from sim_bridge.course import Guide
 from sim_bridge.events import Event, ModeChanged, Voice

@@ -3,8 +3,8 @@
 Knows: momentum theory of a hovering rotor, a lithium-polymer cell's voltage over its charge, Ohm's law. Does not
 know: flight, telemetry, failsafes.
 
-What a rotor draws (`gcs.rotor_power`) is, at constant air density, a constant times the cube of its speed, because
-Eq. 2 has T = K_T Ω². Air is that at the sea.
+What a rotor draws (`gcs.physics.rotor_power`) is, at constant air density, a constant times the cube of its speed,
+because Eq. 2 has T = K_T Ω². Air is that at the sea.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
-from gcs.rotor_power import induced_power_W
+from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.physics.rotor_power import induced_power_W
 from gcs.scenario.model import Power
 from sim_bridge.breakdowns import ROTORS
 from sim_bridge.plant import Mask

@@ -20,7 +20,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.plant import Mask
 
 ROTORS = 4

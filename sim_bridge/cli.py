@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError
 from sim_bridge.endpoints.spec import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.command import CommandMemory, command_ack
-from gcs.link.dialect import MavCommand, MavResult, MessageId, WireFrame
 from gcs.link.message import Message
-from gcs.quadrotor import Array
+from gcs.mavlink import MavCommand, MavResult, MessageId, WireFrame
+from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.personality import Intent, Note
 from sim_bridge.telemetry import Telemetry

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.disturbance import Disturbance
 from sim_bridge.gains import ANGLE_SCALE_RAD, ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.motion import Turn

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gcs.autopilots.navigation.navigator import Navigator
 from gcs.frames import Origin
 from gcs.mission.model import MissionItem
-from gcs.mission.navigator.orders import Navigator
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.guidance.manoeuvres import Descent, Speeds, brake, descend, descend_towards, rise, transfer, travel
 from sim_bridge.guidance.piece import Piece, hold

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.plant import Mask
 
 _AXES = 6

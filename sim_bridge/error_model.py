@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.motion import Turn
 from sim_bridge.plant import Mask
 from sim_bridge.sensors import (

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.error_model import (
     GNSS_ERROR,
     H_BARO,
@@ -93,7 +93,7 @@ class Estimator:
 
     @property
     def state(self) -> Array:
-        """Estimated states (12, V) in the order of `gcs.quadrotor`; rates are the gyro's less its bias."""
+        """Estimated states (12, V) in the order of `gcs.physics.quadrotor`; rates are the gyro's less its bias."""
         return self._state
 
     @property

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.link.dialect import Severity
+from gcs.mavlink import Severity
 from sim_bridge.personality import Note
 from sim_bridge.personality.wording import Words
 

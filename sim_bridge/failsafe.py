@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.missions.fence import Shape
 from sim_bridge.personality import Intent, Note, Setting

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 from gcs.errors import UsageError
 from gcs.link.command import command_ack
-from gcs.link.dialect import MavResult
 from gcs.link.message import Message
+from gcs.mavlink import MavResult
 from sim_bridge import faults as f
 from sim_bridge.faults import Direction, Fault, Kind, When, make_fault
 

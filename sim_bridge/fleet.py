@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.line import Place
 from sim_bridge.endpoints.spec import LOOPBACK, Address, parse_link

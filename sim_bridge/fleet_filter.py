@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.plant import Mask
 
 Residual = Callable[[Array, Array], Array]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.course import Course, Mark
 from sim_bridge.guidance.piece import Piece, hold
 from sim_bridge.guidance.stream import Setpoint, SetpointFollower

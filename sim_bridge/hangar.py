@@ -12,13 +12,13 @@ from functools import partial
 
 import numpy as np
 
+from gcs.autopilots.navigation.calibration import by_name as navigator_named
 from gcs.errors import UsageError
 from gcs.frames import Origin
-from gcs.mission.navigator.fitted import by_name as navigator_named
+from gcs.physics.wind import STILL
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
-from gcs.wind import STILL
 from sim_bridge.airframes import Airframes
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide

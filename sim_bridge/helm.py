@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.link.dialect import LandedState
+from gcs.mavlink import LandedState
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.arming import Arming
 from sim_bridge.course import Course, Guide
 from sim_bridge.events import Placed, Voice

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.autopilots.navigation.navigator import Navigator, Orders, vector
 from gcs.frames import from_degE7, geodetic_to_ned
-from gcs.link.dialect import MavCommand
+from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.mission.navigator.orders import Navigator, Orders, vector
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.follow import follow, motion
 from sim_bridge.guidance.legs import Leg, fly_legs
 from sim_bridge.guidance.manoeuvres import brake

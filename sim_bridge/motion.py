@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 
 _NEXT, _AFTER = (1, 0, 0), (2, 2, 1)  # rows whose product couples into each rate
 _GAUSS = (0.5 - np.sqrt(1.0 / 12.0), 0.5 + np.sqrt(1.0 / 12.0))

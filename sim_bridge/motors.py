@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor, control_from_rotors, rotors_from_control
+from gcs.physics.quadrotor import Array, Quadrotor, control_from_rotors, rotors_from_control
 
 
 class Motors:
@@ -22,7 +22,7 @@ class Motors:
     def speeds(self, wanted: Array) -> tuple[Array, Array, bool]:
         """Wanted controls (4, V) -> squared speeds and speeds (4, V), and whether all of it can be had.
 
-        What cannot be had is given up as `gcs.quadrotor.rotors_from_control` has it: yaw first.
+        What cannot be had is given up as `gcs.physics.quadrotor.rotors_from_control` has it: yaw first.
         """
         squared = self._unmix.dot(wanted)
         if squared.min() >= 0.0 and squared.max() <= self._top:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.quadrotor import ATTITUDE, RATES, VELOCITY, Array, Quadrotor
+from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, Quadrotor
 from sim_bridge.motion import Stepper
 
 Ground = Callable[[Array, Array], Array]  # north_m (V,), east_m (V,) -> height_m (V,)
@@ -25,8 +25,8 @@ _GAIN_MPS2 = 10.0
 class Plant:
     """V true vehicles. A vehicle in contact stands level and still until its thrust exceeds its weight.
 
-    `state` (12, V) in the order of `gcs.quadrotor`; `landed` (V,) in contact; `specific_force_mps2` (3, V), in body
-    axes.
+    `state` (12, V) in the order of `gcs.physics.quadrotor`; `landed` (V,) in contact; `specific_force_mps2` (3, V), in
+    body axes.
     """
 
     def __init__(self, q: Quadrotor, ground: Ground, pads_ned_m: Array, yaw_ned_rad: Array, step_s: float) -> None:

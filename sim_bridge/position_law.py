@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.gains import ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.reference import Reference
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from gcs.quadrotor import Quadrotor
+from gcs.physics.quadrotor import Quadrotor
 from sim_bridge.battery import PowerTrain
 from sim_bridge.gains import ControlLimits
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from enum import IntEnum
 
-from gcs.link.dialect import MavResult
+from gcs.mavlink import MavResult
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.course import Mark, is_navigation
 from sim_bridge.events import Reached, Voice

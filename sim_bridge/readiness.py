@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.link.dialect import Severity
+from gcs.mavlink import Severity
 from sim_bridge.events import Placed, Said, Voice
 from sim_bridge.personality import Boot, Milestone
 

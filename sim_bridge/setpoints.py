@@ -11,9 +11,9 @@ import math
 import numpy as np
 
 from gcs.frames import from_degE7, geodetic_to_ned
-from gcs.link.dialect import SetpointMask, WireFrame
 from gcs.link.message import Message
-from gcs.quadrotor import Array
+from gcs.mavlink import SetpointMask, WireFrame
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.stream import Setpoint
 from sim_bridge.telemetry import Instruments
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import GcsError
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.airframes import Airframes
 
 PERIOD_STEPS = 1  # of 20 ms: 50 Hz

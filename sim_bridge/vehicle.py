@@ -11,10 +11,10 @@ import math
 from collections.abc import Sequence
 
 from gcs.link.command import command_ack
-from gcs.link.dialect import MavType, MessageId, MissionType, Severity
 from gcs.link.ftp import NAME as FTP
 from gcs.link.message import Message, Station
 from gcs.link.signing import Signature
+from gcs.mavlink import MavType, MessageId, MissionType, Severity
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.commands import Commands

@@ -20,8 +20,8 @@ from scipy.signal import bilinear, lfilter
 from scipy.spatial.distance import cdist
 
 from gcs.errors import UsageError
-from gcs.quadrotor import Array
-from gcs.wind import STILL, SteadyWind
+from gcs.physics.quadrotor import Array
+from gcs.physics.wind import STILL, SteadyWind
 
 GUST_PERIOD_S = 0.04
 PASSING_MPS = 3.0

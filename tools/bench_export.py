@@ -35,7 +35,7 @@ from rich.console import Console
 from rich.table import Table
 
 import gcs
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.export import export
 from gcs.mission.formats import Format
 from gcs.mission.missionfile import read_mission

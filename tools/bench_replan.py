@@ -24,10 +24,10 @@ import numpy as np
 
 import gcs
 from gcs.errors import GcsError, Infeasible
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.replan import LEAST_S
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 from gcs.scenario.model import NoFlyZone
 from gcs.scenario.zones import outside_m
 

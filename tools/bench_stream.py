@@ -29,10 +29,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gcs.aio import sleep_sharply
 from gcs.flight.courses import TimedCourse
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, send_due, wait_s
-from gcs.flight.together import sleep_sharply
 from gcs.link.codec import Codec
 from gcs.link.fleet import Fleet
 from gcs.link.message import Message

@@ -11,8 +11,8 @@ import typer
 
 import gcs
 from gcs.flight.pictures import draw_all
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION
 from gcs.scenario.model import Scenario
 from tools.pictures.change import draw_change
 from tools.pictures.film import write_film

@@ -4,7 +4,7 @@
 
 Fitted are two numbers each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is known)
 what its integral gives back in descents and the error of home's height. Everything else is what the autopilot reported.
-Prints the parameters and the residuals for gcs/mission/navigator/fitted.py. A few minutes.
+Prints the parameters and the residuals for gcs/autopilots/navigation/calibration.py. A few minutes.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from gcs.mission.navigator.fitted import ARDUPILOT, PX4
-from gcs.mission.navigator.orders import Navigator, Orders
-from gcs.mission.navigator.predict import passing_times, predict
-from gcs.quadrotor import Array
+from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
+from gcs.autopilots.navigation.navigator import Navigator, Orders
+from gcs.autopilots.navigation.predict import passing_times, predict
+from gcs.physics.quadrotor import Array
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDINGS = ROOT.parent / "shared" / "traces"

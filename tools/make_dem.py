@@ -12,7 +12,7 @@ import rasterio
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Origin
 
 FILE = Path(__file__).resolve().parent.parent / "missions" / "ridge" / "ridge.tif"

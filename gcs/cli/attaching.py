@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from gcs.aio import each, until
 from gcs.cli.console import Screen
 from gcs.cli.link_options import connection
 from gcs.errors import FlightError, UsageError
@@ -27,7 +28,6 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.prologue import ask_for_telemetry
 from gcs.flight.stages import Step
 from gcs.flight.takeup import TakeUp, where_in_plan
-from gcs.flight.together import each, until
 from gcs.link.connection import Connection
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream

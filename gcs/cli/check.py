@@ -77,7 +77,7 @@ def check(
         raise UsageError(f"--separation {separation:g}: give a distance above 0")
     if timing not in (None, *TIMINGS):
         raise UsageError(f"--timing {timing}: there are {' and '.join(TIMINGS)}")
-    from gcs.autopilot import Autopilot
+    from gcs.autopilots.traits import Autopilot
     from gcs.mission.check import check_fleet
     from gcs.mission.flown import fly, surroundings
     from gcs.mission.flown_model import Modelled
@@ -93,9 +93,9 @@ def check(
         around = surroundings(missions)
         limits = FlightLimits(separation or asked_m or FlightLimits().separation_m)
     else:
-        from gcs.mission.navigator.ability import ability_of
         from gcs.scenario.load import load_scenario
         from gcs.scenario.physical import quadrotor
+        from gcs.scenario.vehicle_ability import ability_of
 
         scenario = load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)

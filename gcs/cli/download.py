@@ -120,7 +120,7 @@ async def _differences(
 
 
 def _write(to: Path, every: list[Held]) -> list[str]:
-    from gcs.autopilot import Autopilot
+    from gcs.autopilots.traits import Autopilot
     from gcs.mission.folder import replaced
     from gcs.mission.formats import vehicle_name
     from gcs.mission.planfile import PlanFile, write_plan_file

@@ -12,8 +12,8 @@ from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption
 
 if TYPE_CHECKING:
+    from gcs.physics.quadrotor import Array
     from gcs.plan.trajectory import MeshRound, Plan
-    from gcs.quadrotor import Array
     from gcs.scenario.model import NoFlyZone
 
 _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,their rates]]]"

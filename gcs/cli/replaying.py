@@ -16,13 +16,13 @@ import numpy as np
 from rich.live import Live
 from rich.table import Table
 
+from gcs.autopilots.flight_modes import mode_name
 from gcs.cli.console import Screen
 from gcs.flight.events import Event
 from gcs.flight.recall import Recalled
 from gcs.flight.recording import SILENCE_S, Recording, VehicleTrack, nearest_m
 from gcs.link.endpoint import Endpoint
 from gcs.link.endpoints import make_endpoint
-from gcs.link.modes import mode_name
 
 _TICK_S, _SENDING_S = 0.1, 0.005
 _LINE_EVERY_S = 5.0  # of the wall's clock

@@ -12,8 +12,8 @@ import pyarrow as pa
 
 from gcs.flight.lateness import SLOW_MPS
 from gcs.flight.truth import Truth
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from gcs.mission.model import SetpointStream
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Values = Sequence[float]  # x, y, z, vx, vy, vz, ax, ay, az, yaw
 _STILL = (0.0,) * 6

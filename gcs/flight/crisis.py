@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from gcs.aio import ended
 from gcs.errors import GcsError
 from gcs.flight.events import Event
 from gcs.flight.fleet_time import FleetTime
@@ -25,7 +26,6 @@ from gcs.flight.pilot import Pilot
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.rules import IN_FORMATION, SPREAD_M, Action, Choices, Director, Order, State
 from gcs.flight.separation import SeparationWatch
-from gcs.flight.together import ended
 from gcs.flight.watch import Incident, Kind, VehicleWatch
 from gcs.link.message import Message
 from gcs.mission.return_heights import ReturnPlan

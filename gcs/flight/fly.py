@@ -17,12 +17,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
+from gcs.autopilots.flight_modes import manners_of
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.flight.crisis import Crisis
 from gcs.flight.events import Event
 from gcs.flight.fleet_time import FleetTime
 from gcs.flight.loading import missions_only
-from gcs.flight.manners import manners_of
 from gcs.flight.monitor import Monitor
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.pilot import Pilot
@@ -39,13 +40,12 @@ from gcs.flight.prologue import (
 from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.takeup import FADE_S, NEAR_M, TakeUp, where_in_plan
-from gcs.flight.together import LOOK_S, alongside, each, ended, insisted, until
 from gcs.link.command import CommandSender
-from gcs.link.dialect import MavCommand
 from gcs.link.load import VehicleLoad
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
 from gcs.link.upload import Holdings, upload_fleet
+from gcs.mavlink import MavCommand
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.start import starting_at

@@ -16,9 +16,9 @@ import numpy as np
 
 from gcs.flight.courses import TimedCourse, Values
 from gcs.flight.monitor import VehicleView
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.timelaw import budget
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 from gcs.scenario.model import Scenario
 
 BANDWIDTH_RADPS = 0.5

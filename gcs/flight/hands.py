@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.aio import ended
+from gcs.autopilots.flight_modes import Manners, manners_of
 from gcs.errors import PeerError
-from gcs.flight.manners import Manners, manners_of
 from gcs.flight.stream import setpoint_message
-from gcs.flight.together import ended
-from gcs.link.dialect import MavCommand, ModeFlag
 from gcs.link.flyable import Flyable, Setpoint
 from gcs.link.session import VehicleSession
+from gcs.mavlink import MavCommand, ModeFlag
 
 if TYPE_CHECKING:
     from gcs.link.backend_mavsdk import MavsdkVehicle

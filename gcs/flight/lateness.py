@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 SLOW_MPS = 0.3  # who hardly moves is neither late nor early
 

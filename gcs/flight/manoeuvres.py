@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.flight.courses import Course, Values
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 BRAKE_MPS2 = 1.5  # a fifth of what tilting by 60 degrees would give: any vehicle here can
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes

@@ -15,9 +15,9 @@ from scipy.spatial.distance import pdist
 from gcs.flight.lateness import Lateness
 from gcs.link.clock import VehicleClock
 from gcs.link.message import Message
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 
 
 @dataclass

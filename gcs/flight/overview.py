@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from gcs.flight.pictures import draw_map_on, save
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import NED_FROM_UP, offsets_ned_m, sysids
 from gcs.scenario.terrain import ground_height_m

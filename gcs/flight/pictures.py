@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs.errors import UsageError
 from gcs.files import atomic_write
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
 from gcs.scenario.zones import displacement_m, outline

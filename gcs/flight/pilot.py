@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from gcs.aio import each, sleep_sharply
 from gcs.flight.courses import Course, TimedCourse
 from gcs.flight.fleet_time import FleetTime
 from gcs.flight.follow import FollowCourse, LeaderDeviation
@@ -21,7 +22,6 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, numbered_message, send_due, wait_s
-from gcs.flight.together import each, sleep_sharply
 from gcs.link.command import CommandRefused
 from gcs.link.message import Message
 from gcs.mission.model import SetpointStream

@@ -19,9 +19,9 @@ from gcs.errors import FlightError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.link.survey import VehicleReport
 from gcs.mission.model import Home
+from gcs.physics.quadrotor import Array
 from gcs.plan.energy import energy_Wh
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import Array
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with an RTK fix, and without: nearer to another pad by more than this

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.aio import LOOK_S, until
+from gcs.autopilots.flight_modes import Manners
 from gcs.errors import PeerTimeout
 from gcs.flight.hands import until_mode
-from gcs.flight.manners import Manners
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.flight.together import LOOK_S, until
-from gcs.link.dialect import MavCommand, MessageId, ModeFlag
 from gcs.link.message import Message
 from gcs.link.session import VehicleSession
+from gcs.mavlink import MavCommand, MessageId, ModeFlag
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 
 _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
@@ -61,7 +61,10 @@ async def until_ready(crew: Crew) -> None:
     """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
     session, options = crew.session, crew.options
     await session.wait_for(
-        crew.manners.position_is_known, options.ready_timeout_s, "a position estimate", or_latest=True
+        lambda message: crew.manners.position_is_known(message.name, message.fields),
+        options.ready_timeout_s,
+        "a position estimate",
+        or_latest=True,
     )
     loop = asyncio.get_running_loop()
     end_s = loop.time() + options.find_timeout_s

@@ -23,8 +23,8 @@ from gcs.flight.recording import Recording, VehicleTrack
 from gcs.flight.retrace import is_ground, retrace
 from gcs.flight.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.message import GROUND, Message
+from gcs.physics.quadrotor import Array
 from gcs.plan.store import load_plan
-from gcs.quadrotor import Array
 
 PLAN = "plan.skein"
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from gcs.flight.tlog import read_messages
 from gcs.link.clock import VehicleClock
-from gcs.link.dialect import NO_AUTOPILOT, ModeFlag
 from gcs.link.message import Message
+from gcs.mavlink import NO_AUTOPILOT, ModeFlag
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 
 NAME = "record.parquet"
 Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from gcs.flight.events import Event
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 
 SILENCE_S = 3.0  # after so long nobody knows where a vehicle was
 

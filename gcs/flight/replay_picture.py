@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 from gcs.flight.events import Event
 from gcs.flight.pictures import colours, draw_ground_on, draw_ways_on, save
 from gcs.flight.recording import Recording, nearest_m
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.terrain import ground_height_m
 
 _INSTANTS = 1500  # at most

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from gcs.autopilots.flight_modes import mode_name
 from gcs.flight.events import Event
 from gcs.flight.recording import VehicleTrack
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.link.dialect import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.link.message import GROUND, Message
-from gcs.link.modes import mode_name
 from gcs.link.statustext import StatusTextJoiner
-from gcs.quadrotor import Array
+from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
+from gcs.physics.quadrotor import Array
 
 _ELSEWHERE_S = 1.0
 _AXES = ("x", "y", "z", "vx", "vy", "vz")

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 @dataclass(frozen=True)

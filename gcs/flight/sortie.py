@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, UsageError, VerificationError
 from gcs.flight.events import Event
 from gcs.flight.fly import Flight
@@ -40,10 +40,10 @@ from gcs.link.fleet import Fleet
 from gcs.link.session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints import build_stream
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report, verify
-from gcs.quadrotor import POSITION
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from gcs.flight.courses import Course, Values
 from gcs.flight.schedule import Scheduler
 from gcs.link.clock import VehicleClock
-from gcs.link.dialect import SetpointMask, WireFrame
 from gcs.link.message import Message, Station
-from gcs.quadrotor import Array
+from gcs.mavlink import SetpointMask, WireFrame
+from gcs.physics.quadrotor import Array
 
 
 @dataclass

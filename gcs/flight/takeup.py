@@ -10,8 +10,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 
 NEAR_M = 3.0
 FADE_S = 10.0

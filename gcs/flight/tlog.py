@@ -17,7 +17,7 @@ import numpy as np
 from gcs.errors import FileFormatError
 from gcs.link.codec import Codec, frame_length
 from gcs.link.message import GROUND, Message
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 _STAMP = 8
 _SHORTEST = 8  # bytes of a frame without payload

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.flight.manners import Manners
+from gcs.autopilots.flight_modes import Manners
 from gcs.link.message import Message
 
 

@@ -17,15 +17,15 @@ from typing import Any, TypeVar
 import mavsdk
 from mavsdk.plugins import mission_raw, param, telemetry
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import LinkError, PeerError, PeerTimeout
 from gcs.link.backend_mavsdk_flight import MavsdkHands, report
-from gcs.link.dialect import GENERIC_AUTOPILOT, MissionType
 from gcs.link.endpoint import LinkMode, parse_link_spec
 from gcs.link.items import with_home
 from gcs.link.mission_compare import compare_missions
 from gcs.link.parameter import REAL32, Parameter
 from gcs.link.survey import VehicleReport
+from gcs.mavlink import GENERIC_AUTOPILOT, MissionType
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 T = TypeVar("T")

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from mavsdk.plugins import action, info, offboard, telemetry
 
+from gcs.autopilots.flight_modes import autopilot_name
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.flyable import Setpoint
-from gcs.link.modes import autopilot_name
 from gcs.link.survey import VehicleReport
 from gcs.mission.model import Home
 

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerRefusal, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MavResult, command_name, result_words
 from gcs.link.message import GROUND, Message, Station
+from gcs.mavlink import MavResult, command_name, result_words
 
 
 @dataclass(frozen=True)

@@ -26,15 +26,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
 from gcs.link.mission_compare import Difference, compare_missions, not_held
 from gcs.link.mission_receiver import MissionReceiver, reader
 from gcs.link.mission_sender import MissionSender
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
 
 BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s

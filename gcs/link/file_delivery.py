@@ -20,9 +20,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionType
 from gcs.link.ftp_reader import FtpReader
 from gcs.link.ftp_requests import FtpNumbers
 from gcs.link.ftp_writer import FtpWriter
@@ -31,6 +30,7 @@ from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.mission_compare import compare_missions, not_held
 from gcs.link.mission_file import HEADER, length_of, path_of, pieces_of, read_mission_file, write_mission_file
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 
 _READS = 3  # of one upload

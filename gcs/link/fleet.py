@@ -16,7 +16,6 @@ from functools import partial
 from gcs.errors import PeerTimeout, ProtocolMisuse, UsageError
 from gcs.link.addressbook import AddressBook, Place
 from gcs.link.codec import Codec
-from gcs.link.dialect import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 from gcs.link.endpoint import Address, Endpoint
 from gcs.link.endpoints import make_endpoint
 from gcs.link.message import GROUND, Message, Station
@@ -24,6 +23,7 @@ from gcs.link.mission import GROUND_TIMERS, Timers
 from gcs.link.session import VehicleSession
 from gcs.link.signing import Signing
 from gcs.link.transfer import Transfer
+from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from gcs.errors import PeerError
 from gcs.frames import from_degE7
-from gcs.link.dialect import MissionType
 from gcs.link.load import VehicleLoad
 from gcs.link.loadable import Loadable
 from gcs.link.mission_compare import compare_missions
+from gcs.mavlink import MissionType
 from gcs.mission.geofence import BadItem, Geofence, RallyPoint, fence_from_items, rally_from_items
 from gcs.mission.model import Home, MissionItem
 

@@ -10,8 +10,8 @@ import math
 from collections.abc import Sequence
 
 from gcs.errors import PeerError
-from gcs.link.dialect import MissionType, WireFrame
 from gcs.link.message import Message, Station
+from gcs.mavlink import MissionType, WireFrame
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
 _TO_WIRE = {

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gcs.link.dialect import MissionType
+from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem, VehicleMission
 
 _ITEM = struct.Struct("<HB4fiifB")

@@ -42,9 +42,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gcs.errors import PeerRefusal
-from gcs.link.dialect import MissionResult, mission_result_words
 from gcs.link.message import Message, Station
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionResult, mission_result_words
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ import struct
 from collections.abc import Sequence
 
 from gcs.errors import PeerError, ProtocolMisuse
-from gcs.link.dialect import MissionType
 from gcs.link.ftp import DATA_MAX
 from gcs.link.items import item_from_message, item_to_message
 from gcs.link.message import Message, Station
+from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 
 MAGIC = 0x763D

@@ -27,13 +27,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionResult, MissionType, mission_result_words
 from gcs.link.items import item_from_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, doubt_s, mission_ack, mission_type_of
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionResult, MissionType, mission_result_words
 from gcs.mission.model import MissionItem
 
 ItemCheck = Callable[[int, MissionItem], MissionResult]

@@ -30,11 +30,11 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.items import item_to_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, doubt_s, mission_ack, mission_type_of
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
 
 _UNHEARD_S = 2.5  # for a MISSION_ACK, or for the receiver to ask again as ArduPilot does once a second

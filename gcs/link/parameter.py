@@ -10,7 +10,7 @@ import math
 import struct
 from dataclasses import dataclass
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError
 from gcs.link.message import Message, Station
 

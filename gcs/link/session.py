@@ -13,12 +13,11 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.clock import VehicleClock
 from gcs.link.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
 from gcs.link.delivery import Delivery
-from gcs.link.dialect import Capability, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.link.file_delivery import FileDelivery
 from gcs.link.ftp_requests import FtpNumbers
 from gcs.link.items import with_home
@@ -32,6 +31,7 @@ from gcs.link.quality import LinkQuality
 from gcs.link.roundtrip import RoundTrip
 from gcs.link.statustext import StatusText, StatusTextJoiner
 from gcs.link.transfer import Preferred, Transfer, goes_as_file
+from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 _REASON_S = 0.7  # the reasons for a refusal come up to so much before or after it

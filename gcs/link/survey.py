@@ -10,15 +10,15 @@ import asyncio
 import math
 from dataclasses import dataclass
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.flight_modes import autopilot_name, mode_name
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.link.addressbook import identity
 from gcs.link.command import CommandTimers
-from gcs.link.dialect import EkfFlag, MavState, MessageId
 from gcs.link.message import Message
-from gcs.link.modes import autopilot_name, mode_name
 from gcs.link.session import VehicleSession
 from gcs.link.timesync import TimeSample, TimeSync
+from gcs.mavlink import EkfFlag, MavState, MessageId
 from gcs.mission.model import Home
 
 _TIMERS = CommandTimers(reply_s=0.7, retries=3)

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.link.dialect import MissionType
 from gcs.link.machine import Machine
 from gcs.link.message import Message
+from gcs.mavlink import MissionType
 
 FILE_ITEMS_MIN = 5  # a file of few takes six round trips and one to ask for the ability, n items n + 3
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gcs.errors import FlightError, GcsError, PeerError
-from gcs.link.dialect import MissionType
 from gcs.link.load import VehicleLoad
 from gcs.link.loadable import Loadable
 from gcs.link.parameter import Parameter, as_kind
+from gcs.mavlink import MissionType
 
 T = TypeVar("T")
 _SILENT_S = 4.0

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
-from gcs.mission.altitudes import kept_alt_m, written_alt_m
 from gcs.mission.legs import TimedLegs, rows_with_own_legs
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
-from gcs.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.terrain import ground_height_m
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
-from gcs.mission.altitudes import kept_alt_m
+from gcs.autopilots.altitudes import kept_alt_m
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check_flights import Lowest, check_ground, check_limits, check_separation
 from gcs.mission.check_items import check_items, found
 from gcs.mission.check_safety import check_rally_apart, check_safety

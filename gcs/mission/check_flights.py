@@ -17,7 +17,7 @@ from gcs.mission.flown import Flight, Surroundings
 from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.separation import Closest, closest_approach
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.zones import outside_m
 
 _STEP_M = 0.5  # between looks at the ground

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from gcs.mission.commands import COMMANDS, Source, name_of, refusal
+from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
 from gcs.mission.findings import Finding, Level, Rule
 from gcs.mission.flown import ALTITUDE_MAX_M
 from gcs.mission.missionfile import LoadedMission

@@ -17,7 +17,7 @@ from gcs.mission.findings import Finding, Level, Rule
 from gcs.mission.flown import Flight, Surroundings, home_of
 from gcs.mission.geofence import Place, RallyPoint
 from gcs.mission.missionfile import LoadedMission
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 _ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
 _TOUCH_M = 0.02  # what degE7 rounds, and the corners of round fences

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.errors import VerificationError
 from gcs.mission.course import SHARES, Course
-from gcs.mission.navigator.orders import Navigator
-from gcs.mission.navigator.predict import Prediction, predict
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 _EVERY = 4  # legs between two that are tried at once
 _BEFORE, _AFTER = 1, 2  # legs that a speed acts on, beside its own

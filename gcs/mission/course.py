@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.mission.navigator.orders import Orders
-from gcs.mission.navigator.predict import NEAR_M, Prediction
-from gcs.quadrotor import Array
+from gcs.autopilots.navigation.navigator import Orders
+from gcs.autopilots.navigation.predict import NEAR_M, Prediction
+from gcs.physics.quadrotor import Array
 
 SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of a leg: where it is looked at whether it is on time
 _STILL_M = 0.01

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin
 from gcs.mission.export_index import ExportIndex, Smoothing, index_document
 from gcs.mission.fencefile import write_fence, write_rally

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check import FleetReport
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted import Timing

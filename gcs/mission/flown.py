@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gcs.autopilots.mission_commands import COMMANDS
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mission.commands import COMMANDS
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.model import Frame, Home, MissionItem
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
 

@@ -12,15 +12,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, Orders, vector
+from gcs.autopilots.navigation.predict import predict
 from gcs.errors import VerificationError
 from gcs.mission.flown import Flight, Flying, Surroundings
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.model import MissionItem
-from gcs.mission.navigator.fitted import by_name
-from gcs.mission.navigator.orders import UNLIMITED, Ability, Orders, vector
-from gcs.mission.navigator.predict import predict
 from gcs.mission.simplify import Deviation, Flown, fewest_indices
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 _STEP_S = 0.2  # between knots: an autopilot's accelerations bend a line by a centimetre in that time
 _BENT_M = 0.01  # knots that are nearer to where the vehicle would be without them are left out

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from gcs.errors import FileFormatError
 from gcs.mission.csv_table import read_csv, write_csv
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

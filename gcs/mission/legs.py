@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gcs.mission.simplify import Deviation
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.mission.correction import Corrected
 from gcs.mission.course import Course
 from gcs.mission.limits import limits_of
-from gcs.mission.navigator.orders import Navigator
-from gcs.mission.navigator.predict import Prediction, predict
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.terrain import ground_height_m
 from gcs.scenario.zones import outside_m
 

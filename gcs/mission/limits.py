@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from gcs.frames import Origin
 from gcs.mission.flown import Surroundings
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.terrain import ground_height_m
 

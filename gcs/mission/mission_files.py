@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError, VerificationError
 from gcs.mission.build import build_missions, timed_legs
 from gcs.mission.check import FleetReport

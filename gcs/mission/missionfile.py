@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.fencefile import read_fence, read_rally
 from gcs.mission.geofence import NO_FENCE, FenceCommand, Geofence, RallyPoint

@@ -10,7 +10,7 @@ from enum import IntEnum, StrEnum
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 class Frame(IntEnum):

@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 
 SUFFIX = {Autopilot.ARDUPILOT: ".param", Autopilot.PX4: ".params"}

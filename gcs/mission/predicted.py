@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.navigation.calibration import APART_S
+from gcs.autopilots.navigation.predict import NEAR_M
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.flown import Flight
 from gcs.mission.legs import TimedLegs
 from gcs.mission.model import Altitude, Command, VehicleMission
-from gcs.mission.navigator.fitted import APART_S
-from gcs.mission.navigator.predict import NEAR_M
-from gcs.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

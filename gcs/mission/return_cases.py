@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.returns import Returning, ReturnSpeeds
-from gcs.quadrotor import POSITION
+from gcs.physics.quadrotor import POSITION
 from gcs.scenario.terrain import ground_envelope_m
 from gcs.scenario.zones import displacement_m, outline
 

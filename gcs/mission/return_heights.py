@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.return_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances, places_at
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.return_heights import ReturnPlan
 
 FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.mission.separation import least_distance
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Motion = tuple[Array, Array]  # times since the alarm (..., K), places (..., K, 3) in NED
 

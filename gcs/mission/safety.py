@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.return_parameters import return_parameters
-from gcs.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.zones import outline
 
 if TYPE_CHECKING:

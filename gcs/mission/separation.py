@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from gcs.mission.flown import Flight
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Rows = NDArray[np.intp]
 

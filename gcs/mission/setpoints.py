@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.mission.model import SetpointStream
-from gcs.quadrotor import POSITION, VELOCITY, Array, derivative
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array, derivative
 
 if TYPE_CHECKING:
     from gcs.mission.smooth import SmoothPath

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 _EVENING_STEPS = 6
 _STILL_MPS = 0.02  # who hovers needs no length

@@ -15,9 +15,9 @@ from scipy.interpolate import BSpline
 from scipy.sparse.linalg import spsolve
 
 from gcs.errors import UsageError, VerificationError
+from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 from gcs.plan import margins
 from gcs.plan.verify import GRID_S, LENGTH_TOLERANCE_M
-from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

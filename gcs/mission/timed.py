@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.correction import Corrected, correct
 from gcs.mission.course import Course, course_of
 from gcs.mission.legs import Gate, TimedLegs, rows_with_own_legs
 from gcs.mission.lift import Lift
-from gcs.mission.navigator.ability import ability_of
-from gcs.mission.navigator.fitted import by_name
-from gcs.mission.navigator.orders import Navigator
 from gcs.mission.simplify import Deviation, Flown, deviation, gentle_indices
-from gcs.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

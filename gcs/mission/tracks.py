@@ -13,7 +13,7 @@ import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.mission.geofence import NO_FENCE, Geofence
-from gcs.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

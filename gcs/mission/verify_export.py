@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.check import FleetReport, check_fleet
@@ -21,9 +21,9 @@ from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.limits import OVERSPEED, limits_of, surroundings_of
 from gcs.mission.missionfile import LoadedMission, read_mission
 from gcs.mission.model import Altitude, VehicleMission
-from gcs.mission.navigator.ability import ability_of
 from gcs.mission.predicted import MARGIN_S, Timing
 from gcs.mission.timed import climb_s
+from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array, thrust_and_tilt
 from gcs.plan.bounds import leader_state_bounds
 from gcs.plan.guess import lifted_m, piecewise_linear
 from gcs.plan.poses import floor_m
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.quadrotor import POSITION, VELOCITY, Array, thrust_and_tilt
 from gcs.scenario.model import NoFlyZone
 from gcs.scenario.zones import displacement_m, outside_m
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
+from gcs.physics.quadrotor import Array
 from gcs.plan import instant
 from gcs.plan.layout import Layout
 from gcs.plan.mesh import Mesh
@@ -21,7 +22,6 @@ from gcs.plan.solve import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import Constants, Program, assemble, dm, framed, scales
 from gcs.plan.watched import MOVED, RADIUS, SLOT, watched
-from gcs.quadrotor import Array
 from gcs.scenario.model import NoFlyZone, Scenario
 
 # Kept from the edge of a new disk at the nodes, whose way round is not known to be smooth.

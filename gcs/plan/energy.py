@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
-from gcs.rotor_power import air_density_kgpm3, drawn_power_W
 
 _STEP_S = 0.1
 _J_PER_WH = 3600.0

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
+from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.formation.shape import rigid
 from gcs.plan.guess import along
 from gcs.plan.problem import Problem
 from gcs.plan.route import Route
 from gcs.plan.schedule import optimise_on_schedule
-from gcs.quadrotor import POSITION, VELOCITY
 
 _AXES = ("north", "east", "height")
 _LONGER = (1.01, 1.03, 1.07, 1.15, 1.3, 1.6, 2.0)

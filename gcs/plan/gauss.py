@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.bounds import leader_state_bounds
 from gcs.plan.poses import floor_m, poses
 from gcs.plan.problem import Problem
 from gcs.plan.route import Route
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.watched import offsets_at
-from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_envelope_m
 
 _POINTS = 201

@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.layout import NU, NX
 from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
 from gcs.plan.smooth_ground import spline
 from gcs.plan.watched import MOVED, RADIUS, SLOT, Watched, zone_pieces
-from gcs.quadrotor import equations_of_motion
 from gcs.scenario.terrain import ground_envelope_m
 from gcs.scenario.zones import Disk, Piece, pieces
 

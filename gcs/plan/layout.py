@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.gauss import barycentric_weights, gauss_rule, lagrange_matrix
 from gcs.plan.mesh import Mesh
-from gcs.quadrotor import Array
 
 NX, NU = 12, 4  # of the vehicle alone
 # What people call each number.

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan import margins
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.margins import Margin
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.quadrotor import VELOCITY, Array
 from gcs.scenario.terrain import ground_envelope_m
 
 LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s

@@ -9,15 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import (
-    ATTITUDE,
-    RATES,
-    VELOCITY,
-    Array,
-    control_from_rotors,
-    derivative,
-    rotors_from_control,
-)
+from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, control_from_rotors, derivative, rotors_from_control
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import quadrotor
 from gcs.scenario.terrain import ground_height_m

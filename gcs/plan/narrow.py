@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.lookout import Miss
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import Program
-from gcs.quadrotor import Array
 
 _SPARE = 1.25  # times what was missing: the polynomial between two nodes moves less than they do
 _STATES = {

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import SLACK_M
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
@@ -24,7 +25,6 @@ from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, run_up_problem
 from gcs.plan.refine import optimise
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import (
     NED_FROM_UP,

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
 from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.problem import Problem
-from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_envelope_m
 from gcs.scenario.zones import outside_m
 

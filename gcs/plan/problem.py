@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
+from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.timelaw import Budget, budget
-from gcs.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
 from gcs.scenario.model import Scenario, TerminalWeight
 from gcs.scenario.physical import boundary_state, leader_index, offsets_ned_m, quadrotor
 

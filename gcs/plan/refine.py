@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs.errors import PlanningError
+from gcs.physics.quadrotor import RATES, VELOCITY, Array, hover_trim
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Rows, Shape, stretched
@@ -23,7 +24,6 @@ from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
 from gcs.plan.windows import STEP_S, WINDOW_S, window_errors
-from gcs.quadrotor import RATES, VELOCITY, Array, hover_trim
 from gcs.scenario.terrain import ground_envelope_m
 
 DEGREE = 5

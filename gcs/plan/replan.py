@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError, UsageError
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.alternatives import GRID_EXCESS
 from gcs.plan.detour import detours
 from gcs.plan.elastic import Elastic, elastic, with_zones
@@ -32,7 +33,6 @@ from gcs.plan.solve import Solution, run
 from gcs.plan.trajectory import MeshRound, Plan, Trajectory
 from gcs.plan.transcription import Program
 from gcs.plan.warm import Prices, prices
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.model import NoFlyZone
 
 SPARE_DISKS = 2

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 
 

@@ -14,10 +14,10 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.bounds import leader_state_bounds
 from gcs.plan.poses import Pose, floor_m, poses
 from gcs.plan.problem import Problem
-from gcs.quadrotor import Array
 
 CELLS = 120  # along the longer side of the map
 MAX_ROUTES = 4

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
+from gcs.physics.quadrotor import Array
 from gcs.plan.transcription import Program
-from gcs.quadrotor import Array
 
 OPTIONS = {
     "print_time": False,

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
-from gcs.quadrotor import VELOCITY, Array, Quadrotor, derivative
 from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.physical import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 

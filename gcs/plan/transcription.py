@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array, level_flight_thrust_N
 from gcs.plan import instant
 from gcs.plan.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.gauss import gauss_rule
@@ -29,7 +30,6 @@ from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.watched import Watched, watched
-from gcs.quadrotor import Array, level_flight_thrust_N
 
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan import margins
 from gcs.plan.formation.shape import Rows
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify_shape import course, landing_points, late_s, least_separation, place_in_formation
 from gcs.plan.windows import WINDOW_S, window_errors
-from gcs.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.scenario.physical import boundary_state
 
 GRID_S = 0.05

@@ -13,6 +13,7 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan import margins
 from gcs.plan.formation.coordinates import Name, bent, target_ned_m
 from gcs.plan.formation.reshape import reshape
@@ -20,7 +21,6 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.formation.timeline import gate_crossing_s
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import VELOCITY, Array
 from gcs.scenario.model import Change, Scenario
 from gcs.scenario.physical import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.gauss import gauss_rule
 from gcs.plan.solve import Solution
 from gcs.plan.transcription import Program
-from gcs.quadrotor import Array
 
 
 @dataclass(frozen=True)

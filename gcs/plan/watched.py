@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.problem import Problem
-from gcs.quadrotor import Array
 from gcs.scenario.model import NoFlyZone
 from gcs.scenario.terrain import ground_envelope_m
 from gcs.scenario.zones import Piece, displacement_m, pieces

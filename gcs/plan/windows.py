@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import POSITION, Array, Quadrotor, derivative
+from gcs.physics.quadrotor import POSITION, Array, Quadrotor, derivative
 
 WINDOW_S = 5.0
 STEP_S = 0.05

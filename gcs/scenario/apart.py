@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 # Positions written with two decimals should not fail for the last bit of their sums.
 SLACK = 1e-9

@@ -11,7 +11,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario import check_ends, check_formation, check_vehicle
 from gcs.scenario.mistakes import Mistake
 from gcs.scenario.model import Scenario

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.apart import SLACK, close_pairs
 from gcs.scenario.check_formation import tell_in_start_shape
 from gcs.scenario.mistakes import Mistake

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
+from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
 from gcs.scenario.mistakes import Mistake
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import quadrotor

@@ -18,7 +18,7 @@ from rasterio.warp import transform
 from rasterio.windows import Window
 
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.relief import Region, Relief, packed, terms_of
 
 HeightUnit = Literal["m", "ft"]

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 from scipy import ndimage
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.part import Findings, Number, Part, Point, Positive
 
 TERMS = 10  # of a cubic polynomial of two variables

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Mountains, Ripple, Terrain
 
 # Half width of the rounded corner where the envelope passes from ripple to mountain.

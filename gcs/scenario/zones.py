@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import NoFlyZone
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m

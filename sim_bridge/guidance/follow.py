@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.mission.navigator.orders import Moment, Navigator, Orders, vector
-from gcs.quadrotor import Array
+from gcs.autopilots.navigation.navigator import Moment, Navigator, Orders, vector
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.manoeuvres import bridge
 from sim_bridge.guidance.piece import DERIVATIVES, Piece
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.guidance.piece import TERMS, Piece
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from gcs.mission.navigator.ability import ability_of
-from gcs.mission.navigator.orders import UNLIMITED, Ability
-from gcs.quadrotor import Quadrotor
+from gcs.autopilots.navigation.navigator import UNLIMITED, Ability
+from gcs.physics.quadrotor import Quadrotor
 from gcs.scenario.model import Limits
+from gcs.scenario.vehicle_ability import ability_of
 
 # Shares of what physics allows, so that feedback keeps the rest.
 _THRUST_SHARE = 0.35

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.limits import MotionLimits
 from sim_bridge.guidance.piece import TERMS, Piece, hold
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.reference import Reference
 
 TERMS = 8  # degree 7: position, velocity, acceleration and jerk given at both ends

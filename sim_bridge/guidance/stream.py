@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.piece import TERMS, Piece
 
 # Setpoints further apart than this are no stream: nothing is interpolated between them.

@@ -14,9 +14,9 @@ from enum import IntEnum
 import numpy as np
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.link.dialect import Severity
+from gcs.mavlink import Severity
 from gcs.mission.model import MissionItem
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 class FenceCommand(IntEnum):

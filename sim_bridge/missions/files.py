@@ -8,11 +8,11 @@ please (`shelf`).
 from __future__ import annotations
 
 from gcs.errors import PeerError
-from gcs.link.dialect import MissionType
 from gcs.link.ftp import FtpOpcode, read_payload
 from gcs.link.items import item_from_message
 from gcs.link.message import Message
 from gcs.link.mission_file import FIELDS, HEADER, ITEM, MAGIC, path_of
+from gcs.mavlink import MissionType
 from sim_bridge.missions.shelf import MissionShelf
 
 WRITTEN_MAX = HEADER.size + 0xFFFF * ITEM.size

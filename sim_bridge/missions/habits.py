@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gcs.link.dialect import MissionResult, Severity
+from gcs.mavlink import MissionResult, Severity
 from gcs.mission.model import MissionItem
 
 

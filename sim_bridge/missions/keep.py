@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import Message
 from gcs.link.mission_compare import has_position
+from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.missions.fence import POLYGONS
 from sim_bridge.missions.habits import Keeping

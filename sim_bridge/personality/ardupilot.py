@@ -6,8 +6,8 @@ so long is its GNSS receiver's start, and no ground station learns anything from
 
 from __future__ import annotations
 
-from gcs.autopilot import Autopilot
-from gcs.link.dialect import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
+from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
 from sim_bridge.personality.ardupilot_missions import MISSIONS
 from sim_bridge.personality.ardupilot_params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage

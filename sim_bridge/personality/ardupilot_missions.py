@@ -8,7 +8,7 @@ come: after a transfer that breaks off, new items are followed by the old ones b
 
 from __future__ import annotations
 
-from gcs.link.dialect import MavCommand, MissionResult, MissionType, Severity
+from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
 from sim_bridge.missions.fence import FenceCommand
 from sim_bridge.missions.habits import SILENCE, Answer, Keeping, MissionHabits

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from gcs.link.dialect import MavState
+from gcs.mavlink import MavState
 
 
 class Milestone(Enum):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gcs.link.dialect import MavResult
+from gcs.mavlink import MavResult
 from sim_bridge.personality.boot import Milestone
 from sim_bridge.personality.modes import Intent
 

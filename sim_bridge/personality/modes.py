@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cached_property
 
-from gcs.link.dialect import ModeFlag
+from gcs.mavlink import ModeFlag
 
 
 class Intent(Enum):

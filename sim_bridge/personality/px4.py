@@ -5,8 +5,8 @@ Knows: numbers and habits. Does not know: how they are used. Texts that also go 
 
 from __future__ import annotations
 
-from gcs.autopilot import Autopilot
-from gcs.link.dialect import (
+from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import (
     PX4_HOLD,
     PX4_LAND,
     PX4_MISSION,

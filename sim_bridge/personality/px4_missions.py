@@ -8,7 +8,7 @@ numbers are taken as they come: NaN altitudes and impossible places are kept, an
 
 from __future__ import annotations
 
-from gcs.link.dialect import MavCommand, MissionResult, MissionType, Severity, WireFrame
+from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
 from sim_bridge.missions.fence import FenceCommand
 from sim_bridge.missions.habits import SILENCE, Answer, Keeping, MissionHabits

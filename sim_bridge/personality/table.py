@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from sim_bridge.missions.habits import MissionHabits
 from sim_bridge.personality.boot import Boot
 from sim_bridge.personality.guards import Guards, Setting

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import Enum, auto
 
-from gcs.link.dialect import Severity
+from gcs.mavlink import Severity
 
 
 class Note(Enum):

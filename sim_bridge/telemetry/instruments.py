@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.airframes import Airframes
 from sim_bridge.failsafe import Readings
 

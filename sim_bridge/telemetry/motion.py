@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from gcs.frames import to_degE7
-from gcs.link.dialect import MessageId, SetpointMask, WireFrame
 from gcs.link.message import Message
-from gcs.quadrotor import Array
+from gcs.mavlink import MessageId, SetpointMask, WireFrame
+from gcs.physics.quadrotor import Array
 from sim_bridge.personality import Intent, Milestone
 from sim_bridge.telemetry.sources import Builder, Sources
 

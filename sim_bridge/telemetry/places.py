@@ -9,8 +9,8 @@ import math
 import zlib
 
 from gcs.frames import to_degE7
-from gcs.link.dialect import MessageId
 from gcs.link.message import Message
+from gcs.mavlink import MessageId
 from sim_bridge.personality import Milestone
 from sim_bridge.telemetry.motion import quaternion
 from sim_bridge.telemetry.sources import Builder, Sources

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from gcs.frames import to_degE7
-from gcs.link.dialect import MavState, MavType, MessageId, ModeFlag
 from gcs.link.message import Message
+from gcs.mavlink import MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
 from sim_bridge.telemetry.sources import Builder, Sources
 

@@ -20,13 +20,13 @@ from gcs.flight.journal import TelemetryLog
 from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.stages import FlightTimes, Step
-from gcs.link.dialect import MavCommand
 from gcs.link.fleet import Fleet
 from gcs.link.message import Message
+from gcs.mavlink import MavCommand
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults

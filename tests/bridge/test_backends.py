@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.cli import main
 from gcs.errors import UsageError
 from gcs.flight.hands import hands_of

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.link.codec import Codec
-from gcs.link.dialect import CopterMode, MavResult
 from gcs.link.message import GROUND, Message
+from gcs.mavlink import CopterMode, MavResult
 from sim_bridge import faults as f
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.fault_commands import USER_1

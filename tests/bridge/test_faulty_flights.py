@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from gcs.link.dialect import CopterMode, MessageId
+from gcs.mavlink import CopterMode, MessageId
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec

@@ -6,18 +6,18 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.addressbook import DuplicateSystemId
 from gcs.link.codec import Codec, Message
 from gcs.link.command import CommandRefused, CommandTimers, command_ack
-from gcs.link.dialect import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.link.endpoint_udp import UdpEndpoint
 from gcs.link.fleet import Direction, Fleet
 from gcs.link.message import GROUND, Station
 from gcs.link.mission import MissionRefused, Timers
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
+from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 QUICK = Timers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5)

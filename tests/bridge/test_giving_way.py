@@ -13,7 +13,7 @@ import pytest
 
 from gcs.errors import FlightError
 from gcs.flight.fly import Flight
-from gcs.link.dialect import CopterMode
+from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from gcs.link.codec import Codec
-from gcs.link.dialect import MavCommand, MavResult, MissionType
 from gcs.link.items import with_home
 from gcs.link.message import GROUND, Message
+from gcs.mavlink import MavCommand, MavResult, MissionType
 from gcs.mission.model import Home, MissionItem
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import ScenarioError, UsageError
-from gcs.link.dialect import CopterMode, MavCommand, MavResult
 from gcs.link.fleet import Fleet as Ground
+from gcs.mavlink import CopterMode, MavCommand, MavResult
 from gcs.scenario.check import check
 from sim_bridge import Fleet, NotInTime
 from sim_bridge.plain import SPACING_M, plain_scenario, scenario_for

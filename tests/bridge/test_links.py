@@ -16,8 +16,8 @@ import pytest
 
 from gcs.errors import UsageError
 from gcs.link.codec import Codec
-from gcs.link.dialect import MavCommand, MavResult
 from gcs.link.message import GROUND, Message
+from gcs.mavlink import MavCommand, MavResult
 from gcs.scenario.model import Scenario
 from sim_bridge.cli import parse_links
 from sim_bridge.endpoints.spec import CALL_GROUND, Kind, LinkSpec

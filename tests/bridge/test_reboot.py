@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 
 from gcs.errors import PeerTimeout
-from gcs.link.dialect import CopterMode
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.message import Message
 from gcs.link.mission import Timers
 from gcs.link.mission_sender import MissionSender
+from gcs.mavlink import CopterMode
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.model import Scenario
 from sim_bridge.endpoints.spec import call

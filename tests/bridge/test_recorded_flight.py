@@ -19,20 +19,20 @@ import pytest
 from matplotlib import image
 from pymavlink import mavutil
 
+from gcs.autopilots.flight_modes import manners_of
 from gcs.cli.main import run
 from gcs.flight.events import Event
 from gcs.flight.journal import EventLog, TelemetryLog
 from gcs.flight.logbook import Logbook, write_logbook
-from gcs.flight.manners import manners_of
 from gcs.flight.recall import recall
-from gcs.link.dialect import MavCommand
 from gcs.link.fleet import Direction
 from gcs.link.fleet import Fleet as GroundFleet
 from gcs.link.session import VehicleSession
+from gcs.mavlink import MavCommand
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.quadrotor import POSITION
 from sim_bridge.fleet import Fleet
 
 HEIGHT_M = 4.0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.link.codec import Codec
-from gcs.link.dialect import CopterMode, MavResult
 from gcs.link.message import GROUND, Message
+from gcs.mavlink import CopterMode, MavResult
 from sim_bridge.endpoints.spec import Kind, LinkSpec, call
 from sim_bridge.plain import plain_scenario
 from sim_bridge.world import World, WorldOptions

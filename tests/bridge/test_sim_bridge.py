@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic
-from gcs.link.dialect import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission import MissionRefused
+from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import physical
 from sim_bridge.endpoints.spec import call

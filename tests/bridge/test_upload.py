@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
 from gcs.flight.loading import build_loads, missions_only
-from gcs.link.dialect import MavCommand, MissionType
 from gcs.link.fleet import Fleet as Ground
 from gcs.link.load import VehicleLoad
 from gcs.link.mission_compare import compare_missions
 from gcs.link.upload import UploadFailed, restore, upload_fleet
+from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.missionfile import load_missions
 from gcs.plan.store import save_plan
 from gcs.plan.trajectory import Plan

@@ -15,7 +15,7 @@ import pytest
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.link.items import home_item
 from gcs.mission.export import export
 from gcs.mission.formats import Format

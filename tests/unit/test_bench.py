@@ -7,13 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
+from gcs.physics.quadrotor import Array
 from gcs.plan import instant
 from gcs.plan.layout import ControlForm
 from gcs.plan.problem import Problem
 from gcs.plan.solve import solve
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import transcribe
-from gcs.quadrotor import Array
 from tools.bench import describe, findings
 from tools.bench.environments import Peer, Unavailable, environment
 from tools.bench.goals import Goal, judge

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.link.transfer import Transfer
 from tools.bench_upload import cell, compared, middle
 from tools.upload.air import Air, Weather, mission_of

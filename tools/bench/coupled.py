@@ -17,12 +17,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from gcs.physics.quadrotor import POSITION
 from gcs.plan import instant
 from gcs.plan.layout import NX, ControlForm
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.plan.transcription import STATE_UNIT, Program, transcribe
-from gcs.quadrotor import POSITION
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
 from tools.bench.describe import alone, six, straight

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import POSITION
 from gcs.plan import instant, margins
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.verify import GRID_S, LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
 from gcs.plan.windows import window_errors
-from gcs.quadrotor import POSITION
 
 _FINE = 20  # points of the quadrature of every interval
 

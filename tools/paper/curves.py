@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import Array
 from tools.paper.track import ENDS_S
 from tools.pictures.scenery import ASKED, colour
 

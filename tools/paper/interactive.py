@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_height_m
 from tools.pictures.scenery import colour
 

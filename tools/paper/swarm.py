@@ -17,7 +17,7 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO
 from pymoo.core.problem import Problem
 from scipy.interpolate import make_interp_spline
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_envelope_m
 

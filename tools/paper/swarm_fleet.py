@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import NED_FROM_UP, offsets_ned_m
 from gcs.scenario.terrain import ground_height_m

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 from gcs.scenario.terrain import ground_height_m
 
 Mask = NDArray[np.bool_]

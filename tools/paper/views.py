@@ -12,8 +12,8 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from gcs.flight.pictures import draw_formation, draw_map, draw_tracks
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.model import Scenario
 from tools.paper.drawing import save
 from tools.paper.run import Run

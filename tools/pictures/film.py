@@ -13,8 +13,8 @@ from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_height_m
 from tools.pictures.measures import clearance_m, places_ned_m, size
 from tools.pictures.scenery import ASKED, chain_lines, colour, draw_ground

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify_shape import nearest_pair_m
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.terrain import ground_height_m
 
 

@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
 from gcs.scenario.zones import outline

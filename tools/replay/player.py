@@ -12,8 +12,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from gcs.frames import Origin, from_degE7
-from gcs.link.dialect import MavCommand, ModeFlag
 from gcs.link.message import Message
+from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.model import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from itertools import pairwise
 
-from gcs.link.dialect import MavCommand
+from gcs.mavlink import MavCommand
 from tools.replay.player import TIMERS_MAY_DIFFER, Played
 from tools.replay.recording import Recording, Step
 from tools.replay.saying import TALK

@@ -13,8 +13,8 @@ import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.codec import Codec
-from gcs.link.dialect import MavCommand, MessageId
 from gcs.link.message import Message, Station
+from gcs.mavlink import MavCommand, MessageId
 from gcs.scenario import physical
 from gcs.scenario.model import Scenario, Terrain
 from sim_bridge.airframes import CONTROL_PERIOD_S

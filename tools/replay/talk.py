@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gcs.link.dialect import MavCommand, MessageId
 from gcs.link.message import Message
+from gcs.mavlink import MavCommand, MessageId
 from tools.replay.recording import Step
 from tools.replay.saying import REPEATED, STANDING, TALK, Saying, equal, saying
 from tools.replay.stage import Told

@@ -12,17 +12,17 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
 from gcs.link.delivery import Delivery
-from gcs.link.dialect import MissionType
 from gcs.link.file_delivery import FileDelivery
 from gcs.link.machine import Machine
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission_compare import compare_missions
 from gcs.link.roundtrip import RoundTrip
 from gcs.link.transfer import Preferred, Transfer, goes_as_file
+from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.ftp import FileServer
 from sim_bridge.missions.files import MissionFiles

@@ -22,7 +22,7 @@ import mavsdk
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.link.fleet import Direction
 from gcs.link.fleet import Fleet as Ground

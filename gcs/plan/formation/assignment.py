@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Places = NDArray[np.intp]
 

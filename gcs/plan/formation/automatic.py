@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import Coordinate, composed
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
-from gcs.quadrotor import Array
 
 _EVERY_S = 0.1
 _NOTICEABLE = 0.05  # of a coordinate's unit: what is less is not worth a line

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timelaw import Budget, budget, shared
-from gcs.quadrotor import Array
 from gcs.scenario.model import Change, Scenario
 from gcs.scenario.physical import leader_index, offsets_ned_m, shape_offsets_ned_m
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 
 def formation_errors_m(positions_ned_m: Array, offsets_ned_m: Array) -> Array:

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import POSITION, RATES, VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
-from gcs.quadrotor import POSITION, RATES, VELOCITY, Array, Quadrotor, derivative
 
 Jet = tuple[Array, Array, Array]  # a value and its first two derivatives
 BEND_S = 0.5  # a corner of the thrust is spread over so much time before and after it

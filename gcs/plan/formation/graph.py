@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 # A direction in which a formation is this much thinner than it is long is not one it extends in.
 _FLAT = 1e-6

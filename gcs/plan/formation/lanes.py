@@ -14,8 +14,8 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.separation import pairs_nearer_than
-from gcs.quadrotor import Array
 
 # Lanes are this much further apart than they have to be, so that rounding decides nothing.
 _ROOM = 1.01

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.apart import nearest_pair
 
 _CHUNK = 128  # rows of the table of pairs at a time: a thousand vehicles in a few megabytes

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 Rows = NDArray[np.intp]
 EVERYONE = slice(None)

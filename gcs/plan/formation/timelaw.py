@@ -11,8 +11,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 
 # Of what a vehicle can turn: the leader's own motion, which every vehicle shares, uses the rest.

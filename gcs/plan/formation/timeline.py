@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.reshape import SLACK_M, reshape
 from gcs.plan.formation.separation import least_gap
@@ -26,7 +27,6 @@ from gcs.plan.formation.transforms import (
     rotation,
     shrinking,
 )
-from gcs.quadrotor import Array
 from gcs.scenario.model import Change, Scenario
 from gcs.scenario.physical import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
 

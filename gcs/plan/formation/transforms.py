@@ -13,9 +13,9 @@ import math
 import numpy as np
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timelaw import smooth_step
-from gcs.quadrotor import Array
 
 # Polynomials that meet in this many derivatives, the value counted: continuous far beyond what a vehicle can feel.
 _MEET = 6

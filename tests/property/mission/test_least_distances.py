@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gcs.mission.flown import Flight
 from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.separation import closest_approach
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 untimed = settings(deadline=None)
 coordinates = st.floats(-30, 30)

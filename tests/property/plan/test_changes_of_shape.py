@@ -13,12 +13,12 @@ from numpy.random import Generator as Random
 from scipy.spatial.distance import pdist
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance, least_gap
 from gcs.plan.formation.shape import Shape, joined, stretched
 from gcs.plan.formation.timelaw import Budget, least_duration
 from gcs.plan.formation.transforms import rotation, shrinking
-from gcs.quadrotor import Array
 from gcs.scenario.model import Generator
 from gcs.scenario.shapes import places_up_m
 

@@ -9,8 +9,8 @@ from gcs.flight.courses import TimedCourse
 from gcs.flight.follow import IGNORED_M, FollowCourse, LeaderDeviation
 from gcs.flight.monitor import VehicleView
 from gcs.mission.setpoints import build_stream
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY, Array
 
 T0 = 1_700_000_000.0
 

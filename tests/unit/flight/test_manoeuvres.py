@@ -17,7 +17,7 @@ from gcs.flight.manoeuvres import (
     return_course,
     spread_course,
 )
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 
 places = st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(-50, -3)).map(np.array)
 speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.array)

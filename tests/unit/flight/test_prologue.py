@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcs.autopilots.flight_modes import ARDUPILOT, PX4, Manners
 from gcs.errors import PeerTimeout
-from gcs.flight.manners import ARDUPILOT, PX4, Manners
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.prologue import Crew, ask_for_telemetry, set_mode, start_mission, take_off, until_landed
 from gcs.link.command import CommandRefused
-from gcs.link.dialect import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.link.message import GROUND, Message
 from gcs.link.session import VehicleSession
+from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.plan.trajectory import Plan
 
 BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])

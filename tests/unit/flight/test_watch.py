@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gcs.flight.manners import ARDUPILOT
+from gcs.autopilots.flight_modes import ARDUPILOT
 from gcs.flight.watch import Incident, Kind, Limits, VehicleWatch
 from gcs.link.message import Message
 

@@ -9,8 +9,8 @@ from gcs.link.command import (
     Position,
     command_ack,
 )
-from gcs.link.dialect import MavCommand, MavResult
 from gcs.link.message import GROUND, Message, Station
+from gcs.mavlink import MavCommand, MavResult
 
 VEHICLE = Station(2, 1)
 ARM = MavCommand.COMPONENT_ARM_DISARM

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.delivery import BUSY_S, Delivery, DeliveryState
-from gcs.link.dialect import MissionResult, MissionType
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import MissionRefused
 from gcs.link.mission_compare import compare_missions
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
 from gcs.link.roundtrip import RoundTrip
+from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.geofence import FenceCommand
 from gcs.mission.model import MissionItem
 from tools.upload.air import VEHICLE, Air, Weather, mission_of

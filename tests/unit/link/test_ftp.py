@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.codec import Codec
-from gcs.link.dialect import MissionType
 from gcs.link.file_delivery import FileDelivery
 from gcs.link.ftp import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, crc32, read_payload
 from gcs.link.ftp_reader import FtpReader
@@ -23,6 +22,7 @@ from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission_compare import compare_missions
 from gcs.link.mission_file import ITEM, MAGIC, length_of, path_of, pieces_of, read_mission_file, write_mission_file
 from gcs.link.transfer import FILE_ITEMS_MIN, Transfer, goes_as_file
+from gcs.mavlink import MissionType
 from tools.upload.air import VEHICLE, Air, Weather, mission_of
 
 CALM = Weather(0.05, 0.0, 0.0, 0.0)

@@ -1,12 +1,12 @@
 import pytest
 
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.dialect import MissionResult
 from gcs.link.items import item_to_message
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.mission import MissionRefused, Timers, mission_ack
 from gcs.link.mission_receiver import MissionReceiver, ReceiverState
 from gcs.link.mission_sender import MissionSender, SenderState
+from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 
 VEHICLE = Station(4, 1)

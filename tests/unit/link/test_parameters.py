@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
 from gcs.link.message import GROUND, Message, Station
 from gcs.link.parameter import REAL32, Parameter, as_kind, decode, encode, set_request

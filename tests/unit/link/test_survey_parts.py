@@ -4,9 +4,9 @@ import random
 
 import pytest
 
+from gcs.autopilots.flight_modes import autopilot_name, mode_name
 from gcs.link.codec import Codec
 from gcs.link.message import Message
-from gcs.link.modes import autopilot_name, mode_name
 from gcs.link.quality import LinkQuality
 from gcs.link.survey import estimate_is_good, version_text
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from gcs.link.codec import Codec, item_from_message
-from gcs.link.dialect import MissionResult
 from gcs.link.message import Station
 from gcs.link.mission import MissionRefused
 from gcs.link.mission_compare import compare_missions
 from gcs.link.mission_receiver import MissionReceiver
 from gcs.link.mission_sender import MissionSender
+from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 
 TRACES = Path(__file__).parents[4] / "shared" / "traces"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.flown import Surroundings
 from gcs.mission.geofence import NO_FENCE, Geofence, Place, RallyPoint

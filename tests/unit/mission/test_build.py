@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.build import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
 from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
 from gcs.mission.simplify import Flown, deviation
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Phase, Plan, Trajectory
-from gcs.quadrotor import POSITION
 from gcs.scenario.terrain import ground_height_m
 
 

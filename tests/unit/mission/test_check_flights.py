@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check import as_on_the_wire, check_fleet
 from gcs.mission.check_flights import check_ground, check_limits, check_separation
 from gcs.mission.findings import Level, Rule

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check_items import check_items
-from gcs.mission.commands import COMMANDS, Source, name_of, refusal
 from gcs.mission.findings import Finding, Level, Rule, worst
 from gcs.mission.missionfile import read_mission
 from gcs.mission.model import MissionItem

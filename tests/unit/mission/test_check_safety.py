@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.check_safety import check_rally_apart, check_safety
 from gcs.mission.findings import Finding, Level, Rule
 from gcs.mission.flown import Surroundings, fly

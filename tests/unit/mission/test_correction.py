@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.predict import predict
 from gcs.mission.correction import correct
 from gcs.mission.course import SHARES, course_of
-from gcs.mission.navigator.fitted import by_name
-from gcs.mission.navigator.predict import predict
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
 SPEED_NED_MPS = np.array([6.0, 6.0, 2.0])

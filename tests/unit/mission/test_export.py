@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.build import build_missions
@@ -28,8 +28,8 @@ from gcs.mission.planfile import read_plan_file
 from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.waypoints import read_waypoints
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.flown import ITEMS_FLOWN_MAX, Flight, Surroundings, fly, surroundings, together
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.model import MissionItem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.flown import Flight, fly
 from gcs.mission.flown_model import fly_modelled
 from tests.unit.mission.fleets import FLAT, at, do, mission, out_and_land, speed

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.check import check_fleet
 from gcs.mission.flown import surroundings

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mission.fencefile import write_fence, write_rally
 from gcs.mission.folder import Folder

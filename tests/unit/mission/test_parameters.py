@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.parameters import ParameterFile, read_parameters, write_parameters
 

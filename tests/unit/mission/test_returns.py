@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.return_cases import crossings, highest_ground_m, return_cases
 from gcs.mission.return_heights import STEP_MIN_M, ReturnPlan, plan_returns
 from gcs.mission.return_parameters import FENCE_ABOVE_M, return_parameters
 from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.geofence import Place
 from gcs.mission.safety import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, Array
 
 
 def flat(places: tuple[Place, ...], plan: Plan) -> Array:

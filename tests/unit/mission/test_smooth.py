@@ -15,8 +15,8 @@ from gcs.mission.folder import INDEX
 from gcs.mission.setpoints import build_stream, of_vehicle
 from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.smooth import SHORTEST_KNOT_S, SmoothPath, smoothed
+from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION, VELOCITY
 from gcs.scenario.terrain import ground_height_m
 
 TOLERANCE_M = 0.1

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, UsageError, VerificationError
 from gcs.flight.loading import build_loads
 from gcs.mission.export import export

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.autopilot import Autopilot
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission import mission_files as module
 from gcs.mission.build import build_missions

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.formation.followers import follower_states_and_controls
 from gcs.plan.formation.shape import rigid
 from gcs.plan.formation.timeline import lay
 from gcs.plan.problem import Problem, flight_problem
-from gcs.quadrotor import POSITION, VELOCITY
 from gcs.scenario.model import Scenario
 from tests.unit.plan.formations import SHRINK, SWAPPED, TO_FILE, TURN, at, auto, fleet
 

@@ -12,11 +12,11 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.store import load_plan, save_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report, verify
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
 from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN, Planned, at, auto, fleet, gap

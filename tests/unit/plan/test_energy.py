@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Quadrotor
+from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.energy import energy_Wh
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory import Phase, Plan, Trajectory
-from gcs.quadrotor import Quadrotor
-from gcs.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.scenario.model import Power
 
 POWER = Power(battery_Wh=80.0, rotor_radius_m=0.04, figure_of_merit=0.6)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from gcs.physics.quadrotor import Quadrotor, derivative
 from gcs.plan.ground_phases import smooth_step, vertical
 from gcs.plan.trajectory import Trajectory
-from gcs.quadrotor import Quadrotor, derivative
 
 Q = Quadrotor(0.5, 0.075, (0.0219, 0.0219, 0.0366), 1.105e-5, 1.779e-7, (0.073, 0.08, 0.095), (0.0055,) * 3, 400.0)
 PLACE = np.array([-3.0, 7.0, -0.25])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan import margins
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
@@ -16,7 +17,6 @@ from gcs.plan.formation.transforms import straight as straight_leg
 from gcs.plan.lookout import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, broken
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.trajectory import Trajectory
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
 from tests.unit.plan.problems import straight

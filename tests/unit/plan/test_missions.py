@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.quadrotor import Array
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Terrain
 

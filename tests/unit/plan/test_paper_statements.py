@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import Array
 from gcs.scenario.terrain import ground_height_m
 
 PlanOf = Callable[[str], Plan]

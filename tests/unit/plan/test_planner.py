@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.physics.quadrotor import derivative
 from gcs.plan import planner
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan, Trajectory, joined
 from gcs.plan.verify import verify
-from gcs.quadrotor import derivative
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed, meadow

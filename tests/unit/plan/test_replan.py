@@ -14,6 +14,7 @@ from scipy.interpolate import PPoly
 import gcs
 from gcs.errors import Infeasible, UsageError
 from gcs.mission.formats import Format
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.elastic import elastic
 from gcs.plan.mesh import counted
 from gcs.plan.planner import make_plan
@@ -25,7 +26,6 @@ from gcs.plan.store import load_plan, save_plan
 from gcs.plan.trajectory import Plan, Trajectory
 from gcs.plan.verify import verify
 from gcs.plan.warm import prices
-from gcs.quadrotor import POSITION, Array
 from gcs.scenario.model import NoFlyZone, Scenario
 from gcs.scenario.zones import outside_m
 from tests.unit.plan.problems import meadow

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from gcs.physics.quadrotor import Array, derivative
 from gcs.plan.formation.timeline import lay
 from gcs.plan.gauss import gauss_rule
 from gcs.plan.guess import along, straight_way
@@ -18,7 +19,6 @@ from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import Program, transcribe
 from gcs.plan.windows import window_errors
-from gcs.quadrotor import Array, derivative
 from gcs.scenario.model import Scenario
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds

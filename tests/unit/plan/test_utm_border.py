@@ -14,10 +14,10 @@ from rasterio.warp import transform
 
 from gcs.mission.build import build_missions
 from gcs.mission.model import Command
+from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.quadrotor import Array
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario, Terrain
 from tests.unit.plan.problems import changed, meadow

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from gcs.physics.quadrotor import Array
 from gcs.plan import planner
 from gcs.plan.formation import followers
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
@@ -20,7 +21,6 @@ from gcs.plan.formation.transforms import rotation, shrinking, straight
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 from gcs.plan.verify_shape import _Bends, least_separation, nearest_pair_m
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto, fleet

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import VELOCITY, Array, derivative
 from gcs.plan import instant
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.timeline import lay
@@ -19,7 +20,6 @@ from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.transcription import transcribe
 from gcs.plan.verify import verify
 from gcs.plan.watched import NEAR_GROUND, NEAR_ZONE, SLOT, offsets_at, watched
-from gcs.quadrotor import VELOCITY, Array, derivative
 from gcs.scenario.model import Scenario
 from gcs.scenario.terrain import ground_envelope_m
 from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap

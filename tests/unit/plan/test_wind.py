@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.errors import PlanningError, ScenarioError
+from gcs.physics.quadrotor import derivative, hover_trim
+from gcs.physics.wind import SteadyWind
 from gcs.plan.ground_phases import vertical
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.quadrotor import derivative, hover_trim
 from gcs.scenario.load import load_scenario
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import quadrotor, steady_wind
-from gcs.wind import SteadyWind
 from tests.unit.plan.problems import changed, meadow
 
 ROOM = {"north_m": [-20.0, 80.0], "east_m": [-40.0, 60.0]}

@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array, Quadrotor, equations_of_motion
 from gcs.plan.ground_phases import vertical
 from gcs.plan.trajectory import Plan, Trajectory
 from gcs.plan.windows import WindowErrors, window_errors
-from gcs.quadrotor import Array, Quadrotor, equations_of_motion
 
 Q = Quadrotor(0.5, 0.075, (0.0219, 0.0219, 0.0366), 1.105e-5, 1.779e-7, (0.073,) * 3, (0.0055,) * 3, 400.0)
 

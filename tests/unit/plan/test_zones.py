@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gcs.mission.safety import build_fence
+from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from tests.unit.plan.problems import meadow
 

@@ -14,8 +14,8 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from gcs.frames import Origin, ned_to_geodetic
+from gcs.physics.quadrotor import Array
 from gcs.plan.smooth_ground import spline
-from gcs.quadrotor import Array
 from gcs.scenario.dem import FOOT_M, DemError, read_dem
 from gcs.scenario.relief import ENVELOPE_RESERVE_M, Region, Relief, packed
 

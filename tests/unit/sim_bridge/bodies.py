@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.link.dialect import LandedState, MavResult
+from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide

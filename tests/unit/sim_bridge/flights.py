@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gcs.quadrotor import Array, Quadrotor
+from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge import presets
 from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.gains import ControlLimits

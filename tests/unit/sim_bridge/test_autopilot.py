@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.link.dialect import CopterMode, LandedState, MavResult
+from gcs.mavlink import CopterMode, LandedState, MavResult
 from sim_bridge.guidance.stream import Setpoint
 from sim_bridge.personality import Intent, Setting
 from tests.unit.sim_bridge.bodies import HOME, OK, YAW, Body, mission

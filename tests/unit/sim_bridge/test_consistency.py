@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.estimator import GATE_SIGMA
 from sim_bridge.presets import PRESETS
 from sim_bridge.sensors import BARO_PERIOD_S, GRADES, RTK, Sensors

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from gcs.quadrotor import derivative, thrust_and_tilt
+from gcs.physics.quadrotor import derivative, thrust_and_tilt
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.control import Controller, tilt_along
 from sim_bridge.disturbance import Disturbance

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gcs.link.codec import Codec
-from gcs.link.dialect import MissionResult
 from gcs.link.items import item_to_message
 from gcs.link.message import Message
 from gcs.link.signing import Signature, Signing, is_signed
+from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 from gcs.scenario.load import load_scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S

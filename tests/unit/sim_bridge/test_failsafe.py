@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.link.dialect import LandedState
+from gcs.mavlink import LandedState
 from sim_bridge.failsafe import Breach, Failsafe, Readings
 from sim_bridge.missions.fence import Shape
 from sim_bridge.personality import ARDUPILOT, PX4, Intent, Personality, Setting

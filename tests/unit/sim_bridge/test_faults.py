@@ -7,8 +7,8 @@ import math
 import pytest
 
 from gcs.errors import UsageError
-from gcs.link.dialect import MavResult
 from gcs.link.message import Message
+from gcs.mavlink import MavResult
 from sim_bridge import faults as f
 from sim_bridge.agenda import Agenda
 from sim_bridge.fault_commands import INJECT_FAILURE, USER_1, is_fault_command, read_order

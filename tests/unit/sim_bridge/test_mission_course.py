@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
+from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
+from gcs.autopilots.navigation.navigator import Navigator
 from gcs.mission.model import Command, MissionItem
-from gcs.mission.navigator.fitted import ARDUPILOT, PX4
-from gcs.mission.navigator.orders import Navigator
 from sim_bridge.cli import run
 from sim_bridge.course import Course, Guide
 from sim_bridge.guidance.piece import Piece, hold

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gcs.quadrotor import control_from_rotors, rotors_from_control
+from gcs.physics.quadrotor import control_from_rotors, rotors_from_control
 from sim_bridge.motion import Stepper, Turn
 from sim_bridge.motors import Motors
 from sim_bridge.plant import Plant

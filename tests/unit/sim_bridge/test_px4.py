@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.link.dialect import PX4_HOLD, PX4_MISSION, PX4_OFFBOARD, PX4_RTL, LandedState, MavResult, px4_mode
+from gcs.mavlink import PX4_HOLD, PX4_MISSION, PX4_OFFBOARD, PX4_RTL, LandedState, MavResult, px4_mode
 from sim_bridge.guidance.stream import Setpoint
 from sim_bridge.personality import PX4, Intent, Setting
 from sim_bridge.progress import MissionState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.airframes import Airframes
 from sim_bridge.presets import FIELD
 from sim_bridge.reference import hold

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gcs.autopilot import Autopilot
-from gcs.mission.navigator.fitted import by_name as navigator_named
-from gcs.mission.navigator.orders import Orders
-from gcs.mission.navigator.predict import passing_times, predict
+from gcs.autopilots.navigation.calibration import by_name as navigator_named
+from gcs.autopilots.navigation.navigator import Orders
+from gcs.autopilots.navigation.predict import passing_times, predict
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.timed import corrected_legs
+from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory import Plan
-from gcs.quadrotor import POSITION
 from sim_bridge.personality import by_name
 from tests.unit.sim_bridge.timed_missions import Fleet, Flight
 from tools.fit_navigator import MODELS, RECORDINGS, read_recording

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.navigator import Ability, Orders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
-from gcs.mission.navigator.fitted import by_name
-from gcs.mission.navigator.orders import Ability, Orders
-from gcs.quadrotor import Array
+from gcs.physics.quadrotor import Array
 from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4, by_name
+from gcs.autopilots.navigation.navigator import Ability, Orders
+from gcs.autopilots.navigation.predict import NEAR_M, predict
 from gcs.errors import VerificationError
-from gcs.mission.navigator.fitted import ARDUPILOT, PX4, by_name
-from gcs.mission.navigator.orders import Ability, Orders
-from gcs.mission.navigator.predict import NEAR_M, predict
 
 BOTH = pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 # Straight on and faster, a corner and slower, a corner that climbs, a corner.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.mission.navigator.fitted import RESIDUALS, Residual, by_name
+from gcs.autopilots.navigation.calibration import RESIDUALS, Residual, by_name
 from tools.fit_navigator import MODELS, RECORDINGS, errors_s, read_recording
 
 FOLDERS = {model.name: RECORDINGS / model.folder for model in MODELS}

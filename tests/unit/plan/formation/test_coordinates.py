@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import PPoly, make_interp_spline
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.automatic import automatic_moves
 from gcs.plan.formation.coordinates import (
     Coordinate,
@@ -26,7 +27,6 @@ from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.timelaw import Budget, budget
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation.transforms import rotation, straight
-from gcs.quadrotor import Array
 from gcs.scenario.model import Scenario
 from gcs.scenario.physical import offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet

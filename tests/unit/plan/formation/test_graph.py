@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.graph import InformationGraph, information_graph, leader_star, shape_matrix, voronoi
-from gcs.quadrotor import Array
 from gcs.scenario.model import Generator
 from gcs.scenario.shapes import places_up_m
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.lanes import Deadlock, Lanes, find_lanes
 from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance
-from gcs.quadrotor import Array
 from gcs.scenario.shapes import places_up_m
 
 LINE = places_up_m("line", 5, 2.0)

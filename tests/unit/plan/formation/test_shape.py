@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.transforms import rotation, shrinking, straight
-from gcs.quadrotor import Array
 
 RANDOM = np.random.default_rng(11)
 PLACES = RANDOM.normal(size=(5, 3)) * 4.0

@@ -1,0 +1,1 @@
+"""How autopilots fly waypoints: models that predict when a vehicle is where."""

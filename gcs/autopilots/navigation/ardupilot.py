@@ -1,0 +1,194 @@
+"""ArduCopter's waypoint navigator.
+
+Knows: legs, corners, when a change of speed reaches which leg, how time is stretched for a vehicle that falls behind.
+Does not know: mission items, other autopilots.
+
+The target moves along legs that go from rest to rest and overlap at corners. The leg to come is worked out one leg
+ahead, with the speed that is in force then; a change of speed is obeyed when its leg becomes the present one, and then
+reaches a leg that has already begun (see `leg`). Speeds are limited by the path's slope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from gcs.autopilots.navigation.ardupilot_leg import Corner, Leg, LegMotion, Motion, limit_along
+from gcs.autopilots.navigation.navigator import Ability, Moment, Orders, Vector
+from gcs.autopilots.navigation.scurve import Gentleness, gain
+from gcs.autopilots.navigation.tracking import Follower, Following
+
+_NOWHERE_M = 1e-3
+_SLACK = 0.05  # a vehicle so much slower than its target does not fall behind
+
+
+@dataclass(frozen=True)
+class ArduPilotNavigator:
+    """Its parameters; the defaults are those recorded, from WPNAV_ACCEL, _JERK, _RADIUS, _ACCEL_Z, _SPEED_UP, _DN.
+
+    Snap is not a parameter: half of what turns jerk around within ATC_INPUT_TC. Nor is the corner's acceleration
+    (WPNAV_ACCEL_C of 0): twice that along a leg.
+    """
+
+    following: Following
+    acceleration_mps2: float = 2.5
+    jerk_mps3: float = 1.0
+    radius_m: float = 2.0
+    climb_mps: float = 2.5
+    sink_mps: float = 1.5
+    vertical_mps2: float = 1.0
+    input_time_s: float = 0.15
+    fastest_mps: float = math.inf
+    snap_max_mps4: float = math.inf
+    step_s: float = 0.02
+
+    @property
+    def snap_mps4(self) -> float:
+        """Along a leg."""
+        return min(0.25 * math.pi * self.jerk_mps3 / self.input_time_s, self.snap_max_mps4)
+
+    def within(self, ability: Ability) -> ArduPilotNavigator:
+        """The same navigator of a vehicle that can do no more than this."""
+        return replace(
+            self,
+            acceleration_mps2=min(self.acceleration_mps2, ability.horizontal_mps2),
+            jerk_mps3=min(self.jerk_mps3, ability.horizontal_mps3),
+            snap_max_mps4=min(self.snap_max_mps4, ability.horizontal_mps4),
+            climb_mps=min(self.climb_mps, ability.vertical_mps),
+            sink_mps=min(self.sink_mps, ability.vertical_mps),
+            vertical_mps2=min(self.vertical_mps2, ability.vertical_mps2),
+            fastest_mps=min(self.fastest_mps, ability.horizontal_mps),
+        )
+
+    def sustained_mps(self, length_m: float) -> float:
+        """What a ramp reaches within half a leg: every leg goes from rest to rest, overlapping with its neighbours."""
+        limits = Gentleness(self.acceleration_mps2, self.jerk_mps3, self.snap_mps4)
+        return gain(0.0, self.fastest_mps, 0.5 * length_m, limits).end_mps
+
+    def fly(self, orders: Orders) -> Iterator[Moment]:
+        """Every moment from the start on, without end."""
+        target = _Target(self, orders)
+        vehicle = Follower(self.following, orders.begins)
+        step_s, t_s, hold_until_s = self.step_s, 0.0, math.inf
+        stretch, patience_s = 1.0, self.acceleration_mps2 / self.jerk_mps3
+        motion = target.motion
+        steps = 0
+        while True:
+            stretch += (self._pace(motion, vehicle) - stretch) * step_s / patience_s
+            vehicle.step(*motion, step_s)
+            motion = target.advance(stretch * step_s)
+            steps += 1
+            t_s = steps * step_s
+            completed = None
+            if target.arrived and math.isinf(hold_until_s):
+                index = target.index
+                if not orders.stops_at(index) or math.dist(vehicle.position, target.leg_end) <= self.radius_m:
+                    hold_until_s = t_s + orders.holds_s[index]
+            if t_s >= hold_until_s and not target.finished:
+                completed, hold_until_s = target.index, math.inf
+                target.go_on()
+            yield vehicle.moment(t_s, completed)
+
+    def _pace(self, motion: Motion, vehicle: Follower) -> float:
+        """How much of the target's speed the vehicle keeps up with, up to 1."""
+        position, velocity, _ = motion
+        speed = math.hypot(*velocity)
+        if speed <= 0.0:
+            return 1.0
+        kept = 0.0
+        for i in (0, 1, 2):
+            behind = self.following.horizontal.position_ps * (position[i] - vehicle.position[i])
+            kept += (vehicle.velocity[i] - behind) * velocity[i]
+        return min(max(_SLACK + kept / (speed * speed), 0.0), 1.0)
+
+
+class _Target:
+    """Where the vehicle should be: up to three legs at once, the one before, this one, and the one to come."""
+
+    def __init__(self, navigator: ArduPilotNavigator, orders: Orders) -> None:
+        self._navigator = navigator
+        self._orders = orders
+        self._corner = Corner(navigator.radius_m, 2.0 * navigator.acceleration_mps2)
+        self._points = (orders.start_ned_m, *orders.waypoints_ned_m)
+        self.index = 0
+        self._before: Leg | None = None
+        self._this = self._leg_to(0, 0)
+        self._next = self._leg_ahead()
+        self.arrived = self.finished = False
+        self.motion: Motion = (orders.start_ned_m, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    @property
+    def leg_end(self) -> Vector:
+        """The waypoint of the present leg."""
+        return self._this.destination
+
+    def advance(self, step_s: float) -> Motion:
+        """Let the target's time pass."""
+        this, following, before = self._this, self._next, self._before
+        this.motion.advance(step_s)
+        position, velocity, acceleration = this.now()
+        if before is not None:
+            before.motion.advance(step_s)
+            if before.motion.remaining_s <= 0.0:
+                self._before = None
+            else:
+                p, v, a = before.now()
+                back = (p[i] - this.origin[i] for i in (0, 1, 2))
+                position, velocity, acceleration = _plus(position, back), _plus(velocity, v), _plus(acceleration, a)
+        turned = False
+        if following is not None:
+            begun = following.motion.elapsed_s > 0.0
+            if begun or self._corner.may_begin(this, following):
+                following.motion.advance(step_s)
+                p, v, a = following.now()
+                ahead = (p[i] - following.origin[i] for i in (0, 1, 2))
+                position, velocity, acceleration = _plus(position, ahead), _plus(velocity, v), _plus(acceleration, a)
+                turned = begun and following.motion.elapsed_s >= this.motion.remaining_s
+        self.arrived = self.arrived or turned or this.motion.remaining_s <= 0.0
+        self.motion = position, velocity, acceleration
+        return self.motion
+
+    def go_on(self) -> None:
+        """The present waypoint is done with."""
+        if self.index + 1 >= self._orders.count:
+            self.finished = True
+            return
+        self.index += 1
+        self.arrived = False
+        self._before = self._this
+        if self._next is None:
+            self._this = self._leg_to(self.index, self.index)
+        else:
+            self._this = self._next
+            for leg in (self._before, self._this):
+                leg.motion.set_top(self._top(leg.way, self.index))
+        self._next = self._leg_ahead()
+
+    def _leg_ahead(self) -> Leg | None:
+        return None if self._orders.stops_at(self.index) else self._leg_to(self.index + 1, self.index)
+
+    def _leg_to(self, index: int, speed_of: int) -> Leg:
+        """The leg to a waypoint, at the speed that is in force on the way to `speed_of`."""
+        navigator = self._navigator
+        origin, destination = self._points[index], self._points[index + 1]
+        length = max(math.dist(origin, destination), _NOWHERE_M)
+        way = _vector([(b - a) / length for a, b in zip(origin, destination, strict=True)])
+        vertical = navigator.vertical_mps2
+        acceleration = limit_along(way, navigator.acceleration_mps2, vertical, vertical)
+        limits = Gentleness(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
+        return Leg(origin, destination, way, LegMotion(length, self._top(way, speed_of), limits))
+
+    def _top(self, way: Vector, speed_of: int) -> float:
+        navigator = self._navigator
+        speed = min(self._orders.speeds_mps[speed_of], navigator.fastest_mps)
+        return limit_along(way, speed, navigator.climb_mps, navigator.sink_mps)
+
+
+def _plus(parts: Vector, more: Iterable[float]) -> Vector:
+    n, e, d = more
+    return parts[0] + n, parts[1] + e, parts[2] + d
+
+
+def _vector(parts: list[float]) -> Vector:
+    return parts[0], parts[1], parts[2]

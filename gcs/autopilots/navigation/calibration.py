@@ -1,0 +1,65 @@
+"""The navigators as recorded, and how well they predict the recordings.
+
+Knows: parameters of the vehicles that were recorded, the few that were fitted, and what is left over. Does not know:
+how they are used. `tools/fit_navigator.py` makes the fitted numbers and the residuals anew.
+
+Everything is a parameter that the autopilot reported, or its default, but two numbers each: on ArduPilot the vehicle's
+lag and drag; on PX4 (whose simulator's drag is known) what its integral gives back in descents, and the error of home's
+height in the first two minutes of flight. That error is noise: it decides which waypoints PX4 brakes at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gcs.autopilots.navigation.ardupilot import ArduPilotNavigator
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.navigation.px4 import Px4Navigator
+from gcs.autopilots.navigation.tracking import Following, Loop
+
+# ArduCopter 4.5.6 (its own simulator). PSC_POSXY_P, _VELXY_P, _I, _D; the vertical loop plays no part in arrivals.
+ARDUPILOT = ArduPilotNavigator(
+    Following(Loop(1.0, 2.0, 1.0, 0.5, True), Loop(1.0, 5.0, 1.0, 0.0, True), lag_s=0.075, drag_ps=0.369)
+)
+# PX4 1.17 (its simulator of a 1 kg vehicle). MPC_XY_P, _VEL_P_ACC, _VEL_I_ACC, _VEL_D_ACC and those of Z.
+PX4 = Px4Navigator(
+    Following(
+        Loop(0.95, 1.8, 0.4, 0.2, False), Loop(1.0, 4.0, 2.0, 0.0, False), lag_s=0.15, drag_ps=1.0, unwinding=1.186
+    ),
+    height_error_m=0.544,
+)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Predicted minus recorded arrivals over one mission, in seconds."""
+
+    navigator: str
+    mission: str
+    rms_s: float
+    mean_s: float
+    worst_s: float
+    unseen_rms_s: float  # with parameters fitted to the other two missions
+
+
+RESIDUALS = (
+    Residual("ardupilot", "a", 0.13, -0.02, -0.18, 0.16),
+    Residual("ardupilot", "b", 0.06, 0.05, 0.12, 0.37),
+    Residual("ardupilot", "c", 0.08, -0.03, -0.16, 0.10),
+    Residual("px4", "a", 0.77, 0.30, 1.28, 1.28),
+    Residual("px4", "b", 0.72, -0.44, -1.31, 0.95),
+    Residual("px4", "c", 0.38, -0.08, -1.20, 1.76),
+)
+
+# By how much one vehicle may be ahead of or behind another with the same orders, in seconds. ArduPilot leaves at a GNSS
+# time of day and moves its target by its clock alone: a tenth of what its model misses is taken, the autopilot's
+# scheduling and clock; no two vehicles were recorded side by side. PX4 has no common start, and noise in its height
+# decides at which waypoints it brakes: two vehicles differ by twice the square root of two times the largest rms above.
+APART_S: dict[str, float] = {"ardupilot": 0.02, "px4": 2.2}
+
+_ALL: dict[str, Navigator] = {"ardupilot": ARDUPILOT, "px4": PX4}
+
+
+def by_name(name: str) -> Navigator:
+    """The navigator of an autopilot ("ardupilot", "px4"). Raises KeyError for another."""
+    return _ALL[name]

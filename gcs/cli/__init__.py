@@ -1,0 +1,1 @@
+"""The `gcs` command: it parses, calls and prints."""

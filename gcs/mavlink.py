@@ -1,0 +1,312 @@
+"""The MAVLink numbers this project speaks, by name and in words.
+
+Knows: enum values of the common and ardupilotmega dialects, as far as they are used here. Does not know:
+bytes; importing it costs nothing. Numbers arrive from peers as plain ints: unknown ones must survive.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+
+
+class MavType(IntEnum):
+    """MAV_TYPE: what kind of system sends a HEARTBEAT."""
+
+    QUADROTOR = 2
+    GCS = 6
+
+
+GENERIC_AUTOPILOT = 0  # MAV_AUTOPILOT values that name no firmware; `gcs.autopilots.traits` has those that do
+NO_AUTOPILOT = 8
+
+
+class MavState(IntEnum):
+    """MAV_STATE."""
+
+    UNINIT = 0
+    BOOT = 1
+    CALIBRATING = 2
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+    EMERGENCY = 6
+    POWEROFF = 7
+    TERMINATION = 8
+
+
+class ModeFlag(IntFlag):
+    """MAV_MODE_FLAG: HEARTBEAT.base_mode."""
+
+    CUSTOM = 1
+    TEST = 2
+    AUTO = 4
+    GUIDED = 8
+    STABILIZE = 16
+    HIL = 32
+    MANUAL_INPUT = 64
+    ARMED = 128
+
+
+class CopterMode(IntEnum):
+    """ArduCopter's HEARTBEAT.custom_mode."""
+
+    STABILIZE = 0
+    ACRO = 1
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    POSHOLD = 16
+    BRAKE = 17
+    SMART_RTL = 21
+
+
+class LandedState(IntEnum):
+    """MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+class EkfFlag(IntFlag):
+    """EKF_STATUS_FLAGS."""
+
+    ATTITUDE = 0x001
+    VELOCITY_HORIZ = 0x002
+    VELOCITY_VERT = 0x004
+    POS_HORIZ_REL = 0x008
+    POS_HORIZ_ABS = 0x010
+    POS_VERT_ABS = 0x020
+    POS_VERT_AGL = 0x040
+    CONST_POS_MODE = 0x080
+    PRED_POS_HORIZ_REL = 0x100
+    PRED_POS_HORIZ_ABS = 0x200
+    UNINITIALIZED = 0x400
+
+
+class Capability(IntFlag):
+    """MAV_PROTOCOL_CAPABILITY: AUTOPILOT_VERSION.capabilities."""
+
+    MISSION_FLOAT = 1
+    PARAM_FLOAT = 2
+    MISSION_INT = 4
+    COMMAND_INT = 8
+    PARAM_BYTEWISE = 16
+    FTP = 32
+    SET_POSITION_TARGET_LOCAL_NED = 128
+    SET_POSITION_TARGET_GLOBAL_INT = 256
+    MAVLINK2 = 8192
+    FENCE = 16384
+    RALLY = 32768
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY: STATUSTEXT.severity."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+    DEBUG = 7
+
+
+class WireFrame(IntEnum):
+    """MAV_FRAME values on links; files use 0, 3 and 10 where links use 5, 6 and 11."""
+
+    GLOBAL = 0
+    LOCAL_NED = 1
+    MISSION = 2
+    GLOBAL_RELATIVE_ALT = 3
+    GLOBAL_INT = 5
+    GLOBAL_RELATIVE_ALT_INT = 6
+    LOCAL_OFFSET_NED = 7
+    BODY_NED = 8
+    BODY_OFFSET_NED = 9
+    GLOBAL_TERRAIN_ALT = 10
+    GLOBAL_TERRAIN_ALT_INT = 11
+
+
+class SetpointMask(IntFlag):
+    """POSITION_TARGET_TYPEMASK: a set bit means "ignore this"."""
+
+    IGNORE_POSITION = 0x007
+    IGNORE_VELOCITY = 0x038
+    IGNORE_ACCELERATION = 0x1C0
+    FORCE = 0x200
+    IGNORE_YAW = 0x400
+    IGNORE_YAW_RATE = 0x800
+
+    POSITION_YAW = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW_RATE
+    POSITION_VELOCITY_YAW = IGNORE_ACCELERATION | IGNORE_YAW_RATE
+    POSITION_VELOCITY_ACCELERATION_YAW = IGNORE_YAW_RATE
+
+
+class MavCommand(IntEnum):
+    """MAV_CMD values sent as commands (those of missions are `gcs.mission.model.Command`)."""
+
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    DO_SET_MODE = 176
+    DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_REPOSITION = 192
+    DO_SET_MISSION_CURRENT = 224
+    MISSION_START = 300
+    COMPONENT_ARM_DISARM = 400
+    GET_HOME_POSITION = 410
+    GET_MESSAGE_INTERVAL = 510
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
+    STORAGE_FORMAT = 526
+
+
+class MessageId(IntEnum):
+    """Numbers of messages that are asked for by number."""
+
+    HEARTBEAT = 0
+    SYS_STATUS = 1
+    SYSTEM_TIME = 2
+    GPS_RAW_INT = 24
+    ATTITUDE = 30
+    ATTITUDE_QUATERNION = 31
+    LOCAL_POSITION_NED = 32
+    GLOBAL_POSITION_INT = 33
+    SERVO_OUTPUT_RAW = 36
+    MISSION_CURRENT = 42
+    GPS_GLOBAL_ORIGIN = 49
+    NAV_CONTROLLER_OUTPUT = 62
+    VFR_HUD = 74
+    ATTITUDE_TARGET = 83
+    POSITION_TARGET_LOCAL_NED = 85
+    POSITION_TARGET_GLOBAL_INT = 87
+    SIM_STATE = 108
+    ALTITUDE = 141
+    BATTERY_STATUS = 147
+    AUTOPILOT_VERSION = 148
+    FENCE_STATUS = 162
+    EKF_STATUS_REPORT = 193
+    ESTIMATOR_STATUS = 230
+    HOME_POSITION = 242
+    EXTENDED_SYS_STATE = 245
+
+
+class MissionType(IntEnum):
+    """MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
+    ALL = 255
+
+
+class MissionResult(IntEnum):
+    """MAV_MISSION_RESULT: MISSION_ACK.type."""
+
+    ACCEPTED = 0
+    ERROR = 1
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    NO_SPACE = 4
+    INVALID = 5
+    INVALID_PARAM1 = 6
+    INVALID_PARAM2 = 7
+    INVALID_PARAM3 = 8
+    INVALID_PARAM4 = 9
+    INVALID_PARAM5_X = 10
+    INVALID_PARAM6_Y = 11
+    INVALID_PARAM7 = 12
+    INVALID_SEQUENCE = 13
+    DENIED = 14
+    OPERATION_CANCELLED = 15
+
+
+class MavResult(IntEnum):
+    """MAV_RESULT: COMMAND_ACK.result."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
+
+
+_MISSION_RESULT_WORDS = {
+    MissionResult.ACCEPTED: "accepted",
+    MissionResult.ERROR: "not accepting missions right now",
+    MissionResult.UNSUPPORTED_FRAME: "altitude frame not supported",
+    MissionResult.UNSUPPORTED: "command not supported",
+    MissionResult.NO_SPACE: "too many items for its memory",
+    MissionResult.INVALID: "invalid value",
+    MissionResult.INVALID_PARAM1: "invalid parameter 1",
+    MissionResult.INVALID_PARAM2: "invalid parameter 2",
+    MissionResult.INVALID_PARAM3: "invalid parameter 3",
+    MissionResult.INVALID_PARAM4: "invalid parameter 4",
+    MissionResult.INVALID_PARAM5_X: "invalid latitude",
+    MissionResult.INVALID_PARAM6_Y: "invalid longitude",
+    MissionResult.INVALID_PARAM7: "invalid altitude",
+    MissionResult.INVALID_SEQUENCE: "item out of sequence",
+    MissionResult.DENIED: "busy with another station or operation",
+    MissionResult.OPERATION_CANCELLED: "transfer cancelled",
+}
+
+_RESULT_WORDS = {
+    MavResult.ACCEPTED: "accepted",
+    MavResult.TEMPORARILY_REJECTED: "not possible at this time",
+    MavResult.DENIED: "invalid parameters",
+    MavResult.UNSUPPORTED: "command not known",
+    MavResult.FAILED: "execution failed",
+    MavResult.IN_PROGRESS: "in progress",
+    MavResult.CANCELLED: "cancelled",
+    MavResult.COMMAND_LONG_ONLY: "only accepted as COMMAND_LONG",
+    MavResult.COMMAND_INT_ONLY: "only accepted as COMMAND_INT",
+}
+
+
+def mission_result_words(value: int) -> str:
+    """A MAV_MISSION_RESULT in words, its MAVLink name in brackets; unknown values keep their number."""
+    if value in _MISSION_RESULT_WORDS:
+        result = MissionResult(value)
+        return f"{_MISSION_RESULT_WORDS[result]} (MAV_MISSION_{result.name})"
+    return f"MAV_MISSION_RESULT {value}"
+
+
+def result_words(value: int) -> str:
+    """A MAV_RESULT in words, its MAVLink name in brackets; unknown values keep their number."""
+    if value in _RESULT_WORDS:
+        result = MavResult(value)
+        return f"{_RESULT_WORDS[result]} (MAV_RESULT_{result.name})"
+    return f"MAV_RESULT {value}"
+
+
+def command_name(command: int) -> str:
+    """`MAV_CMD_...` where the command is known here, else `MAV_CMD n`."""
+    try:
+        return f"MAV_CMD_{MavCommand(command).name}"
+    except ValueError:
+        return f"MAV_CMD {command}"
+
+
+def px4_mode(main: int, sub: int = 0) -> int:
+    """PX4's HEARTBEAT.custom_mode: main << 16 | sub << 24."""
+    return main << 16 | sub << 24
+
+
+PX4_OFFBOARD = px4_mode(6)
+PX4_MISSION = px4_mode(4, 4)
+PX4_HOLD = px4_mode(4, 3)
+PX4_RTL = px4_mode(4, 5)
+PX4_LAND = px4_mode(4, 6)

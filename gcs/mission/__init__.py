@@ -1,0 +1,1 @@
+"""From a plan to missions and setpoints, as values and as files."""

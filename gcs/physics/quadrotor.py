@@ -1,0 +1,174 @@
+"""Eqs. 1 and 2: the rigid quadrotor, written once for the optimiser, the verifier and the emulated vehicles.
+
+Knows: forces, moments, rotors. Does not know: trajectories, control laws, CasADi.
+The equations are plain arithmetic on components; `xp` supplies sin and cos, so that NumPy arrays of any batch
+shape and CasADi symbols go through the same lines.
+
+State `(..., 12)`:   position_ned_m (3), velocity_ned_mps (3), roll, pitch, yaw (rad), their rates (rad/s).
+Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force differences (N, acting on arm l);
+                     U4 yaw moment (N m).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.physics.wind import STILL, SteadyWind
+
+Array = NDArray[np.float64]
+
+POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+STATE_NAMES = ("x", "y", "z", "v_x", "v_y", "v_z", "roll", "pitch", "yaw", "p", "q", "r")
+CONTROL_NAMES = ("U1", "U2", "U3", "U4")
+
+
+@dataclass(frozen=True)
+class Quadrotor:
+    """Physical constants of one type of vehicle (the paper's Table 1)."""
+
+    mass_kg: float
+    arm_m: float
+    inertia_kgm2: tuple[float, float, float]
+    thrust_coeff_Ns2: float  # K_T
+    moment_coeff_Nms2: float  # K_M
+    drag_Nspm: tuple[float, float, float]  # K_1..K_3, linear
+    drag_moment_Nms: tuple[float, float, float]  # K_4..K_6, linear
+    rotor_max_radps: float
+    gravity_mps2: float = 9.8
+    wind: SteadyWind = STILL  # in which it is planned to fly; who knows the wind at the moment says so instead
+
+    @property
+    def weight_N(self) -> float:
+        """Thrust that balances gravity, N."""
+        return self.mass_kg * self.gravity_mps2
+
+
+def equations_of_motion(
+    x: Sequence[Any],
+    u: Sequence[Any],
+    q: Quadrotor,
+    wind_ned_mps: Sequence[Any] | None = None,
+    xp: Any = np,
+) -> tuple[Any, ...]:
+    """Time derivatives of the twelve state components (Eq. 1; drag opposes the air-relative velocity).
+
+    Without a word about the wind it is the one that `q` is planned to fly in.
+    """
+    _, _, down, vx, vy, vz, roll, pitch, yaw, p, qq, r = x
+    u1, u2, u3, u4 = u
+    sr, sp, sy = xp.sin(roll), xp.sin(pitch), xp.sin(yaw)
+    cr, cp, cy = xp.cos(roll), xp.cos(pitch), xp.cos(yaw)
+    m, arm = q.mass_kg, q.arm_m
+    ix, iy, iz = q.inertia_kgm2
+    k1, k2, k3 = q.drag_Nspm
+    k4, k5, k6 = q.drag_moment_Nms
+    wx, wy, wz = q.wind.at(-down, xp) if wind_ned_mps is None else wind_ned_mps
+    thrust = u1 / m
+    return (
+        vx,
+        vy,
+        vz,
+        -(cy * sp * cr + sy * sr) * thrust - k1 / m * (vx - wx),
+        -(sy * sp * cr - cy * sr) * thrust - k2 / m * (vy - wy),
+        -(cp * cr) * thrust + q.gravity_mps2 - k3 / m * (vz - wz),
+        p,
+        qq,
+        r,
+        (arm * u2 + qq * r * (iy - iz) - k4 * p) / ix,
+        (arm * u3 + p * r * (iz - ix) - k5 * qq) / iy,
+        (u4 + qq * p * (ix - iy) - k6 * r) / iz,
+    )
+
+
+def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array | None = None) -> Array:
+    """Eq. 1 on arrays: state (..., 12), control (..., 4), wind (..., 3; default: the planned one) -> (..., 12)."""
+    wind = None if wind_ned_mps is None else tuple(np.moveaxis(wind_ned_mps, -1, 0))
+    parts = equations_of_motion(tuple(np.moveaxis(state, -1, 0)), tuple(np.moveaxis(control, -1, 0)), q, wind)
+    out = np.empty((*np.broadcast_shapes(state.shape[:-1], control.shape[:-1]), 12))
+    for i, part in enumerate(parts):
+        out[..., i] = part
+    return out
+
+
+_HALF_SQRT2 = np.sqrt(0.5)
+# Eq. 2: rows U1/K_T, U2/K_T, U3/K_T, U4/K_M; columns the squared rotor speeds 1..4.
+_MIXER = np.array(
+    [
+        [1.0, 1.0, 1.0, 1.0],
+        [_HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2, _HALF_SQRT2],
+        [_HALF_SQRT2, _HALF_SQRT2, -_HALF_SQRT2, -_HALF_SQRT2],
+        [1.0, -1.0, 1.0, -1.0],
+    ]
+)
+_UNMIXER = np.linalg.inv(_MIXER)
+_ROUNDING = 1e-9  # share of the squared top speed by which a reachable control may seem to miss
+
+
+def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
+    """Eq. 2: rotor speeds (..., 4) in rad/s -> controls (..., 4)."""
+    k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
+    return np.asarray(np.square(rotor_radps) @ _MIXER.T * k)
+
+
+def rotors_from_control(control: Array, q: Quadrotor) -> Array:
+    """Inverse of Eq. 2 with motor limits: (..., 4) -> rotor speeds (..., 4) in [0, rotor_max_radps].
+
+    What cannot be had is given up in order: yaw first, then roll and pitch together, thrust last, because a
+    vehicle that keeps its height but not its heading still has its formation. Reachable controls are met
+    exactly.
+    """
+    k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
+    wanted = control / k
+    top = q.rotor_max_radps**2
+    squared = wanted @ _UNMIXER.T
+    reachable = np.all((squared >= -_ROUNDING * top) & (squared <= (1.0 + _ROUNDING) * top), axis=-1, keepdims=True)
+    if not reachable.all():
+        squared = np.where(reachable, squared, _nearest_by_rank(wanted, top))
+    return np.asarray(np.sqrt(np.clip(squared, 0.0, top)))
+
+
+def _nearest_by_rank(wanted: Array, top: float) -> Array:
+    """Squared rotor speeds (..., 4) that serve thrust, then roll and pitch, then yaw as far as there is room."""
+    base = np.clip(wanted[..., :1] * 0.25, 0.0, top) * np.ones(4)
+    tilt = wanted[..., 1:3] @ _UNMIXER[:, 1:3].T
+    tilted = base + tilt * _room(base, tilt, top)
+    turn = wanted[..., 3:] @ _UNMIXER[:, 3:].T
+    return np.asarray(tilted + turn * _room(tilted, turn, top))
+
+
+def _room(base: Array, step: Array, top: float) -> Array:
+    """Largest share (..., 1) in [0, 1] of `step` that keeps base + share * step within [0, top]."""
+    limit = np.where(step > 0, top - base, base)
+    size = np.maximum(np.abs(step), 1e-300)
+    return np.asarray(np.clip(np.min(limit / size, axis=-1, keepdims=True), 0.0, 1.0))
+
+
+def thrust_and_tilt(
+    acceleration_ned_mps2: Array, air_velocity_ned_mps: Array, yaw_ned_rad: Array, q: Quadrotor
+) -> tuple[Array, Array, Array]:
+    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), by velocity relative to the air."""
+    drag = np.array(q.drag_Nspm) * air_velocity_ned_mps
+    force = q.mass_kg * (np.array([0.0, 0.0, q.gravity_mps2]) - acceleration_ned_mps2) - drag
+    fx, fy, fz = np.moveaxis(force, -1, 0)
+    sy, cy = np.sin(yaw_ned_rad), np.cos(yaw_ned_rad)
+    thrust = np.sqrt(fx * fx + fy * fy + fz * fz)
+    roll = np.arcsin(np.clip((sy * fx - cy * fy) / np.maximum(thrust, 1e-9), -1.0, 1.0))
+    pitch = np.arctan2(cy * fx + sy * fy, fz)
+    return thrust, roll, pitch
+
+
+def hover_trim(height_m: float, yaw_ned_rad: float, q: Quadrotor) -> tuple[float, float, float]:
+    """Thrust (N), roll and pitch (rad) that hold a place, at a height above height 0, against the planned wind."""
+    still = -np.array(q.wind.at(height_m))
+    thrust, roll, pitch = thrust_and_tilt(np.zeros(3), still, np.asarray(yaw_ned_rad), q)
+    return float(thrust), float(roll), float(pitch)
+
+
+def level_flight_thrust_N(state: Array, q: Quadrotor) -> float:
+    """Thrust that leaves a state (12,) without vertical acceleration."""
+    return float((q.weight_N - q.drag_Nspm[2] * state[5]) / (np.cos(state[6]) * np.cos(state[7])))

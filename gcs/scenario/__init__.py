@@ -1,0 +1,1 @@
+"""From `scenario.toml` to a checked scenario in SI units."""

@@ -1,0 +1,67 @@
+"""Altitudes are written so that they are kept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
+from gcs.autopilots.traits import Autopilot
+from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mission.build import build_missions
+from gcs.mission.model import Command
+from gcs.plan.trajectory import Plan
+from sim_bridge.missions.keep import kept
+from sim_bridge.personality import by_name
+
+_ALTITUDES = st.floats(-500.0, 9000.0)
+
+
+@given(_ALTITUDES)
+def test_arducopter_keeps_the_nearest_centimetre(alt_m: float) -> None:
+    written = written_alt_m(alt_m, Autopilot.ARDUPILOT)
+    assert kept_alt_m(written, Autopilot.ARDUPILOT) == pytest.approx(alt_m, abs=0.005 + 1e-9)
+    assert abs(written - alt_m) < 0.0061
+
+
+@given(_ALTITUDES)
+def test_px4_keeps_millimetres(alt_m: float) -> None:
+    written = written_alt_m(alt_m, Autopilot.PX4)
+    assert kept_alt_m(written, Autopilot.PX4) == pytest.approx(alt_m, abs=0.001)
+
+
+def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
+    assert kept_alt_m(2.059, Autopilot.ARDUPILOT) == 2.05
+    assert kept_alt_m(0.53, Autopilot.ARDUPILOT) == 0.52  # 0.53 is a little less in single precision
+    assert written_alt_m(0.53, Autopilot.ARDUPILOT) == 0.531
+    assert written_alt_m(-0.53, Autopilot.ARDUPILOT) == -0.531
+    assert math.isinf(kept_alt_m(1e300, Autopilot.ARDUPILOT))
+
+
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Autopilot) -> None:
+    """Lengths of what an emulated vehicle keeps, at the speeds it is told, are the times between waypoints."""
+    origin = Origin(**simulation1_plan.scenario.origin.model_dump())
+    keeping = by_name(firmware.key).missions.keeping[0]
+    for mission in build_missions(simulation1_plan, firmware=firmware):
+        items = [kept(item, keeping) for item in mission.items]
+        speed_mps, before, left_s, legs = math.nan, None, math.nan, 0
+        for item, arrival_s in zip(items, mission.arrival_s, strict=True):
+            if item.command == Command.DO_CHANGE_SPEED:
+                speed_mps = item.params[1]
+            elif item.command in (Command.NAV_TAKEOFF, Command.NAV_WAYPOINT):
+                alt_amsl_m = item.alt_m + mission.home.alt_amsl_m
+                place = geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt_amsl_m, origin)
+                assert arrival_s is not None
+                if before is not None:
+                    taken_s = float(np.linalg.norm(place - before)) / speed_mps
+                    assert taken_s == pytest.approx(arrival_s - left_s, abs=0.002)
+                    legs += 1
+                before, left_s = place, arrival_s
+            elif item.command == Command.NAV_DELAY:
+                left_s += item.params[0]
+        assert legs > 30
