@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from gcs.plan.verify import Report as Report
     from gcs.plan.verify import verify as verify
     from gcs.scenario.load import load_scenario as load_scenario
-    from gcs.scenario.model import Scenario as Scenario
+    from gcs.scenario.schema.scenario import Scenario as Scenario
 
 _HOME = {
     "Connection": "gcs.link.connection",
@@ -44,7 +44,7 @@ _HOME = {
     "Plan": "gcs.plan.trajectory",
     "Replanner": "gcs.plan.replan",
     "Report": "gcs.plan.verify",
-    "Scenario": "gcs.scenario.model",
+    "Scenario": "gcs.scenario.schema.scenario",
     "Verdict": "gcs.flight.judge",
     "Watcher": "gcs.flight.watcher",
     "build_missions": "gcs.mission.build",

@@ -16,7 +16,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array, Quadrotor
 from gcs.physics.rotor_power import induced_power_W
-from gcs.scenario.model import Power
+from gcs.scenario.schema.scenario import Power
 from sim_bridge.breakdowns import ROTORS
 from sim_bridge.plant import Mask
 

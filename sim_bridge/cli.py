@@ -83,7 +83,7 @@ def fly(
     if truth is not None and not truth.parent.is_dir():
         raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
-    from gcs.scenario.physical import sysids  # noqa: PLC0415
+    from gcs.scenario.si import sysids  # noqa: PLC0415
     from sim_bridge.fault_file import read_fault_file  # noqa: PLC0415
     from sim_bridge.faults import parse_faults  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415

@@ -21,7 +21,7 @@ from typing import Self, TypeVar
 
 from gcs.errors import GcsError, UsageError
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.endpoints.line import Place
 from sim_bridge.endpoints.spec import LOOPBACK, Address, parse_link
 from sim_bridge.faults import parse_faults

@@ -16,9 +16,9 @@ from gcs.autopilots.navigation.calibration import by_name as navigator_named
 from gcs.errors import UsageError
 from gcs.frames import Origin
 from gcs.physics.wind import STILL
-from gcs.scenario import physical
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario import si
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.airframes import Airframes
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.course import Guide
@@ -52,7 +52,7 @@ class Hangar:
 
         `ideal` vehicles fly the waypoints of missions on time; others as their original does.
         """
-        self.sysids = physical.sysids(scenario)
+        self.sysids = si.sysids(scenario)
         if max(self.sysids) > LARGEST_SYSID:
             raise UsageError(
                 f"{len(self.sysids)} vehicles do not fit on one MAVLink network: a system id is one byte, "
@@ -62,8 +62,8 @@ class Hangar:
         self._personality = personality
         self._seed = seed
         self._epoch_s = epoch_unix_s
-        quadrotor = replace(physical.quadrotor(scenario), wind=STILL)  # here air is what the wind field says
-        self._pads_ned_m = physical.pads_ned_m(scenario)
+        quadrotor = replace(si.quadrotor(scenario), wind=STILL)  # here air is what the wind field says
+        self._pads_ned_m = si.pads_ned_m(scenario)
         self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
         self.airframes = Airframes(
             quadrotor,
@@ -74,7 +74,7 @@ class Hangar:
             seed=seed,
             limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
             power=power_train_of(quadrotor).described(scenario.vehicle.power),
-            wind=wind.over(physical.steady_wind(scenario)),
+            wind=wind.over(si.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
         self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)

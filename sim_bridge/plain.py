@@ -10,7 +10,7 @@ from typing import Any
 
 from gcs.errors import UsageError
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.presets import FIELD
 
 SPACING_M = 5.0

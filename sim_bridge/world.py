@@ -23,7 +23,7 @@ from typing import Self
 
 import numpy as np
 
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.endpoints.line import Place
 from sim_bridge.endpoints.spec import CALL_GROUND, LinkSpec

@@ -9,7 +9,7 @@ import pytest
 
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from gcs.link.message import Message
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.world import World, WorldOptions
 
 EPOCH_UNIX_S = 1_700_000_000.0

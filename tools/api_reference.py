@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import gcs
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 HEAD = """# The Python API
 

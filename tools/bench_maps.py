@@ -25,9 +25,9 @@ from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import flight_problem
 from gcs.plan.refine import optimise
 from gcs.plan.route import find_routes, survey
-from gcs.scenario.model import Mountains, NoFlyZone, Scenario, Terrain
-from gcs.scenario.terrain import ground_height_m
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Mountains, NoFlyZone, Scenario, Terrain
 
 ROOT = Path(__file__).resolve().parent.parent
 SIDE_M = 1500.0

@@ -28,8 +28,8 @@ from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.replan import LEAST_S
 from gcs.plan.trajectory import Plan
-from gcs.scenario.model import NoFlyZone
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.schema.scenario import NoFlyZone
 
 ROOT = Path(__file__).resolve().parent.parent
 ASIDE_M, BELOW_M, SPEED_MPS = 20.0, 3.0, 0.2

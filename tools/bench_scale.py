@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 import gcs
-from gcs.scenario.check import check
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.cross_table import check
 from tools.bench.memory import peak_mb
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -13,7 +13,7 @@ import gcs
 from gcs.flight.pictures import draw_all
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory import Plan
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight

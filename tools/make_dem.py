@@ -13,7 +13,7 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import Origin
+from gcs.scenario.schema.scenario import Origin
 
 FILE = Path(__file__).resolve().parent.parent / "missions" / "ridge" / "ridge.tif"
 ORIGIN = Origin(lat_deg=-33.42, lon_deg=-70.58, alt_amsl_m=740.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.files import atomic_write
-from gcs.scenario.json_schema import scenario_schema
+from gcs.scenario.schema.json_schema import scenario_schema
 from tools.api_reference import api_reference
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

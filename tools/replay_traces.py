@@ -19,7 +19,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from tools.replay.compare import compare
 from tools.replay.meant import MEANT, Meant, streams_of, why

@@ -94,7 +94,7 @@ def check(
         limits = FlightLimits(separation or asked_m or FlightLimits().separation_m)
     else:
         from gcs.scenario.load import load_scenario
-        from gcs.scenario.physical import quadrotor
+        from gcs.scenario.si import quadrotor
         from gcs.scenario.vehicle_ability import ability_of
 
         scenario = load_scenario(terrain)

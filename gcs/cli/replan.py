@@ -14,7 +14,7 @@ from gcs.cli.options import DebugOption, JsonOption
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
     from gcs.plan.trajectory import MeshRound, Plan
-    from gcs.scenario.model import NoFlyZone
+    from gcs.scenario.schema.scenario import NoFlyZone
 
 _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,their rates]]]"
 
@@ -117,7 +117,7 @@ def _state(text: str | None, plan: Plan, at_s: float) -> Array:
 
 
 def _disk(text: str) -> NoFlyZone:
-    from gcs.scenario.model import NoFlyZone
+    from gcs.scenario.schema.scenario import NoFlyZone
 
     north_m, east_m, radius_m = _numbers("--disk", text, (3,), "NORTH,EAST,RADIUS")
     if radius_m <= 0.0:

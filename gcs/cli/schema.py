@@ -9,6 +9,6 @@ from gcs.cli.options import DebugOption
 
 def schema(debug: DebugOption = False) -> None:
     """Print the JSON Schema of scenario.toml, for editors and for the curious."""
-    from gcs.scenario.json_schema import scenario_schema
+    from gcs.scenario.schema.json_schema import scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))

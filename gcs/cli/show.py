@@ -12,7 +12,7 @@ from gcs.cli.options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan
-    from gcs.scenario.model import Scenario
+    from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2
 _SHOWN = 20  # vehicles
@@ -53,8 +53,8 @@ def show(
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
-    from gcs.scenario.check_vehicle import hover_share
-    from gcs.scenario.physical import quadrotor, sysids
+    from gcs.scenario.si import quadrotor, sysids
+    from gcs.scenario.validation.vehicle_rules import hover_share
 
     origin, limits, terrain, body = scenario.origin, scenario.limits, scenario.terrain, quadrotor(scenario)
     ids = sysids(scenario)
@@ -106,7 +106,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
 def _pads(scenario: Scenario) -> list[dict[str, Any]]:
     """Where every vehicle has to stand before the flight."""
     from gcs.frames import Origin, ned_to_geodetic
-    from gcs.scenario.physical import pads_ned_m, sysids
+    from gcs.scenario.si import pads_ned_m, sysids
 
     pads = pads_ned_m(scenario)
     lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, Origin(**scenario.origin.model_dump()))

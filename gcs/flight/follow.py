@@ -19,7 +19,7 @@ from gcs.flight.monitor import VehicleView
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.timelaw import budget
 from gcs.plan.trajectory import Plan
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 BANDWIDTH_RADPS = 0.5
 SOFT_S = 0.3  # acceleration goes through two lags of this: vehicles tilt for it, and some turn slowly

@@ -15,9 +15,9 @@ import numpy as np
 from gcs.errors import UsageError
 from gcs.files import atomic_write
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_height_m
-from gcs.scenario.zones import displacement_m, outline
+from gcs.scenario.environment.no_fly import displacement_m, outline
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -16,7 +16,7 @@ from gcs.flight.events import Event
 from gcs.flight.pictures import colours, draw_ground_on, draw_ways_on, save
 from gcs.flight.recording import Recording, nearest_m
 from gcs.physics.quadrotor import Array
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 _INSTANTS = 1500  # at most
 _STEP_S = 0.1

@@ -22,7 +22,7 @@ from gcs.mission.legs import TimedLegs, rows_with_own_legs
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.simplify import Deviation, Flown, deviation, waypoint_indices
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

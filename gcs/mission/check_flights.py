@@ -18,7 +18,7 @@ from gcs.mission.limits import FlightLimits
 from gcs.mission.missionfile import LoadedMission
 from gcs.mission.separation import Closest, closest_approach
 from gcs.physics.quadrotor import Array
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
 
 _STEP_M = 0.5  # between looks at the ground
 _LOOKS_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km

@@ -17,8 +17,8 @@ from gcs.mission.correction import Corrected
 from gcs.mission.course import Course
 from gcs.mission.limits import limits_of
 from gcs.physics.quadrotor import Array
-from gcs.scenario.terrain import ground_height_m
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

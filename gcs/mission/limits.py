@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from gcs.frames import Origin
 from gcs.mission.flown import Surroundings
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import NoFlyZone, Scenario
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 
 # What models of autopilots fly beyond a speed that was asked for, as a share: who is behind the target catches up.
 OVERSPEED = 0.25

@@ -15,8 +15,8 @@ import shapely
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.returns import Returning, ReturnSpeeds
 from gcs.physics.quadrotor import POSITION
-from gcs.scenario.terrain import ground_envelope_m
-from gcs.scenario.zones import displacement_m, outline
+from gcs.scenario.environment.no_fly import displacement_m, outline
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

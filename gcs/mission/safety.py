@@ -19,7 +19,7 @@ from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, Ral
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.return_parameters import return_parameters
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.zones import outline
+from gcs.scenario.environment.no_fly import outline
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory import Plan

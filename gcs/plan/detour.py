@@ -18,8 +18,8 @@ from gcs.plan.guess import lifted_m, piecewise_linear
 from gcs.plan.poses import floor_m
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.scenario.model import NoFlyZone
-from gcs.scenario.zones import displacement_m, outside_m
+from gcs.scenario.environment.no_fly import displacement_m, outside_m
+from gcs.scenario.schema.scenario import NoFlyZone
 
 _EVERY_S = 0.5
 _BACK_S, _BACK_MPS = 6.0, 1.0  # the way back to the plan takes so long, and so much more by its length

@@ -22,7 +22,7 @@ from gcs.plan.solve import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import Constants, Program, assemble, dm, framed, scales
 from gcs.plan.watched import MOVED, RADIUS, SLOT, watched
-from gcs.scenario.model import NoFlyZone, Scenario
+from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 
 # Kept from the edge of a new disk at the nodes, whose way round is not known to be smooth.
 NEW_RESERVE_M = 0.5

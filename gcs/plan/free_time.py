@@ -19,7 +19,7 @@ from gcs.plan.feasibility import least_time_s
 from gcs.plan.problem import FreeTime, Problem, flight_problem
 from gcs.plan.refine import Optimum, lasting, optimise
 from gcs.plan.trajectory import Alternative, MeshRound, Trajectory
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 _LONGEST = 4.0  # times the reference, or the least time, where the scenario says nothing
 _EASY = 1.5  # times what speed limits alone need: from there the optimiser finds its way

@@ -51,7 +51,7 @@ def vertical(
 def smooth_step(start_s: float, end_s: float, start: float, end: float, wind: SteadyWind = STILL) -> PPoly:
     """From rest to rest: in still air the C² quintic, whose peak speed is 15/8 of the mean; in wind the septic, 35/16.
 
-    `gcs.scenario.check_ends` holds both against the limits.
+    `gcs.scenario.validation.boundaries` holds both against the limits.
     """
     shape = _QUINTIC if wind.is_still else _SEPTIC
     coefficients = shape * (end - start) / (end_s - start_s) ** np.arange(len(shape) - 1, -1, -1)

@@ -18,7 +18,7 @@ from gcs.plan.problem import Problem
 from gcs.plan.route import Route
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.watched import offsets_at
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 _POINTS = 201
 _HOPELESS_M = 1e3  # counts for a place that no height makes passable

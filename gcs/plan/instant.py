@@ -21,8 +21,8 @@ from gcs.plan.margins import REST_SPEED_MPS
 from gcs.plan.problem import Problem
 from gcs.plan.smooth_ground import spline
 from gcs.plan.watched import MOVED, RADIUS, SLOT, Watched, zone_pieces
-from gcs.scenario.terrain import ground_envelope_m
-from gcs.scenario.zones import Disk, Piece, pieces
+from gcs.scenario.environment.no_fly import Disk, Piece, pieces
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 # Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
 REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS

@@ -19,7 +19,7 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.margins import Margin
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import Trajectory
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 LOOK_EVERY_S = 0.05  # no coarser than the verifier: a yaw rate can peak and pass within 0.1 s
 # Half of what the verifier tolerates, so that its own finer grid finds nothing new.

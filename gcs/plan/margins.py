@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, control_from_rotors, derivative, rotors_from_control
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import quadrotor
-from gcs.scenario.terrain import ground_height_m
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import quadrotor
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1

@@ -25,8 +25,8 @@ from gcs.plan.guess import along, straight_way
 from gcs.plan.problem import Problem, run_up_problem
 from gcs.plan.refine import optimise
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import (
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import (
     NED_FROM_UP,
     ground_step_peaks,
     hover_start_ned_m,

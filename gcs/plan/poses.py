@@ -17,8 +17,8 @@ from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
 from gcs.plan.formation.timeline import stops_ned_m
 from gcs.plan.problem import Problem
-from gcs.scenario.terrain import ground_envelope_m
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 STANDING_FOR_ALL = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}

@@ -15,8 +15,8 @@ from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Qu
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.timelaw import Budget, budget
-from gcs.scenario.model import Scenario, TerminalWeight
-from gcs.scenario.physical import boundary_state, leader_index, offsets_ned_m, quadrotor
+from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),

@@ -24,7 +24,7 @@ from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import MeshRound, Trajectory
 from gcs.plan.transcription import transcribe
 from gcs.plan.windows import STEP_S, WINDOW_S, window_errors
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
 
 DEGREE = 5
 LONGEST_S, SHORTEST_S = 9.0, 1.0

@@ -33,7 +33,7 @@ from gcs.plan.solve import Solution, run
 from gcs.plan.trajectory import MeshRound, Plan, Trajectory
 from gcs.plan.transcription import Program
 from gcs.plan.warm import Prices, prices
-from gcs.scenario.model import NoFlyZone
+from gcs.scenario.schema.scenario import NoFlyZone
 
 SPARE_DISKS = 2
 LEAST_S = 5.0  # left of the mission: less is flown as it was planned

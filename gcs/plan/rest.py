@@ -13,7 +13,7 @@ from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.problem import Problem
 from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 
 def flown_part(trajectory: Trajectory, start_s: float, end_s: float) -> Trajectory:

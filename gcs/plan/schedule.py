@@ -17,7 +17,7 @@ from gcs.plan.formation.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.problem import Problem
 from gcs.plan.refine import Optimum, lasting, optimise
 from gcs.plan.trajectory import MeshRound, Trajectory
-from gcs.scenario.model import Change
+from gcs.scenario.schema.scenario import Change
 
 _LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for
 _TRIES = 8

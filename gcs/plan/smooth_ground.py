@@ -1,7 +1,7 @@
 """The envelope of a relief as a CasADi function.
 
 Knows: B-splines in CasADi, and that they are symbols of another kind (MX) than formulas (SX). Does not know: how the
-envelope was made (`gcs.scenario.relief`), who is over it.
+envelope was made (`gcs.scenario.environment.heightmap`), who is over it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from gcs.scenario.relief import Envelope
+from gcs.scenario.environment.heightmap import Envelope
 
 _DEGREE = 3
 

@@ -22,7 +22,7 @@ from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timeline import Move
 from gcs.plan.trajectory import Alternative, MeshRound, Phase, Plan, Trajectory
 from gcs.plan.verify import Check, Report
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 SUFFIX = ".skein"
 _FORMAT = 2

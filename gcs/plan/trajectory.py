@@ -21,8 +21,8 @@ from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.formation.timeline import Move
-from gcs.scenario.model import NoFlyZone, Scenario
-from gcs.scenario.physical import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.scenario.si import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 
 if TYPE_CHECKING:
     from gcs.plan.replan import Replanner

@@ -17,7 +17,7 @@ from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify_shape import course, landing_points, late_s, least_separation, place_in_formation
 from gcs.plan.windows import WINDOW_S, window_errors
-from gcs.scenario.physical import boundary_state
+from gcs.scenario.si import boundary_state
 
 GRID_S = 0.05
 LENGTH_TOLERANCE_M = 1e-3  # clearance, terminal position, joints

@@ -21,8 +21,8 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.formation.timeline import gate_crossing_s
 from gcs.plan.margins import Margin
 from gcs.plan.trajectory import Plan
-from gcs.scenario.model import Change, Scenario
-from gcs.scenario.physical import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 
 _GATE_S = 0.01  # the leader's track is looked at so often
 _BEYOND = 0.05  # of its range: an automatic change rests a little inside it

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.problem import Problem
-from gcs.scenario.model import NoFlyZone
-from gcs.scenario.terrain import ground_envelope_m
-from gcs.scenario.zones import Piece, displacement_m, pieces
+from gcs.scenario.environment.no_fly import Piece, displacement_m, pieces
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import NoFlyZone
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # vehicles watched at one instant, of each kind
 # Numbers that describe one watched vehicle: base offset, its rate, its acceleration, where it blends to; and how far

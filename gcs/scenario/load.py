@@ -15,13 +15,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
 from gcs.frames import Origin
-from gcs.scenario.check import check
-from gcs.scenario.check_vehicle import RULES
-from gcs.scenario.lines import key_lines, line_of
-from gcs.scenario.mistakes import Mistake, from_pydantic
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import ground_needed
-from gcs.scenario.vehicle_file import KEY, VehicleFile, presets, vehicle_file, with_vehicle
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import ground_needed
+from gcs.scenario.validation.cross_table import check
+from gcs.scenario.validation.mistakes import Mistake, from_pydantic
+from gcs.scenario.validation.toml_lines import key_lines, line_of
+from gcs.scenario.validation.vehicle_rules import RULES
+from gcs.scenario.vehicle_types import KEY, VehicleFile, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
 
@@ -74,7 +74,7 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
     terrain = scenario.terrain
     if terrain.dem is None or terrain.relief is not None:
         return scenario, []
-    from gcs.scenario.dem import DemError, read_dem  # noqa: PLC0415 (GDAL takes long to load, and few need it)
+    from gcs.scenario.environment.dem import DemError, read_dem  # noqa: PLC0415 (GDAL takes long to load, and few need it)
 
     origin = Origin(**scenario.origin.model_dump())
     try:

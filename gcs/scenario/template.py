@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from gcs.errors import UsageError
-from gcs.scenario.model import Origin, Scenario
+from gcs.scenario.schema.scenario import Origin, Scenario
 
 
 def scenario_text(folder: Path, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> str:

@@ -9,7 +9,7 @@ import math
 
 from gcs.autopilots.navigation.navigator import Ability
 from gcs.physics.quadrotor import Quadrotor
-from gcs.scenario.model import Limits
+from gcs.scenario.schema.scenario import Limits
 
 _SHARE = 0.6  # of what physics allows: feedback needs the rest
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from gcs.autopilots.navigation.navigator import UNLIMITED, Ability
 from gcs.physics.quadrotor import Quadrotor
-from gcs.scenario.model import Limits
+from gcs.scenario.schema.scenario import Limits
 from gcs.scenario.vehicle_ability import ability_of
 
 # Shares of what physics allows, so that feedback keeps the rest.

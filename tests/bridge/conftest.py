@@ -10,7 +10,7 @@ import pytest
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.testing import fleet, make_fleet
 from tests.bridge.flying import hop_scenario
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gcs.mavlink import CopterMode, MessageId
-from gcs.scenario import physical
-from gcs.scenario.model import Scenario
+from gcs.scenario import si
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.faults import parse_faults
 from sim_bridge.world import WorldOptions
@@ -44,7 +44,7 @@ def flown(scenario: Scenario, speedup: float, *texts: str, beats: int = 1) -> np
         links=[LinkSpec(Kind.UDP_IN, shared=True)],
         speedup=speedup,
         seed=7,
-        faults=parse_faults(texts, physical.sysids(scenario)),
+        faults=parse_faults(texts, si.sysids(scenario)),
         record_truth=True,
     )
     with running_fleet(scenario, options, paused=True) as fleet, udp_station(fleet.places[1][0].port) as ground:

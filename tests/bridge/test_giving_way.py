@@ -17,7 +17,7 @@ from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.world import World
 from tests.bridge.flying import fly, hop_scenario, say, take_over
 from tests.bridge.test_mishaps import came_home, flew_on

@@ -16,7 +16,7 @@ from gcs.link.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MissionType
 from gcs.mission.model import Home, MissionItem
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.endpoints.spec import Kind, LinkSpec
 from sim_bridge.endpoints.switchboard import Arrival
 from sim_bridge.personality import by_name

@@ -12,7 +12,7 @@ import pytest
 from gcs.errors import ScenarioError, UsageError
 from gcs.link.fleet import Fleet as Ground
 from gcs.mavlink import CopterMode, MavCommand, MavResult
-from gcs.scenario.check import check
+from gcs.scenario.validation.cross_table import check
 from sim_bridge import Fleet, NotInTime
 from sim_bridge.plain import SPACING_M, plain_scenario, scenario_for
 from tests.bridge.test_links import serial_station, udp_station
@@ -92,7 +92,7 @@ def test_scenarios_with_another_number_of_vehicles(repo_root: Path, vehicles: in
 
 
 def test_the_plain_scenario_is_as_it_says() -> None:
-    from gcs.scenario.physical import pads_ned_m
+    from gcs.scenario.si import pads_ned_m
 
     pads = pads_ned_m(plain_scenario(9))
     apart = np.linalg.norm(pads[:, None] - pads[None], axis=-1) + 1e3 * np.eye(9)

@@ -18,7 +18,7 @@ from gcs.errors import UsageError
 from gcs.link.codec import Codec
 from gcs.link.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.cli import parse_links
 from sim_bridge.endpoints.spec import CALL_GROUND, Kind, LinkSpec
 from sim_bridge.fault_commands import INJECT_FAILURE, USER_1

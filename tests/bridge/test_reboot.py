@@ -14,7 +14,7 @@ from gcs.link.mission import Timers
 from gcs.link.mission_sender import MissionSender
 from gcs.mavlink import CopterMode
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults
 from sim_bridge.personality import by_name

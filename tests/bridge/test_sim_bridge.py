@@ -19,7 +19,7 @@ from gcs.link.fleet import Fleet as Ground
 from gcs.link.mission import MissionRefused
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.scenario import physical
+from gcs.scenario import si
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults
 from sim_bridge.world import WorldOptions
@@ -174,7 +174,7 @@ def missions(scenario) -> dict[int, VehicleMission]:
     """A climb, a square of 12 m at its own speed, and a landing, for every vehicle."""
     origin = Origin(**scenario.origin.model_dump())
     found = {}
-    for sysid, pad in zip(physical.sysids(scenario), physical.pads_ned_m(scenario), strict=True):
+    for sysid, pad in zip(si.sysids(scenario), si.pads_ned_m(scenario), strict=True):
         lat, lon, alt = ned_to_geodetic(pad, origin)
         items = [MissionItem(22, 3, (0.0,) * 4, 0, 0, 4.0)]
         for north, east in ((12, 0), (12, 12), (0, 12), (0, 0)):
@@ -269,13 +269,13 @@ def test_a_stamped_stream_is_flown_the_same_at_any_speedup(simulation1, station)
     np.testing.assert_array_equal(t_s, fast_t_s)
     np.testing.assert_array_equal(slow, fast)
     wanted = stream(np.clip(t_s - STREAM_BEGINS_S, 0.0, 20.0))[:, 0]
-    error = slow[:, :2] - physical.pads_ned_m(simulation1)[0, :2] - wanted[:, None]
+    error = slow[:, :2] - si.pads_ned_m(simulation1)[0, :2] - wanted[:, None]
     assert np.abs(error[t_s > STREAM_BEGINS_S]).max() < 0.15
 
 
 def test_a_vehicle_that_dies_falls_and_says_no_more(simulation1, station):
     port = free_port()
-    faults = parse_faults(["5:die@12", "6:silent"], physical.sysids(simulation1))
+    faults = parse_faults(["5:die@12", "6:silent"], si.sysids(simulation1))
     with running_fleet(simulation1, options(port, speedup=20.0, faults=faults)) as fleet:
         ground = station(port)
         ground.ready(5)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge import Fleet
 from sim_bridge.plain import plain_scenario
 from tests.fleets import free_port

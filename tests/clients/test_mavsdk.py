@@ -13,7 +13,7 @@ from gcs.link.fleet import Fleet as Ground
 from gcs.link.items import with_home
 from gcs.link.mission_compare import compare_missions
 from gcs.mission.model import Home, MissionItem, VehicleMission
-from gcs.scenario import physical
+from gcs.scenario import si
 from sim_bridge.endpoints.spec import call
 from sim_bridge.world import WorldOptions
 from tests.clients.sdk import client, from_raw, to_raw
@@ -24,7 +24,7 @@ def missions(scenario) -> dict[int, VehicleMission]:
     """Take-off, two timed legs and a landing for every vehicle, different for each."""
     origin = Origin(**scenario.origin.model_dump())
     found = {}
-    for sysid, pad in zip(physical.sysids(scenario), physical.pads_ned_m(scenario), strict=True):
+    for sysid, pad in zip(si.sysids(scenario), si.pads_ned_m(scenario), strict=True):
         lat, lon, alt = map(float, ned_to_geodetic(pad, origin))
         north = round(lat * 1e7) + 1000 * sysid
         items = (

@@ -62,7 +62,7 @@ GCS, BRIDGE = modules("gcs"), modules("sim_bridge")
 
 def test_the_files_are_found() -> None:
     assert Path("gcs/physics/quadrotor.py") in GCS
-    assert "gcs.physics.quadrotor" in set(imports(Path("gcs/scenario/terrain.py")))
+    assert "gcs.physics.quadrotor" in set(imports(Path("gcs/scenario/environment/terrain.py")))
 
 
 @pytest.mark.parametrize("file", GCS, ids=str)

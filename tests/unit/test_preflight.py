@@ -15,7 +15,7 @@ from gcs.link.survey import VehicleReport
 from gcs.link.timesync import TimeSample
 from gcs.mission.model import Home
 from gcs.plan.energy import energy_Wh
-from gcs.scenario.model import Power
+from gcs.scenario.schema.scenario import Power
 
 
 def place(plan, ned_m):

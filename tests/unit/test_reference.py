@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import gcs
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tools.api_reference import CHAPTERS, api_reference
 from tools.reference import reference
 

@@ -23,8 +23,8 @@ from gcs.plan.layout import NX, ControlForm
 from gcs.plan.mesh import Mesh
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.plan.transcription import STATE_UNIT, Program, transcribe
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tools.bench.describe import alone, six, straight
 
 

@@ -18,9 +18,9 @@ from gcs.plan.mesh import Mesh, end_refined
 from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import STATE_UNIT, transcribe
+from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
+from gcs.scenario.schema.scenario import Scenario
 
 MISSION = Path(__file__).resolve().parents[2] / "missions" / "simulation1"
 

@@ -26,7 +26,7 @@ from gcs.plan.refine import optimise
 from gcs.plan.solve import solve
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import transcribe
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tools.bench.describe import alone, six, straight
 
 

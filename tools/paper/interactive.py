@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 from tools.pictures.scenery import colour
 
 _GRID = 151

@@ -17,8 +17,8 @@ import gcs
 from gcs.plan.alternatives import best_way
 from gcs.plan.problem import flight_problem
 from gcs.plan.trajectory import Plan
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import NED_FROM_UP
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import NED_FROM_UP
 from tools.bench.describe import alone
 from tools.paper import swarm, swarm_fleet, views
 from tools.paper.claims import Claim, beside, kept, table

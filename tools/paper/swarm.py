@@ -18,8 +18,8 @@ from pymoo.core.problem import Problem
 from scipy.interpolate import make_interp_spline
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import Scenario
 
 POINTS = 8  # of a path, between its ends
 SAMPLES = 401

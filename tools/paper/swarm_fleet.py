@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import NED_FROM_UP, offsets_ned_m
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import NED_FROM_UP, offsets_ned_m
 from tools.paper.swarm import Found, Search, search
 
 GRID_S = 0.05

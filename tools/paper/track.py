@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory import Plan
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 Mask = NDArray[np.bool_]
 STEP_S = 0.05

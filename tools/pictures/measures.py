@@ -10,7 +10,7 @@ import numpy as np
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify_shape import nearest_pair_m
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 
 def places_ned_m(plan: Plan, t_s: Array) -> Array:

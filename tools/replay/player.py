@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from gcs.frames import Origin, from_degE7
 from gcs.link.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from tools.replay.recording import Recording, Row, Step

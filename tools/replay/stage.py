@@ -15,8 +15,8 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.codec import Codec
 from gcs.link.message import Message, Station
 from gcs.mavlink import MavCommand, MessageId
-from gcs.scenario import physical
-from gcs.scenario.model import Scenario, Terrain
+from gcs.scenario import si
+from gcs.scenario.schema.scenario import Scenario, Terrain
 from sim_bridge.airframes import CONTROL_PERIOD_S
 from sim_bridge.guidance.piece import PieceBatch
 from sim_bridge.hangar import Hangar
@@ -146,7 +146,7 @@ def _alone(scenario: Scenario, vehicle: Station, home: Origin) -> Scenario:
     exact = scenario.sensors.model_copy(update={"grade": "rtk"})
     formation = scenario.formation.model_copy(update={"vehicle": (first,), "leader": vehicle.sysid})
     alone = scenario.model_copy(update={"formation": formation, "terrain": Terrain(), "sensors": exact})
-    pad_ned_m = physical.pads_ned_m(alone)[0]
+    pad_ned_m = si.pads_ned_m(alone)[0]
     lat, lon, alt = ned_to_geodetic(-pad_ned_m, home)
     place = {"lat_deg": float(lat), "lon_deg": float(lon), "alt_amsl_m": float(alt)}
     return alone.model_copy(update={"origin": scenario.origin.model_copy(update=place)})

@@ -25,8 +25,8 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.reshape import reshape
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.timelaw import Budget, budget, shared
-from gcs.scenario.model import Change, Scenario
-from gcs.scenario.physical import leader_index, offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.si import leader_index, offsets_ned_m, shape_offsets_ned_m
 
 Name = Literal["scale", "heading", "blend"]
 ORDER = 4  # integrators from the control (a snap) to the coordinate

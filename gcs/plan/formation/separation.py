@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.apart import nearest_pair
+from gcs.scenario.validation.spacing import nearest_pair
 
 _CHUNK = 128  # rows of the table of pairs at a time: a thousand vehicles in a few megabytes
 _NOBODY = (np.inf, 0, 0)

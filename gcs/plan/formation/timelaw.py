@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 # Of what a vehicle can turn: the leader's own motion, which every vehicle shares, uses the rest.
 SHARE = 0.2

@@ -27,8 +27,8 @@ from gcs.plan.formation.transforms import (
     rotation,
     shrinking,
 )
-from gcs.scenario.model import Change, Scenario
-from gcs.scenario.physical import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
+from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.si import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
 
 _SLACK_S = 1e-9
 _KEYS = "change_speed_mps or change_accel_mps2"

@@ -19,8 +19,8 @@ from gcs.plan.formation.separation import least_distance, least_gap
 from gcs.plan.formation.shape import Shape, joined, stretched
 from gcs.plan.formation.timelaw import Budget, least_duration
 from gcs.plan.formation.transforms import rotation, shrinking
-from gcs.scenario.model import Generator
-from gcs.scenario.shapes import places_up_m
+from gcs.scenario.formations import places_up_m
+from gcs.scenario.schema.scenario import Generator
 
 SEPARATION_M = 1.2
 FLAT: list[Generator] = ["triangle", "line", "column", "vee", "grid", "circle"]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from gcs.errors import Infeasible
 from gcs.plan.planner import make_plan
 from gcs.plan.verify import verify
-from gcs.scenario.check import check
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.cross_table import check
 from tests.unit.plan.formations import fleet
 
 kinds = st.sampled_from(["rotate", "shrink", "reshape"])

@@ -10,7 +10,7 @@ import pytest
 from gcs.cli import main
 from gcs.plan.store import load_plan, save_plan
 from gcs.plan.verify import verify
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow
 
 

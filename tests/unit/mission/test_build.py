@@ -17,7 +17,7 @@ from gcs.mission.simplify import Flown, deviation
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Phase, Plan, Trajectory
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 
 def ned(item: MissionItem, mission: VehicleMission, plan: Plan) -> np.ndarray:

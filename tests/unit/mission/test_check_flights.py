@@ -13,7 +13,7 @@ from gcs.mission.check_flights import check_ground, check_limits, check_separati
 from gcs.mission.findings import Level, Rule
 from gcs.mission.flown import Surroundings, fly
 from gcs.mission.limits import FlightLimits, limits_of, surroundings_of
-from gcs.scenario.model import NoFlyZone, Scenario
+from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, mission, out_and_land, speed
 
 HILL = Surroundings(ORIGIN, lambda north, east: 8.0 * np.exp(-(((north - 50) / 10) ** 2)) + 0.0 * east)

@@ -17,7 +17,7 @@ from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory import Plan
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed
 
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=3.0)

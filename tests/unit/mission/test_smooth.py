@@ -17,7 +17,7 @@ from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.smooth import SHORTEST_KNOT_S, SmoothPath, smoothed
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory import Plan
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 TOLERANCE_M = 0.1
 

@@ -7,7 +7,7 @@ import pytest
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report, verify
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import FLIGHTS, Planned
 from tests.unit.plan.problems import meadow
 

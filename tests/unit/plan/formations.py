@@ -7,7 +7,7 @@ from typing import Any
 
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow
 
 # 500 mm frames: strong enough to change their shape while they fly 40 m.

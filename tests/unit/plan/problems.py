@@ -10,7 +10,7 @@ from scipy.interpolate import PPoly
 
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.trajectory import Trajectory
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 FLAT = {"ripple": None, "mountains": {}}
 

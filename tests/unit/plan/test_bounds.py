@@ -15,7 +15,7 @@ from gcs.plan.formation.followers import follower_states_and_controls
 from gcs.plan.formation.shape import rigid
 from gcs.plan.formation.timeline import lay
 from gcs.plan.problem import Problem, flight_problem
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, SWAPPED, TO_FILE, TURN, at, auto, fleet
 
 FAST = {"change_speed_mps": 2.0, "change_accel_mps2": 1.2}

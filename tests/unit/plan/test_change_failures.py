@@ -16,8 +16,8 @@ from gcs.plan.problem import flight_problem
 from gcs.plan.route import find_routes, survey
 from gcs.plan.schedule import optimise_on_schedule
 from gcs.plan.verify import verify
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, SWAPPED, TO_ROW, TURN, at, auto, fleet, gap
 
 SWAP = {"kind": "reshape", "to": "b", "assignment": "fixed"}

@@ -17,8 +17,8 @@ from gcs.plan.planner import make_plan
 from gcs.plan.store import load_plan, save_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import Report, verify
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN, Planned, at, auto, fleet, gap
 from tests.unit.plan.problems import changed
 

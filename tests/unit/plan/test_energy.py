@@ -13,7 +13,7 @@ from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_po
 from gcs.plan.energy import energy_Wh
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory import Phase, Plan, Trajectory
-from gcs.scenario.model import Power
+from gcs.scenario.schema.scenario import Power
 
 POWER = Power(battery_Wh=80.0, rotor_radius_m=0.04, figure_of_merit=0.6)
 HOVER_S = 600.0

@@ -18,7 +18,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.problem import flight_problem
 from gcs.plan.solve import solve
 from gcs.plan.transcription import Program, transcribe
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, changed, meadow, straight
 
 # Right across the way, far higher than the ceiling of 35 m.

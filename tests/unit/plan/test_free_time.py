@@ -16,8 +16,8 @@ from gcs.plan.problem import flight_problem
 from gcs.plan.trajectory import Plan
 from gcs.plan.transcription import transcribe
 from gcs.plan.verify import verify
-from gcs.scenario.check import check
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.cross_table import check
 from tests.unit.plan.formations import ROOMY, STRONG
 from tests.unit.plan.problems import alone, meadow
 

@@ -17,7 +17,7 @@ from gcs.plan.formation.transforms import straight as straight_leg
 from gcs.plan.lookout import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, broken
 from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.trajectory import Trajectory
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
 from tests.unit.plan.problems import straight
 

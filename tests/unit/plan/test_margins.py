@@ -9,8 +9,8 @@ from gcs.physics.quadrotor import Array
 from gcs.plan import margins
 from gcs.plan.bounds import leader_state_bounds
 from gcs.plan.problem import control_bounds, flight_problem, run_up_problem
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.problems import changed, meadow
 
 

@@ -14,7 +14,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Terrain
+from gcs.scenario.schema.scenario import Terrain
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
 SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/*.toml"))

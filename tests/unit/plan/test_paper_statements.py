@@ -13,7 +13,7 @@ import pytest
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory import Plan
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
 
 PlanOf = Callable[[str], Plan]
 WEIGHTS = {"1": "constant", "t^2": "squared", "1/(tf-t+0.5)": "scenario", "1/(tf-t+0.5)^2": "inverse_square"}

@@ -15,8 +15,8 @@ from gcs.plan import planner
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan, Trajectory, joined
 from gcs.plan.verify import verify
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, changed, meadow
 
 lengths = st.floats(1, 60)

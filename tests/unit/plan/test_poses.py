@@ -7,9 +7,9 @@ from scipy.spatial.distance import cdist
 
 from gcs.plan.poses import STANDING_FOR_ALL, floor_m, poses, standing_for_all
 from gcs.plan.problem import flight_problem
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, block, fleet
 
 

@@ -26,8 +26,8 @@ from gcs.plan.store import load_plan, save_plan
 from gcs.plan.trajectory import Plan, Trajectory
 from gcs.plan.verify import verify
 from gcs.plan.warm import prices
-from gcs.scenario.model import NoFlyZone, Scenario
-from gcs.scenario.zones import outside_m
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from tests.unit.plan.problems import meadow
 
 AT_S = 12.0

@@ -15,7 +15,7 @@ from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.refine import optimise
 from gcs.plan.route import find_routes, survey
 from gcs.plan.trajectory import Trajectory
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow
 
 DISK = {"north_m": 100.0, "east_m": 50.0, "radius_m": 25.0}

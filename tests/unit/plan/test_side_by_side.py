@@ -15,7 +15,7 @@ from gcs.plan.alternatives import best_way
 from gcs.plan.problem import flight_problem
 from gcs.plan.side_by_side import each, pays
 from gcs.plan.trajectory import MeshRound
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.test_route import DISK, beyond
 
 

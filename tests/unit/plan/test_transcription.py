@@ -19,7 +19,7 @@ from gcs.plan.solve import Solution, solve
 from gcs.plan.trajectory import Trajectory
 from gcs.plan.transcription import Program, transcribe
 from gcs.plan.windows import window_errors
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds
 

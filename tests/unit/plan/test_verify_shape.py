@@ -21,8 +21,8 @@ from gcs.plan.formation.transforms import rotation, shrinking, straight
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 from gcs.plan.verify_shape import _Bends, least_separation, nearest_pair_m
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto, fleet
 from tests.unit.plan.problems import changed
 

@@ -20,8 +20,8 @@ from gcs.plan.problem import Problem, flight_problem
 from gcs.plan.transcription import transcribe
 from gcs.plan.verify import verify
 from gcs.plan.watched import NEAR_GROUND, NEAR_ZONE, SLOT, offsets_at, watched
-from gcs.scenario.model import Scenario
-from gcs.scenario.terrain import ground_envelope_m
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
 
 TIMES = np.linspace(0.0, 59.9, 41)

@@ -19,8 +19,8 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import quadrotor, steady_wind
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import quadrotor, steady_wind
 from tests.unit.plan.problems import changed, meadow
 
 ROOM = {"north_m": [-20.0, 80.0], "east_m": [-40.0, 60.0]}

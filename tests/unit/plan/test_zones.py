@@ -13,7 +13,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory import Plan
 from gcs.plan.verify import verify
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow
 
 WALL: dict[str, Any] = {

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from gcs.errors import ScenarioError
 from gcs.scenario.load import load_scenario
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 Broken = Callable[..., str]
 

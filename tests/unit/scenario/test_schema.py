@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gcs.cli.main import run
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 Schema = dict[str, Any]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 Data = dict[str, Any]
 

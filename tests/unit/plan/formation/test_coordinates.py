@@ -27,8 +27,8 @@ from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.formation.timelaw import Budget, budget
 from gcs.plan.formation.timeline import lay
 from gcs.plan.formation.transforms import rotation, straight
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet
 
 NAMES: tuple[Name, ...] = get_args(Name)

@@ -10,7 +10,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.lanes import Deadlock, Lanes, find_lanes
 from gcs.plan.formation.reshape import Reshaped, reshape
 from gcs.plan.formation.separation import least_distance
-from gcs.scenario.shapes import places_up_m
+from gcs.scenario.formations import places_up_m
 
 LINE = places_up_m("line", 5, 2.0)
 COLUMN = places_up_m("column", 5, 2.0)

@@ -10,7 +10,7 @@ import pytest
 from gcs.plan.formation.shape import joined, stretched
 from gcs.plan.formation.timelaw import Budget, budget, least_duration, peak_derivatives, smooth_step
 from gcs.plan.formation.transforms import rotation, shrinking, straight
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
 
 FREE = Budget(np.inf, np.inf, np.inf, np.inf)
 # Peaks of the step's derivatives, from its factored forms: 140 r^3 (1-r)^3 and so on.

@@ -12,8 +12,8 @@ from gcs.errors import Infeasible
 from gcs.plan.formation.timelaw import budget, least_duration
 from gcs.plan.formation.timeline import Timeline, gate_crossing_s, lay, scheduled
 from gcs.plan.formation.transforms import shrinking
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import offsets_ned_m, shape_offsets_ned_m
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m
 
 SHAPES = [
     {"name": "line", "generator": "line", "spacing_m": 2.0},

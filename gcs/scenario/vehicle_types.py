@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from gcs.scenario.model import Performance, Vehicle
-from gcs.scenario.part import Part
+from gcs.scenario.schema.fields import Part
+from gcs.scenario.schema.scenario import Performance, Vehicle
 
 KEY = "vehicle_type"
 _PRESETS = files("gcs.scenario") / "presets"

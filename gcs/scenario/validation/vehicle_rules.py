@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
-from gcs.scenario.mistakes import Mistake
-from gcs.scenario.model import Scenario
-from gcs.scenario.physical import quadrotor
-from gcs.scenario.rules import Mistakes, Rules
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import quadrotor
+from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.rule_set import Mistakes, Rules
 
 _REACHED = 1.0 - 1e-6
 SPEED_OF_SOUND_MPS = 340.0

@@ -1,8 +1,8 @@
 """What a scenario is: the shape of `scenario.toml`, its units and its allowed ranges.
 
 Knows: keys, types, ranges, and what must agree inside one table. Does not know: files, terrain heights,
-plans, and what must agree between tables (that is `gcs.scenario.check`). Values stay as people write them
-(metres up, degrees); `gcs.scenario.physical` turns them into SI, NED and radians.
+plans, and what must agree between tables (that is `gcs.scenario.validation.cross_table`). Values stay as people write
+them (metres up, degrees); `gcs.scenario.si` turns them into SI, NED and radians.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import AfterValidator, Field
 
-from gcs.scenario.formation_model import START_SHAPE, Change, Formation, FormationVehicle, Generator, Shape
-from gcs.scenario.part import (
+from gcs.scenario.environment.heightmap import Relief
+from gcs.scenario.schema.fields import (
     Findings,
     NonNegative,
     NonNegativeVector,
@@ -27,7 +27,7 @@ from gcs.scenario.part import (
     Truth,
     Vector,
 )
-from gcs.scenario.relief import Relief
+from gcs.scenario.schema.formation_table import START_SHAPE, Change, Formation, FormationVehicle, Generator, Shape
 
 __all__ = [
     "START_SHAPE",

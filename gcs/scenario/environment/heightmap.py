@@ -1,7 +1,8 @@
 """Ground from an elevation model: its heights as they were measured, and a smooth surface that lies above them.
 
-Knows: pixels, where each lies in the local frame, interpolation. Does not know: files, projections (`gcs.scenario.dem`
-turns them into this), vehicles, CasADi. A scenario carries its relief with it: whoever gets a plan needs no other file.
+Knows: pixels, where each lies in the local frame, interpolation. Does not know: files, projections
+(`gcs.scenario.environment.dem` turns them into this), vehicles, CasADi. A scenario carries its relief with it: whoever
+gets a plan needs no other file.
 
 Between four pixel centres the ground is bilinear, which is what the elevation model says and nothing more. The smooth
 surface is a uniform cubic B-spline: its coefficients are raised where it would lie below the ground, and because it is
@@ -21,7 +22,7 @@ from pydantic import Field
 from scipy import ndimage
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.part import Findings, Number, Part, Point, Positive
+from gcs.scenario.schema.fields import Findings, Number, Part, Point, Positive
 
 TERMS = 10  # of a cubic polynomial of two variables
 ENVELOPE_RESERVE_M = 0.02  # over what is asked of it

@@ -12,17 +12,17 @@ from collections.abc import Collection
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario import check_ends, check_formation, check_vehicle
-from gcs.scenario.mistakes import Mistake
-from gcs.scenario.model import Scenario
-from gcs.scenario.rules import Mistakes, Rules
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules
+from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.rule_set import Mistakes, Rules
 
 RULES = Rules()
 
 
 def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
     """All disagreements between those `tables` of the scenario that are valid in themselves."""
-    books = (RULES, check_vehicle.RULES, check_ends.RULES, check_formation.RULES)
+    books = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
     return [mistake for rules in books for mistake in rules.broken(scenario, tables)]
 
 

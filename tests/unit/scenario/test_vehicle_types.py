@@ -9,7 +9,7 @@ import pytest
 from gcs.errors import ScenarioError
 from gcs.scenario.load import load_scenario, load_vehicle
 from gcs.scenario.template import scenario_text
-from gcs.scenario.vehicle_file import preset_file, presets
+from gcs.scenario.vehicle_types import preset_file, presets
 
 QUAD = preset_file("quad500").read_text()
 

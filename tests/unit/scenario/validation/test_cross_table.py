@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from gcs.scenario.check import check
-from gcs.scenario.mistakes import dotted
-from gcs.scenario.model import Scenario
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.cross_table import check
+from gcs.scenario.validation.mistakes import dotted
 
 
 @pytest.fixture

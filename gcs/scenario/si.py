@@ -9,10 +9,10 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array, Quadrotor, hover_trim
 from gcs.physics.wind import STILL, SteadyWind
-from gcs.scenario.model import START_SHAPE, Boundary, Scenario
-from gcs.scenario.relief import Region
-from gcs.scenario.shapes import places_up_m
-from gcs.scenario.terrain import ground_height_m
+from gcs.scenario.environment.heightmap import Region
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.formations import places_up_m
+from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])

@@ -1,7 +1,7 @@
 """One mistake in a scenario, and the sentence a person reads about it.
 
 Knows: keys, values, allowed ranges (read from the JSON Schema of the model), pydantic's kinds of errors.
-Does not know: what makes a scenario flyable (`gcs.scenario.check`), files (`gcs.scenario.load`).
+Does not know: what makes a scenario flyable (`gcs.scenario.validation.cross_table`), files (`gcs.scenario.load`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from gcs.scenario.lines import Key
-from gcs.scenario.model import Scenario
-from gcs.scenario.part import Disagreement
+from gcs.scenario.schema.fields import Disagreement
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.toml_lines import Key
 
 Schema = Mapping[str, Any]
 

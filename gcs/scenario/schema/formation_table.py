@@ -1,7 +1,7 @@
 """The table [formation]: who flies where, the shapes that have names, and how the formation changes.
 
 Knows: keys, types, ranges, and what must agree inside this table. Does not know: limits, times and places of the
-flight (`gcs.scenario.check_formation` compares them), where a generator puts vehicles, plans.
+flight (`gcs.scenario.validation.formation_rules` compares them), where a generator puts vehicles, plans.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from gcs.scenario.part import Findings, NonNegative, Number, Part, Point, Positive, Truth, Vector
+from gcs.scenario.schema.fields import Findings, NonNegative, Number, Part, Point, Positive, Truth, Vector
 
 SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
 VehicleId = Annotated[int, Strict(), Field(ge=1, le=10_000)]  # of a fleet too large for one MAVLink network

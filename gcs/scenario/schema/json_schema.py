@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gcs.scenario.model import Scenario
-from gcs.scenario.vehicle_file import KEY, presets
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.vehicle_types import KEY, presets
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

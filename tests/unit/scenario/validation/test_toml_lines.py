@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from gcs.scenario.lines import Key, key_lines, line_of
+from gcs.scenario.validation.toml_lines import Key, key_lines, line_of
 
 TEXT = '''\
 a = 1

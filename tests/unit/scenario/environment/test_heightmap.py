@@ -16,8 +16,8 @@ from rasterio.warp import transform
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.physics.quadrotor import Array
 from gcs.plan.smooth_ground import spline
-from gcs.scenario.dem import FOOT_M, DemError, read_dem
-from gcs.scenario.relief import ENVELOPE_RESERVE_M, Region, Relief, packed
+from gcs.scenario.environment.dem import FOOT_M, DemError, read_dem
+from gcs.scenario.environment.heightmap import ENVELOPE_RESERVE_M, Region, Relief, packed
 
 REGION = Region((-150.0, 250.0), (-120.0, 180.0))
 PIXEL_M = 10.0

@@ -10,7 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
-from gcs.scenario.lines import Key
+from gcs.scenario.validation.toml_lines import Key
 
 # Strict: TOML has types of its own, so the text "5" or the truth value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]

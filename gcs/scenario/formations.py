@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.formation_model import Generator
+from gcs.scenario.schema.formation_table import Generator
 
 
 def places_up_m(generator: Generator, count: int, spacing_m: float) -> Array:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform
 
-from gcs.scenario.apart import Pair, close_pairs, nearest_pair
+from gcs.scenario.validation.spacing import Pair, close_pairs, nearest_pair
 
 # Coarse, so that places coincide and distances are equal.
 points = st.lists(st.tuples(*[st.integers(-3, 3)] * 3), max_size=40).map(

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.model import NoFlyZone
+from gcs.scenario.schema.scenario import NoFlyZone
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
 _CONVEX = 1.0 - 1e-9  # share of its hull's area that a convex polygon fills

@@ -19,7 +19,7 @@ from rasterio.windows import Window
 
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.physics.quadrotor import Array
-from gcs.scenario.relief import Region, Relief, packed, terms_of
+from gcs.scenario.environment.heightmap import Region, Relief, packed, terms_of
 
 HeightUnit = Literal["m", "ft"]
 FOOT_M = 0.3048

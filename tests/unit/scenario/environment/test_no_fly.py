@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from gcs.scenario.model import NoFlyZone
-from gcs.scenario.zones import Convex, displacement_m, outline, outside_m, pieces
+from gcs.scenario.environment.no_fly import Convex, displacement_m, outline, outside_m, pieces
+from gcs.scenario.schema.scenario import NoFlyZone
 
 L_SHAPE = ((0.0, 0.0), (30.0, 0.0), (30.0, 10.0), (10.0, 10.0), (10.0, 40.0), (0.0, 40.0))
 STAR = tuple(

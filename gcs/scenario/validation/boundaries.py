@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.apart import SLACK, close_pairs
-from gcs.scenario.check_formation import tell_in_start_shape
-from gcs.scenario.mistakes import Mistake
-from gcs.scenario.model import Boundary, Scenario
-from gcs.scenario.physical import (
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import Boundary, Scenario
+from gcs.scenario.si import (
     NED_FROM_UP,
     ground_step_peaks,
     hover_start_ned_m,
@@ -28,9 +27,10 @@ from gcs.scenario.physical import (
     quadrotor,
     sysids,
 )
-from gcs.scenario.rules import Mistakes, Rules
-from gcs.scenario.terrain import ground_envelope_m
-from gcs.scenario.zones import outside_m
+from gcs.scenario.validation.formation_rules import tell_in_start_shape
+from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.spacing import SLACK, close_pairs
 
 _RUN_UP_SAMPLE_M = 1.0
 _NAMED = 8  # vehicles one sentence names

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.scenario.apart import SLACK, Pair, close_pairs, nearest_pair
-from gcs.scenario.formation_model import START_SHAPE
-from gcs.scenario.lines import Key
-from gcs.scenario.mistakes import Mistake
-from gcs.scenario.model import Scenario
-from gcs.scenario.part import Point
-from gcs.scenario.physical import offsets_ned_m, shape_offsets_ned_m, sysids
-from gcs.scenario.rules import Mistakes, Rules
+from gcs.scenario.schema.fields import Point
+from gcs.scenario.schema.formation_table import START_SHAPE
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m, sysids
+from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.spacing import SLACK, Pair, close_pairs, nearest_pair
+from gcs.scenario.validation.toml_lines import Key
 
 _TOLD = 10  # pairs of vehicles told one by one
 _APART = "are {:.2f} m apart"

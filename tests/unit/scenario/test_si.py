@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.scenario.model import START_SHAPE, Scenario
-from gcs.scenario.physical import hover_start_ned_m, offsets_ned_m, pads_ned_m, shape_offsets_ned_m, sysids
+from gcs.scenario.schema.scenario import START_SHAPE, Scenario
+from gcs.scenario.si import hover_start_ned_m, offsets_ned_m, pads_ned_m, shape_offsets_ned_m, sysids
 from tests.unit.scenario.variants import Data, counted_scenario, with_changes
 
 COLUMN = {"name": "column", "generator": "column", "spacing_m": 2.0}

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.scenario.model import Mountains, Ripple, Scenario, Terrain
-from gcs.scenario.terrain import ground_envelope_m, ground_height_m, ripple_height_m, ripple_peak_m
+from gcs.scenario.environment.terrain import ground_envelope_m, ground_height_m, ripple_height_m, ripple_peak_m
+from gcs.scenario.schema.scenario import Mountains, Ripple, Scenario, Terrain
 
 coefficient = st.floats(-3.0, 3.0)
 ripples = st.builds(

@@ -1,0 +1,1 @@
+"""The ground and the no-fly zones of a scenario."""

@@ -1,0 +1,1 @@
+"""The tables of `scenario.toml`: keys, units, ranges, defaults."""

@@ -1,0 +1,1 @@
+"""Rules that several tables must satisfy together, and the messages for scenarios that break them."""
