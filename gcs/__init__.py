@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from gcs.mission.export import export as export
     from gcs.mission.setpoints import build_stream as build_stream
     from gcs.plan.planner import make_plan as make_plan
-    from gcs.plan.replan import Replanner as Replanner
-    from gcs.plan.store import load_plan as load_plan
-    from gcs.plan.store import save_plan as save_plan
-    from gcs.plan.trajectory import Plan as Plan
-    from gcs.plan.verify import Report as Report
-    from gcs.plan.verify import verify as verify
+    from gcs.plan.replanning.replanner import Replanner as Replanner
+    from gcs.plan.trajectory.plan_file import load_plan as load_plan
+    from gcs.plan.trajectory.plan_file import save_plan as save_plan
+    from gcs.plan.trajectory.trajectory import Plan as Plan
+    from gcs.plan.verification.verify import Report as Report
+    from gcs.plan.verification.verify import verify as verify
     from gcs.scenario.load import load_scenario as load_scenario
     from gcs.scenario.schema.scenario import Scenario as Scenario
 
@@ -41,9 +41,9 @@ _HOME = {
     "Emulated": "gcs.flight.sortie",
     "Flown": "gcs.flight.sortie",
     "GcsError": "gcs.errors",
-    "Plan": "gcs.plan.trajectory",
-    "Replanner": "gcs.plan.replan",
-    "Report": "gcs.plan.verify",
+    "Plan": "gcs.plan.trajectory.trajectory",
+    "Replanner": "gcs.plan.replanning.replanner",
+    "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
     "Verdict": "gcs.flight.judge",
     "Watcher": "gcs.flight.watcher",
@@ -51,11 +51,11 @@ _HOME = {
     "build_stream": "gcs.mission.setpoints",
     "export": "gcs.mission.export",
     "fly": "gcs.flight.sortie",
-    "load_plan": "gcs.plan.store",
+    "load_plan": "gcs.plan.trajectory.plan_file",
     "load_scenario": "gcs.scenario.load",
     "make_plan": "gcs.plan.planner",
-    "save_plan": "gcs.plan.store",
-    "verify": "gcs.plan.verify",
+    "save_plan": "gcs.plan.trajectory.plan_file",
+    "verify": "gcs.plan.verification.verify",
 }
 __all__ = sorted(_HOME)  # noqa: PLE0605 (one table names them all)
 

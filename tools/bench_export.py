@@ -39,7 +39,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.export import export
 from gcs.mission.formats import Format
 from gcs.mission.missionfile import read_mission
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 ROOT = Path(__file__).resolve().parent.parent
 RATE_HZ = 25.0

@@ -21,10 +21,10 @@ import numpy as np
 
 import gcs
 from gcs.errors import GcsError, Infeasible
-from gcs.plan.guess import along, straight_way
-from gcs.plan.problem import flight_problem
-from gcs.plan.refine import optimise
-from gcs.plan.route import find_routes, survey
+from gcs.plan.nlp.mesh_refinement import optimise
+from gcs.plan.ocp.problem import flight_problem
+from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.routes import find_routes, survey
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Mountains, NoFlyZone, Scenario, Terrain

@@ -22,9 +22,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gcs.plan.problem import Problem
-from gcs.plan.solve import solve
-from gcs.plan.transcription import transcribe
+from gcs.plan.nlp.ipopt import solve
+from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.ocp.problem import Problem
 from tools.bench import describe, environments, race
 from tools.bench.findings import Findings, cost, look, trajectory
 from tools.bench.goals import Goal, judge

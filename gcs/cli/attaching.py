@@ -31,8 +31,8 @@ from gcs.flight.takeup import TakeUp, where_in_plan
 from gcs.link.connection import Connection
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream
-from gcs.plan.store import load_plan
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.plan_file import load_plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from gcs.errors import PeerError, PeerTimeout
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
     from gcs.link.held import Held
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and it is not the same
 FIND_S = 15.0

@@ -13,9 +13,9 @@ from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
-    from gcs.plan.formation.timeline import Move
-    from gcs.plan.trajectory import Plan
-    from gcs.plan.verify import Report
+    from gcs.plan.formation.changes.timeline import Move
+    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.verification.verify import Report
 
 _BAR = 20  # characters
 
@@ -39,7 +39,7 @@ def plan(
     """
     screen = Screen(json=json)
     from gcs.cli.planning import Stopwatch, plan_for, refusal
-    from gcs.plan.store import SUFFIX, save_plan
+    from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")

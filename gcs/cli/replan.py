@@ -13,7 +13,7 @@ from gcs.cli.options import DebugOption, JsonOption
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
-    from gcs.plan.trajectory import MeshRound, Plan
+    from gcs.plan.trajectory.trajectory import MeshRound, Plan
     from gcs.scenario.schema.scenario import NoFlyZone
 
 _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,their rates]]]"
@@ -52,9 +52,9 @@ def replan(
     screen = Screen(json=json)
     from gcs.cli.plan import show_plan
     from gcs.cli.planning import Stopwatch, refusal
-    from gcs.plan.replan import Replanner
-    from gcs.plan.store import SUFFIX, load_plan, save_plan
-    from gcs.plan.verify import verify
+    from gcs.plan.replanning.replanner import Replanner
+    from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
+    from gcs.plan.verification.verify import verify
 
     watch = Stopwatch(BEGAN_S)
     old, _ = load_plan(plan)

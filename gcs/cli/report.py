@@ -37,7 +37,7 @@ def report(
     from gcs.flight.logbook import read_logbook
     from gcs.flight.record import NAME, write_record
     from gcs.flight.truth import load_truth
-    from gcs.plan.store import load_plan
+    from gcs.plan.trajectory.plan_file import load_plan
 
     book = read_logbook(folder)
     if book.t0_unix_s is None:

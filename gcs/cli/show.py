@@ -11,7 +11,7 @@ from gcs.cli.console import Screen
 from gcs.cli.options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
     from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2
@@ -32,7 +32,7 @@ def show(
     Example: gcs show plans/simulation1.skein --picture map.png
     """
     screen = Screen(json=json)
-    from gcs.plan.store import SUFFIX, load_plan
+    from gcs.plan.trajectory.plan_file import SUFFIX, load_plan
     from gcs.scenario.load import load_scenario
 
     plan = load_plan(mission)[0] if mission.suffix == SUFFIX else None
@@ -86,8 +86,8 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
 
 def _plan(plan: Plan) -> dict[str, Any]:
     """What the plan adds; the verdict is worked out anew."""
-    from gcs.plan.energy import energy_Wh
-    from gcs.plan.verify import verify
+    from gcs.plan.trajectory.energy import energy_Wh
+    from gcs.plan.verification.verify import verify
 
     report = verify(plan)
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power

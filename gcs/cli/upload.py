@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gcs.cli.planning import Stopwatch
     from gcs.link.connection import Connection
     from gcs.link.upload import Change, Holdings
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 FIND_S = 15.0
 

@@ -24,8 +24,8 @@ def verify(
     from rich.table import Table
 
     from gcs.cli.planning import refusal
-    from gcs.plan.store import load_plan
-    from gcs.plan.verify import verify as check_plan
+    from gcs.plan.trajectory.plan_file import load_plan
+    from gcs.plan.verification.verify import verify as check_plan
 
     loaded, _ = load_plan(plan)
     report = check_plan(loaded)

@@ -29,7 +29,7 @@ from gcs.flight.separation import SeparationWatch
 from gcs.flight.watch import Incident, Kind, VehicleWatch
 from gcs.link.message import Message
 from gcs.mission.return_heights import ReturnPlan
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 _PERIOD_S = 0.1  # of fleet time between two looks
 _SLEEP_S = 0.005

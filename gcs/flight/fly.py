@@ -49,7 +49,7 @@ from gcs.mavlink import MavCommand
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.return_heights import ReturnPlan, plan_returns
 from gcs.mission.start import starting_at
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 T = TypeVar("T")
 

@@ -17,8 +17,8 @@ import numpy as np
 from gcs.flight.courses import TimedCourse, Values
 from gcs.flight.monitor import VehicleView
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.formation.timelaw import budget
-from gcs.plan.trajectory import Plan
+from gcs.plan.formation.changes.time_scaling import budget
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario
 
 BANDWIDTH_RADPS = 0.5

@@ -14,7 +14,7 @@ from gcs.link.fleet import Fleet
 from gcs.link.session import VehicleSession
 from gcs.link.survey import survey
 from gcs.link.upload import Change, restore
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 async def go_or_no_go(

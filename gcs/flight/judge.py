@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 from gcs.flight.stages import FlightTimes
 from gcs.flight.truth import Truth
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05

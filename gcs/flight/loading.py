@@ -16,7 +16,7 @@ from gcs.mission.mission_files import MissionOrder, make_missions
 from gcs.mission.model import VehicleMission
 from gcs.mission.return_warnings import return_warnings
 from gcs.mission.safety import build_safety
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 def build_loads(

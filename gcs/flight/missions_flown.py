@@ -15,7 +15,7 @@ from gcs.mission.export import export
 from gcs.mission.export_index import ExportIndex
 from gcs.mission.formats import DEFAULT
 from gcs.mission.predicted import Timing
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 IDEAL, OWN, AUTO = "ideal", "own", "auto"
 NAVIGATORS = (AUTO, OWN, IDEAL)

@@ -3,9 +3,9 @@
 Knows: plan, reports of vehicles, how much each may differ. Does not know: links (reports come from `gcs.link.survey`),
 screens. Nothing is sent; a vehicle that does not tell what is asked is a no-go.
 
-Battery: a flight needs what its plan takes (`gcs.plan.energy`), where the scenario has battery and propellers; else a
-full battery is taken to hover for `endurance_s`, and the flight to need its own duration of that, times `effort` for
-climbs and wind. `reserve` is left at the end.
+Battery: a flight needs what its plan takes (`gcs.plan.trajectory.energy`), where the scenario has battery and
+propellers; else a full battery is taken to hover for `endurance_s`, and the flight to need its own duration of that,
+times `effort` for climbs and wind. `reserve` is left at the end.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from gcs.frames import Origin, geodetic_to_ned
 from gcs.link.survey import VehicleReport
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
-from gcs.plan.energy import energy_Wh
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.energy import energy_Wh
+from gcs.plan.trajectory.trajectory import Plan
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with an RTK fix, and without: nearer to another pad by more than this

@@ -20,7 +20,7 @@ from gcs.link.message import Message
 from gcs.link.session import VehicleSession
 from gcs.mavlink import MavCommand, MessageId, ModeFlag
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 

@@ -24,7 +24,7 @@ from gcs.flight.retrace import is_ground, retrace
 from gcs.flight.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.message import GROUND, Message
 from gcs.physics.quadrotor import Array
-from gcs.plan.store import load_plan
+from gcs.plan.trajectory.plan_file import load_plan
 
 PLAN = "plan.skein"
 

@@ -17,7 +17,7 @@ import numpy as np
 from gcs.flight.monitor import VehicleView
 from gcs.mission.separation import least_distance
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5

@@ -41,9 +41,9 @@ from gcs.link.session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints import build_stream
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.store import save_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import Report, verify
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import Report, verify
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2

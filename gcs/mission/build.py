@@ -25,7 +25,7 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 # degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards; ArduPilot's centimetres by 5 mm more.
 ROUNDING_M = 0.0095

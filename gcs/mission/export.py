@@ -30,7 +30,7 @@ from gcs.mission.smooth import SmoothPath, smoothed
 from gcs.mission.tracks import build_map
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 # Loaded when asked for: their libraries take a while.
 _WRITERS = {

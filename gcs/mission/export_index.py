@@ -16,7 +16,7 @@ from gcs.mission.safety import INCLUSION_MARGIN_M, Safety
 from gcs.mission.simplify import Deviation
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 _VERSION = 3
 

@@ -17,7 +17,7 @@ from gcs.mission.csv_table import read_csv, write_csv
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 COLUMNS = {
     "t_s": "s",

@@ -26,7 +26,7 @@ from gcs.mission.verify_export import check_written, refuse_broken, refuse_untim
 from gcs.mission.waypoints import WaypointFile, write_waypoints
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 _DAY_S = 86400
 _IN_THE_AIR = VerificationError(

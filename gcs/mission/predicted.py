@@ -29,7 +29,7 @@ from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.physics.quadrotor import POSITION, Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 _GRID_S = 0.2
 _LOOKS = 9  # at every piece of a flight

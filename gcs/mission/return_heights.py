@@ -25,7 +25,7 @@ from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances, places_
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 STEP_MIN_M = 2.0
 _STEP_SHARE = 1.25  # of the plan's separation

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gcs.mission.return_heights import ReturnPlan
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 def return_warnings(plan: Plan, returns: ReturnPlan) -> Iterator[str]:

@@ -22,7 +22,7 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.no_fly import outline
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 INCLUSION_MARGIN_M = 10.0
 # A plan may touch a zone's edge, and no vehicle flies to the centimetre: there the fence stands this much inside.

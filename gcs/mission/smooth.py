@@ -16,11 +16,11 @@ from scipy.sparse.linalg import spsolve
 
 from gcs.errors import UsageError, VerificationError
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
-from gcs.plan import margins
-from gcs.plan.verify import GRID_S, LENGTH_TOLERANCE_M
+from gcs.plan.verification import margins
+from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 DEGREE = 5
 LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25

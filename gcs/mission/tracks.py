@@ -16,7 +16,7 @@ from gcs.mission.geofence import NO_FENCE, Geofence
 from gcs.physics.quadrotor import POSITION, Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 T0_SHOWN = "2000-01-01T00:00:00Z"  # no plan has a date
 PERIOD_S = 1.0

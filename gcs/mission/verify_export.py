@@ -26,7 +26,7 @@ from gcs.mission.timed import climb_s
 from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory import Plan
+    from gcs.plan.trajectory.trajectory import Plan
 
 _LISTED = 3
 STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which keeps path and time"

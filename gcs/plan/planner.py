@@ -14,17 +14,17 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
-from gcs.plan.formation.reshape import SLACK_M
+from gcs.plan.formation.changes.reshape import SLACK_M
+from gcs.plan.formation.changes.timeline import stops_ned_m
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
-from gcs.plan.formation.timeline import stops_ned_m
-from gcs.plan.free_time import best_flight, fixed
-from gcs.plan.ground_phases import smooth_step, vertical
-from gcs.plan.guess import along, straight_way
-from gcs.plan.problem import Problem, run_up_problem
-from gcs.plan.refine import optimise
-from gcs.plan.trajectory import MeshRound, Phase, Plan, Trajectory, joined
+from gcs.plan.nlp.mesh_refinement import optimise
+from gcs.plan.ocp.problem import Problem, run_up_problem
+from gcs.plan.search.free_final_time import best_flight, fixed
+from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.trajectory.ground_phases import smooth_step, vertical
+from gcs.plan.trajectory.trajectory import MeshRound, Phase, Plan, Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,

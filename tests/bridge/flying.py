@@ -26,7 +26,7 @@ from gcs.mavlink import MavCommand
 from gcs.mission.build import build_missions
 from gcs.mission.setpoints import build_stream
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults

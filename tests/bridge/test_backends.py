@@ -21,7 +21,7 @@ from gcs.link.flyable import Setpoint
 from gcs.link.held import read_held
 from gcs.link.loadable import Loadable
 from gcs.link.upload import UploadFailed, preview, restore, upload_fleet
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 

@@ -30,9 +30,9 @@ from gcs.link.fleet import Fleet as GroundFleet
 from gcs.link.session import VehicleSession
 from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.store import save_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 
 HEIGHT_M = 4.0

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gcs.flight.stages import Step
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.world import World
 from tests.bridge.flying import fly
 from tests.fleets import wait_until

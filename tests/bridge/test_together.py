@@ -9,7 +9,7 @@ import numpy as np
 from gcs.flight.compare import lateness_s
 from gcs.flight.lateness import skew_s
 from gcs.flight.record import write_record
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from tests.bridge.flying import fly
 
 

@@ -20,9 +20,9 @@ from gcs.link.mission_compare import compare_missions
 from gcs.link.upload import UploadFailed, restore, upload_fleet
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.missionfile import load_missions
-from gcs.plan.store import save_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 
 BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

@@ -23,7 +23,7 @@ from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, fen
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
 from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
 from gcs.mission.safety import Safety
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 FORMATS = [Format.PLAN, Format.WAYPOINTS, Format.FENCE, Format.RALLY, Format.PARAM]
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE

@@ -22,7 +22,7 @@ from gcs.mission.model import Frame, MissionItem
 from gcs.mission.planfile import read_plan_file
 from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.waypoints import read_waypoints
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05
 ASKED_MPS, LEAVING_S, LATE_S = 0.3, 0.3, 2.0  # found step by step: a step more or less, and they differ by as much

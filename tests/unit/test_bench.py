@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
-from gcs.plan import instant
-from gcs.plan.layout import ControlForm
-from gcs.plan.problem import Problem
-from gcs.plan.solve import solve
-from gcs.plan.trajectory import Trajectory
-from gcs.plan.transcription import transcribe
+from gcs.plan.nlp.ipopt import solve
+from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.variables import ControlForm
+from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.trajectory import Trajectory
 from tools.bench import describe, findings
 from tools.bench.environments import Peer, Unavailable, environment
 from tools.bench.goals import Goal, judge
@@ -38,7 +38,7 @@ def anywhere(leader: Leader, count: int) -> tuple[Array, Array]:
 
 
 def test_dynamics_and_path_constraints_are_the_planners(problem: Problem, leader: Leader) -> None:
-    parts = instant.functions(problem)
+    parts = stage_functions.functions(problem)
     for x, u in zip(*anywhere(leader, 20), strict=True):
         z = np.concatenate([x * leader.state_unit, u * leader.control_unit + leader.control_shift])
         rates = np.array(leader.rates(x, u, np)) * leader.state_unit
@@ -52,7 +52,7 @@ def test_dynamics_and_path_constraints_are_the_planners(problem: Problem, leader
 
 
 def test_cost_is_the_planners(problem: Problem, leader: Leader) -> None:
-    parts = instant.functions(problem)
+    parts = stage_functions.functions(problem)
     times = np.linspace(0.0, problem.end_s, 20)
     for t, x, u in zip(times, *anywhere(leader, 20), strict=True):
         z = np.concatenate([x * leader.state_unit, u])

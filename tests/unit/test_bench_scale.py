@@ -8,10 +8,10 @@ import sys
 import numpy as np
 import pytest
 
-from gcs.plan.guess import along, straight_way
-from gcs.plan.mesh import end_refined
-from gcs.plan.problem import flight_problem
-from gcs.plan.transcription import Program, transcribe
+from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.transcription import Program, transcribe
+from gcs.plan.ocp.problem import flight_problem
+from gcs.plan.search.initial_guess import along, straight_way
 from tools.bench.memory import peak_mb
 from tools.bench_scale import scenario
 

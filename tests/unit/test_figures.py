@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 from tools import figures
 from tools.pictures.change import draw_change
 from tools.pictures.film import write_film

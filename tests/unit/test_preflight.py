@@ -14,7 +14,7 @@ from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.survey import VehicleReport
 from gcs.link.timesync import TimeSample
 from gcs.mission.model import Home
-from gcs.plan.energy import energy_Wh
+from gcs.plan.trajectory.energy import energy_Wh
 from gcs.scenario.schema.scenario import Power
 
 

@@ -18,11 +18,11 @@ import casadi as ca
 import numpy as np
 
 from gcs.physics.quadrotor import POSITION
-from gcs.plan import instant
-from gcs.plan.layout import NX, ControlForm
-from gcs.plan.mesh import Mesh
-from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
-from gcs.plan.transcription import STATE_UNIT, Program, transcribe
+from gcs.plan.nlp.mesh import Mesh
+from gcs.plan.nlp.transcription import STATE_UNIT, Program, transcribe
+from gcs.plan.nlp.variables import NX, ControlForm
+from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
 from tools.bench.describe import alone, six, straight
@@ -55,7 +55,7 @@ def solve(mesh: Mesh, limit_s: float, scenario: Scenario | None = None, clock: s
     programs = [transcribe(problem, mesh, straight(problem), ControlForm.LAGRANGE) for problem in problems]
     guesses = [p.scaled(straight(q)) for p, q in zip(programs, problems, strict=True)]
     unknowns = [ca.MX.sym(f"y{v}", p.layout.size) for v, p in enumerate(programs)]
-    parts = instant.functions(problems[0])
+    parts = stage_functions.functions(problems[0])
     columns = [_instants(p, y) for p, y in zip(programs, unknowns, strict=True)]
     cost, rows, low, high = ca.MX(0), [], [], []
     for program, y, z in zip(programs, unknowns, columns, strict=True):
@@ -108,7 +108,9 @@ def _instants(program: Program, y: ca.MX) -> ca.MX:
     return ca.reshape(ca.mtimes(sampling, y * program.unit + program.shift), program.layout.nz, program.layout.nodes)
 
 
-def _one_vehicle(problem: Problem, program: Program, parts: instant.Instant, y: ca.MX, z: ca.MX) -> tuple[ca.MX, ca.MX]:
+def _one_vehicle(
+    problem: Problem, program: Program, parts: stage_functions.Instant, y: ca.MX, z: ca.MX
+) -> tuple[ca.MX, ca.MX]:
     """Objective and rows of one vehicle alone, for CasADi to differentiate."""
     layout, nodes = program.layout, program.layout.nodes
     quadrature = layout.quadrature()

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from gcs.plan.guess import along, straight_way
-from gcs.plan.instant import REST_SMOOTHING_MPS
-from gcs.plan.layout import NU
-from gcs.plan.mesh import Mesh, end_refined
-from gcs.plan.problem import TERMINAL_WEIGHTS, Problem, flight_problem
-from gcs.plan.trajectory import Trajectory
-from gcs.plan.transcription import STATE_UNIT, transcribe
+from gcs.plan.nlp.mesh import Mesh, end_refined
+from gcs.plan.nlp.transcription import STATE_UNIT, transcribe
+from gcs.plan.nlp.variables import NU
+from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem, flight_problem
+from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
+from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION
-from gcs.plan import instant, margins
-from gcs.plan.problem import TERMINAL_WEIGHTS, Problem
-from gcs.plan.trajectory import Trajectory
-from gcs.plan.verify import GRID_S, LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
-from gcs.plan.windows import window_errors
+from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
+from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.verification import margins
+from gcs.plan.verification.reintegration import window_errors
+from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
 
 _FINE = 20  # points of the quadrature of every interval
 
@@ -101,5 +102,5 @@ def cost(problem: Problem, flown: Trajectory) -> float:
     shares = (half * weights).ravel()
     late = shares * TERMINAL_WEIGHTS[problem.objective.terminal_weight](times, problem.end_s)
     z = np.concatenate([flown.state(times), flown.control(times)], axis=1).T
-    rate = instant.functions(problem).cost.map(len(times))
+    rate = stage_functions.functions(problem).cost.map(len(times))
     return float(ca.sum2(rate(z, np.vstack([shares / problem.duration_s, late / late.sum()]))))

@@ -19,13 +19,13 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.plan.layout import ControlForm
-from gcs.plan.mesh import Mesh
-from gcs.plan.problem import flight_problem
-from gcs.plan.refine import optimise
-from gcs.plan.solve import solve
-from gcs.plan.trajectory import Trajectory
-from gcs.plan.transcription import transcribe
+from gcs.plan.nlp.ipopt import solve
+from gcs.plan.nlp.mesh import Mesh
+from gcs.plan.nlp.mesh_refinement import optimise
+from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.variables import ControlForm
+from gcs.plan.ocp.problem import flight_problem
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tools.bench.describe import alone, six, straight
 

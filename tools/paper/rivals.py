@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 import gcs
-from gcs.plan.alternatives import best_way
-from gcs.plan.problem import flight_problem
-from gcs.plan.trajectory import Plan
+from gcs.plan.ocp.problem import flight_problem
+from gcs.plan.search.homotopy_classes import best_way
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP
 from tools.bench.describe import alone

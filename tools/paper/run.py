@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import gcs
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import Report
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import Report
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

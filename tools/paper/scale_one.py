@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 import gcs
-from gcs.plan.problem import flight_problem
+from gcs.plan.ocp.problem import flight_problem
 from tools.bench import coupled
 from tools.bench.describe import alone, uniform
 from tools.bench.memory import peak_mb

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.plan.verify import Report
+from gcs.plan.verification.verify import Report
 from gcs.scenario.environment.terrain import ground_height_m
 from tools.paper.claims import Claim
 from tools.paper.track import Track, rms, turns

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify_shape import nearest_pair_m
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.formation_checks import nearest_pair_m
 from gcs.scenario.environment.terrain import ground_height_m
 
 

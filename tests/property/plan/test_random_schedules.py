@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gcs.errors import Infeasible
 from gcs.plan.planner import make_plan
-from gcs.plan.verify import verify
+from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
 from tests.unit.plan.formations import fleet

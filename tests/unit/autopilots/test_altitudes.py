@@ -14,7 +14,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.build import build_missions
 from gcs.mission.model import Command
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.missions.keep import kept
 from sim_bridge.personality import by_name
 

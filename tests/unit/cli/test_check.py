@@ -10,9 +10,9 @@ import pytest
 
 from gcs.cli import main
 from gcs.cli.check import FINDINGS
-from gcs.plan.store import save_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 
 PLANNED = ("--timing", "planned")
 

@@ -10,7 +10,7 @@ from gcs.flight.follow import IGNORED_M, FollowCourse, LeaderDeviation
 from gcs.flight.monitor import VehicleView
 from gcs.mission.setpoints import build_stream
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 T0 = 1_700_000_000.0
 

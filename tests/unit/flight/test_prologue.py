@@ -20,7 +20,7 @@ from gcs.link.command import CommandRefused
 from gcs.link.message import GROUND, Message
 from gcs.link.session import VehicleSession
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
 ON_THE_GROUND = 1  # MAV_LANDED_STATE

@@ -17,7 +17,7 @@ from gcs.flight.truth import Truth
 from gcs.link.codec import Codec
 from gcs.link.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0
 

@@ -16,7 +16,7 @@ from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMiss
 from gcs.mission.simplify import Flown, deviation
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory import Phase, Plan, Trajectory
+from gcs.plan.trajectory.trajectory import Phase, Plan, Trajectory
 from gcs.scenario.environment.terrain import ground_height_m
 
 

@@ -29,7 +29,7 @@ from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.waypoints import read_waypoints
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from gcs.mission.return_parameters import FENCE_ABOVE_M, return_parameters
 from gcs.mission.returns import Returning, ReturnSpeeds, pair_distances
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed
 

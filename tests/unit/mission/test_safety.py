@@ -13,7 +13,7 @@ from gcs.frames import Origin, geodetic_to_ned
 from gcs.mission.geofence import Place
 from gcs.mission.safety import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 def flat(places: tuple[Place, ...], plan: Plan) -> Array:

@@ -20,7 +20,7 @@ from gcs.mission.setpoints import build_stream, of_vehicle
 from gcs.mission.setpoints_csv import read_setpoints, write_setpoints
 from gcs.mission.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 @pytest.mark.parametrize("rate_hz", [3.0, 10.0, 25.0, 30.0])

@@ -16,7 +16,7 @@ from gcs.mission.setpoints import build_stream, of_vehicle
 from gcs.mission.setpoints_csv import read_setpoints
 from gcs.mission.smooth import SHORTEST_KNOT_S, SmoothPath, smoothed
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 TOLERANCE_M = 0.1

@@ -10,7 +10,7 @@ import pytest
 from gcs.mission.build import build_missions
 from gcs.mission.model import Command
 from gcs.mission.start import starting_at
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 
 def test_the_wait_names_the_time_of_day(simulation1_plan: Plan) -> None:

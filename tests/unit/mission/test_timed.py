@@ -20,7 +20,7 @@ from gcs.mission.mission_files import MissionOrder, make_missions
 from gcs.mission.model import Altitude, Command
 from gcs.mission.safety import build_safety
 from gcs.mission.timed import corrected_legs
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 Plans = Callable[[str], Plan]
 LATE_S, SPREAD_S = 2.0, 0.2

@@ -20,7 +20,7 @@ from gcs.mission.model import Altitude
 from gcs.mission.planfile import PlanFile, write_plan_file
 from gcs.mission.verify_export import verify_box
 from gcs.mission.waypoints import WaypointFile, write_waypoints
-from gcs.plan.trajectory import Plan
+from gcs.plan.trajectory.trajectory import Plan
 
 Tamper = Callable[[PlanFile], PlanFile]
 

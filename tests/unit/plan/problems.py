@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PPoly
 
-from gcs.plan.problem import Problem, flight_problem
-from gcs.plan.trajectory import Trajectory
+from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 
 FLAT = {"ripple": None, "mountains": {}}

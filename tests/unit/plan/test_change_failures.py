@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.plan import schedule
-from gcs.plan.formation.timeline import in_turn, lay, stops_ned_m
-from gcs.plan.guess import along, straight_way
+from gcs.plan.formation.changes.timeline import in_turn, lay, stops_ned_m
+from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
-from gcs.plan.problem import flight_problem
-from gcs.plan.route import find_routes, survey
-from gcs.plan.schedule import optimise_on_schedule
-from gcs.plan.verify import verify
+from gcs.plan.search import shape_schedule
+from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.routes import find_routes, survey
+from gcs.plan.search.shape_schedule import optimise_on_schedule
+from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, SWAPPED, TO_ROW, TURN, at, auto, fleet, gap
@@ -156,8 +156,8 @@ def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simul
 
 
 def test_a_gate_that_never_settles_says_so(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(schedule, "_LATE_S", 0.0)
-    monkeypatch.setattr(schedule, "_TRIES", 2)
+    monkeypatch.setattr(shape_schedule, "_LATE_S", 0.0)
+    monkeypatch.setattr(shape_schedule, "_TRIES", 2)
     problem = flight_problem(fleet(simulation1, changes=({**LITTLE, "gate_m": GATE},)))
     with pytest.raises(PlanningError, match=r"after 2 tries the leader still crosses a gate \d\.\d\d s from") as caught:
         optimise_on_schedule(problem, along(problem, straight_way(problem)))

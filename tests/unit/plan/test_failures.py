@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from gcs.errors import Infeasible, PlanningError
-from gcs.plan import refine
-from gcs.plan import solve as solve_module
-from gcs.plan.mesh import Mesh, end_refined
+from gcs.plan.nlp import ipopt as solve_module
+from gcs.plan.nlp import mesh_refinement
+from gcs.plan.nlp.ipopt import solve
+from gcs.plan.nlp.mesh import Mesh, end_refined
+from gcs.plan.nlp.transcription import Program, transcribe
+from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
-from gcs.plan.problem import flight_problem
-from gcs.plan.solve import solve
-from gcs.plan.transcription import Program, transcribe
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, changed, meadow, straight
 
@@ -110,11 +110,11 @@ def test_the_planner_passes_it_on(simulation1: Scenario, tables: dict[str, Any])
 
 
 def test_a_mesh_that_is_never_good_enough_is_a_failure(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(refine, "MAX_ROUNDS", 1)
+    monkeypatch.setattr(mesh_refinement, "MAX_ROUNDS", 1)
     disk = {"north_m": 20.0, "east_m": 8.0, "radius_m": 4.0}
     problem = flight_problem(meadow(alone(simulation1), no_fly=[disk]))
     with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly zone 1 broken by .* m at .* s"):
-        refine.optimise(problem, straight(problem))
+        mesh_refinement.optimise(problem, straight(problem))
 
 
 def test_a_second_solve_knows_the_first(simulation1: Scenario) -> None:

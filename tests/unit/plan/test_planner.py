@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from gcs.physics.quadrotor import derivative
 from gcs.plan import planner
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory import Plan, Trajectory, joined
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.trajectory import Plan, Trajectory, joined
+from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, changed, meadow

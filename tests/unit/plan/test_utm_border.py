@@ -16,8 +16,8 @@ from gcs.mission.build import build_missions
 from gcs.mission.model import Command
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario, Terrain
 from tests.unit.plan.problems import changed, meadow

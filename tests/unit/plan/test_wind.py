@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from gcs.errors import PlanningError, ScenarioError
 from gcs.physics.quadrotor import derivative, hover_trim
 from gcs.physics.wind import SteadyWind
-from gcs.plan.ground_phases import vertical
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory import Plan
-from gcs.plan.verify import verify
+from gcs.plan.trajectory.ground_phases import vertical
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import quadrotor, steady_wind

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.formation.changes.transforms import rotation
 from gcs.plan.formation.error import formation_error_m, formation_errors_m
 from gcs.plan.formation.graph import information_graph
 from gcs.plan.formation.shape import joined, rigid, stretched
-from gcs.plan.formation.transforms import rotation
 from gcs.scenario.formations import places_up_m
 
 PLACES = places_up_m("triangle", 10, 4.0)

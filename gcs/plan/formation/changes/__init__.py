@@ -1,0 +1,1 @@
+"""How a formation changes its shape: rotation, shrinking, reassignment, and when they happen."""

@@ -1,0 +1,298 @@
+"""A scenario's changes of shape, one after another: the formation's shape at every instant of the flight.
+
+Knows: what each change does to the places, how long it takes, and that changes neither overlap nor leave anyone too
+near another. Does not know: the leader's trajectory (when gates are crossed is told), changes the planner decides.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
+from gcs.plan.formation.changes.reshape import SLACK_M, reshape
+from gcs.plan.formation.changes.time_scaling import NOTHING, least_duration
+from gcs.plan.formation.changes.transforms import (
+    paper_reshape_time_s,
+    paper_rotation_time_s,
+    paper_shrink_time_s,
+    rotated,
+    rotation,
+    shrinking,
+)
+from gcs.plan.formation.coordinates import budget_of_each
+from gcs.plan.formation.separation import least_gap
+from gcs.plan.formation.shape import Shape, joined, rigid, stretched
+from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.si import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
+
+_SLACK_S = 1e-9
+_KEYS = "change_speed_mps or change_accel_mps2"
+_DOWN = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Move:
+    """One change of shape as it is flown, for people."""
+
+    kind: str
+    name: str
+    trigger: str
+    start_s: float
+    end_s: float
+    paper_time_s: float  # Eqs. 8, 12, 14: a bound from below
+    limited_by: str
+    way: str
+    least_gap_m: float  # between any two vehicles, from start to end
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """The shape over the flight, and what changes it."""
+
+    shape: Shape
+    moves: tuple[Move, ...]
+
+
+@dataclass(frozen=True)
+class _Made:
+    """One change without its time: from one rigid formation to the next."""
+
+    change: Change
+    name: str
+    before_ned_m: Array  # (V, 3)
+    after_ned_m: Array  # (V, 3)
+    legs: tuple[tuple[Shape, float], ...]  # on [0, 1], and the seconds each takes
+    paper_time_s: float
+    limited_by: str
+    way: str
+    least_gap_m: float
+
+    @property
+    def duration_s(self) -> float:
+        return sum(seconds for _, seconds in self.legs)
+
+
+def scheduled(scenario: Scenario) -> tuple[Change, ...]:
+    """Changes that begin at a time or a gate, in order; automatic ones are the planner's."""
+    return tuple(change for change in scenario.formation.change if not change.auto)
+
+
+def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
+    """The rigid shapes (V, 3) of the schedule: the first, and what each change leads to. Raises as `lay`."""
+    return (offsets_ned_m(scenario), *(made.after_ned_m for made in _made(scenario)))
+
+
+def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
+    """The times nearest to `starts_s` at which changes that gates trigger neither overlap nor outlast the flight.
+
+    For times that are only guessed; what `at_s` says is left alone.
+    """
+    made = _made(scenario)
+    starts = list(starts_s)
+    for i in reversed(range(len(starts))):
+        if made[i].change.gate_m is not None:
+            next_s = starts[i + 1] if i + 1 < len(starts) else end_s
+            starts[i] = min(starts[i], next_s - made[i].duration_s)
+    for i in range(len(starts)):
+        if made[i].change.gate_m is not None:
+            ready_s = starts[i - 1] + made[i - 1].duration_s if i > 0 else 0.0
+            starts[i] = max(starts[i], ready_s)
+    return tuple(starts)
+
+
+def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: float) -> Timeline:
+    """The shape from start to end of the flight with every scheduled change begun at its time in `starts_s`.
+
+    Raises `Infeasible` for a change that begins before the one before it has ended, does not end with the flight, or
+    brings two vehicles nearer than the separation; it names them.
+    """
+    offsets = offsets_ned_m(scenario)
+    parts: list[Shape] = []
+    moves: list[Move] = []
+    now_s = start_s
+    for made, asked_s in zip(_made(scenario), starts_s, strict=True):
+        begin_s = _begin(made, asked_s, now_s, moves[-1].name if moves else "")
+        _check_end(made, begin_s, end_s)
+        if begin_s > now_s:
+            parts.append(rigid(made.before_ned_m, now_s, begin_s))
+        now_s = begin_s
+        for leg, seconds in made.legs:
+            finish_s = now_s + seconds
+            # The flight's end to the last bit: the next phase begins there.
+            parts.append(stretched(leg, now_s, end_s if abs(finish_s - end_s) <= _SLACK_S else finish_s))
+            now_s = parts[-1].end_s
+        offsets = made.after_ned_m
+        moves.append(
+            Move(
+                kind=made.change.kind,
+                name=made.name,
+                trigger=_trigger(made.change),
+                start_s=begin_s,
+                end_s=now_s,
+                paper_time_s=made.paper_time_s,
+                limited_by=made.limited_by,
+                way=made.way,
+                least_gap_m=made.least_gap_m,
+            )
+        )
+    if now_s < end_s:
+        parts.append(rigid(offsets, now_s, end_s))
+    return Timeline(joined(parts), tuple(moves))
+
+
+def gate_crossing_s(gate_m: tuple[tuple[float, float], ...], times_s: Array, positions_ned_m: Array) -> float | None:
+    """When a track (N, 3) at times (N,) first crosses the line between two points (north, east); None if never.
+
+    The track is taken as straight from one instant to the next; its ends and the gate's belong to them.
+    """
+    a, b = np.array(gate_m)
+    along = b - a
+    seen = positions_ned_m[:, :2] - a
+    across = along[0] * seen[:, 1] - along[1] * seen[:, 0]
+    before, after = across[:-1], across[1:]
+    crossing = (before * after <= 0.0) & ((before != 0.0) | (after != 0.0))
+    share = np.divide(before, before - after, out=np.zeros_like(before), where=crossing)
+    places = seen[:-1] + share[:, None] * np.diff(seen, axis=0)
+    where = places @ along / (along @ along)
+    hits = np.flatnonzero(crossing & (where >= 0.0) & (where <= 1.0))
+    if len(hits) == 0:
+        return None
+    first = hits[0]
+    return float(times_s[first] + share[first] * (times_s[first + 1] - times_s[first]))
+
+
+@lru_cache(maxsize=8)  # gates move while the planner looks for the flight; what the changes are does not
+def _made(scenario: Scenario) -> tuple[_Made, ...]:
+    offsets = offsets_ned_m(scenario)
+    found: list[_Made] = []
+    for change in scheduled(scenario):
+        made = {"rotate": _rotated, "shrink": _shrunk, "reshape": _reshaped}[change.kind](scenario, change, offsets)
+        found.append(made)
+        offsets = made.after_ned_m
+    return tuple(found)
+
+
+def _rotated(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+    assert change.angle_deg is not None
+    angle_rad = math.radians(change.angle_deg)
+    # North, east, up and north, east, down name the same direction; right-handed about it means the same turn.
+    axis = _DOWN if change.axis is None else np.array(change.axis) * NED_FROM_UP
+    about = "" if change.axis is None else " about ({:g}, {:g}, {:g})".format(*change.axis)
+    return _timed(
+        scenario,
+        change,
+        name=f"rotate {change.angle_deg:g} deg{about}",
+        stops=(offsets, rotated(offsets, axis, angle_rad)),
+        legs=(rotation(offsets, axis, angle_rad),),
+        paper_time_s=paper_rotation_time_s(offsets, axis, angle_rad, scenario.formation.change_speed_mps),
+        way="as one rigid body",
+        least_gap_m=least_gap(offsets)[0],
+    )
+
+
+def _shrunk(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+    assert change.scale is not None
+    name = f"shrink to {change.scale:g}" if change.scale <= 1.0 else f"grow to {change.scale:g}"
+    gap_m, i, j = least_gap(offsets)
+    least_m = scenario.limits.separation_min_m
+    if gap_m * change.scale < least_m - SLACK_M:
+        ids = sysids(scenario)
+        smallest = math.ceil(1000.0 * least_m / gap_m) / 1000.0
+        raise Infeasible(
+            f"{name}: vehicles {ids[i]} and {ids[j]} would be {gap_m * change.scale:.2f} m apart; "
+            f"separation_min_m is {least_m:g} m",
+            hint=f"let scale be {smallest:g} or more, or begin with a larger spacing",
+        )
+    return _timed(
+        scenario,
+        change,
+        name=name,
+        stops=(offsets, change.scale * offsets),
+        legs=(shrinking(offsets, change.scale),),
+        paper_time_s=paper_shrink_time_s(offsets, change.scale, scenario.formation.change_speed_mps),
+        way="in proportion",
+        least_gap_m=gap_m * min(1.0, change.scale),
+    )
+
+
+def _reshaped(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+    assert change.to is not None
+    name = f'reshape to "{change.to}"'
+    try:
+        made = reshape(
+            offsets,
+            shape_offsets_ned_m(scenario, change.to),
+            leader_index(scenario),
+            scenario.limits.separation_min_m,
+            fixed=change.assignment == "fixed",
+            sysids=sysids(scenario),
+        )
+    except Infeasible as error:
+        raise Infeasible(f"{name}: {error.message}", hint=error.hint) from error
+    after = made.offsets_after_ned_m
+    return _timed(
+        scenario,
+        change,
+        name=name,
+        stops=(offsets, after),
+        legs=made.legs,
+        paper_time_s=paper_reshape_time_s(offsets, after, scenario.formation.change_speed_mps),
+        way=made.way,
+        least_gap_m=made.least_distance_m,
+    )
+
+
+def _timed(
+    scenario: Scenario,
+    change: Change,
+    *,
+    name: str,
+    stops: tuple[Array, Array],
+    legs: tuple[Shape, ...],
+    paper_time_s: float,
+    way: str,
+    least_gap_m: float,
+) -> _Made:
+    """The change with the least time for each leg; the limit named is that of the longest."""
+    limit = budget_of_each(scenario)
+    durations = [least_duration(leg, limit) for leg in legs]
+    _, limited_by = max(durations, default=(0.0, NOTHING))
+    timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
+    return _Made(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
+
+
+def _trigger(change: Change) -> str:
+    if change.gate_m is not None:
+        (n1, e1), (n2, e2) = change.gate_m
+        return f"gate ({n1:g}, {e1:g})-({n2:g}, {e2:g})"
+    return f"at {change.at_s:g} s"
+
+
+def _begin(made: _Made, asked_s: float, now_s: float, before: str) -> float:
+    """When the change begins: as asked, unless the formation is not ready then."""
+    if asked_s >= now_s - _SLACK_S:
+        return max(asked_s, now_s)
+    earliest_s = math.ceil(100.0 * now_s - _SLACK_S) / 100.0
+    then = f'"{before}" has ended' if before else "the flight"
+    raise Infeasible(
+        f'the change "{made.name}" ({_trigger(made.change)}) would begin at {asked_s:.2f} s, '
+        f"{now_s - asked_s:.2f} s before {then}",
+        hint=f"let it begin at {earliest_s:.2f} s or later; changes are shorter with a larger {_KEYS}",
+    )
+
+
+def _check_end(made: _Made, begin_s: float, end_s: float) -> None:
+    over_s = begin_s + made.duration_s - end_s
+    if over_s <= _SLACK_S:
+        return
+    latest_s = math.floor(100.0 * (end_s - made.duration_s)) / 100.0
+    raise Infeasible(
+        f'the change "{made.name}" ({_trigger(made.change)}) begins at {begin_s:.2f} s and takes '
+        f"{made.duration_s:.2f} s: it would end {over_s:.2f} s after the flight does",
+        hint=f"let it begin at {latest_s:.2f} s or earlier, give more time ([time] flight_s), or a larger {_KEYS}",
+    )

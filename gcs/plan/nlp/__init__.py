@@ -1,0 +1,1 @@
+"""The Gauss pseudospectral method: transcription, IPOPT, mesh refinement (Eqs. 36-50)."""

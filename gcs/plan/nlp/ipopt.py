@@ -1,0 +1,142 @@
+"""One nonlinear program handed to IPOPT, and its failures said in words.
+
+Knows: IPOPT's options and statuses. Does not know: what the unknowns mean beyond the names of their constraints.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gcs.errors import Infeasible, PlanningError
+from gcs.physics.quadrotor import Array
+from gcs.plan.nlp.transcription import Program
+
+OPTIONS = {
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-6,
+    "ipopt.max_iter": 250,  # what succeeds takes 20 to 100
+    # MUMPS' own scaling only costs time here: the program is scaled where it is made.
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.mumps_scaling": 0,
+    # Approximate minimum fill: half the time of MUMPS' own choice on long flights, the same on short ones.
+    "ipopt.mumps_pivot_order": 2,
+}
+# With a shape that moves by itself blocks are larger, and approximate minimum degree takes two thirds of the time.
+_SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
+# With the time unknown, limits are ridden and change hands; a barrier that may grow again finds its way sooner.
+_TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
+WARM_OPTIONS = {
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.warm_start_bound_push": 1e-6,
+    "ipopt.warm_start_bound_frac": 1e-6,
+    "ipopt.warm_start_slack_bound_push": 1e-6,
+    "ipopt.warm_start_slack_bound_frac": 1e-6,
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+    "ipopt.mu_init": 1e-6,
+}
+# CasADi ends a solve at Ctrl-C, keeps the exception to itself and reports this, and nothing else so.
+_INTERRUPTED = "NonIpopt_Exception_Thrown"
+_IN_WORDS = {
+    "Infeasible_Problem_Detected": "no motion satisfies all constraints near the one it tried",
+    "Maximum_Iterations_Exceeded": "it ran out of iterations",
+    "Restoration_Failed": "it could not get closer to satisfying the constraints",
+    "Invalid_Number_Detected": "a function returned a number that is not finite",
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Unknowns that satisfy the program to the solver's tolerance, and what they cost."""
+
+    y: Array
+    y_multipliers: Array  # of the bounds of y
+    g_multipliers: dict[tuple[str, float], float]  # of the rows of g, by their names
+    objective: float
+    iterations: int
+    seconds: float
+
+
+def solve(program: Program, start: Array, before: Solution | None = None) -> Solution:
+    """Minimise from `start`, warm where there is a solution on the mesh `before`.
+
+    Raises Infeasible or PlanningError with the solver's status, the worst constraint and what stands against it;
+    KeyboardInterrupt at Ctrl-C.
+    """
+    began = time.perf_counter()
+    options: dict[str, Any] = {**OPTIONS}
+    if program.layout.coordinates:
+        options |= _SHAPE_OPTIONS
+    if len(program.y_low) > program.layout.size:
+        options |= _TIME_OPTIONS
+    guess: dict[str, Any] = {"x0": start}
+    if before is not None:
+        options |= WARM_OPTIONS
+        guess["lam_g0"] = [before.g_multipliers.get(row, 0.0) for row in program.g_names]
+        if len(before.y) == len(start):
+            guess["lam_x0"] = before.y_multipliers
+    found = run(solver(program.nlp, program.derivatives, options), program, guess)
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: dict[str, Any]) -> ca.Function:
+    """IPOPT for one program, whatever its parameters and bounds are."""
+    return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
+
+
+def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solution:
+    """One solve from a guess (x0, and where known lam_x0, lam_g0); raises as `solve` does."""
+    began = time.perf_counter()
+    bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
+    result = solver(p=program.parameters, **bounds, **guess)
+    stats = solver.stats()
+    y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
+    if stats["return_status"] == _INTERRUPTED:
+        raise KeyboardInterrupt
+    if not stats["success"]:
+        raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
+    return Solution(
+        y,
+        y_multipliers,
+        dict(zip(program.g_names, g_multipliers.tolist(), strict=True)),
+        float(result["f"]),
+        int(stats["iter_count"]),
+        time.perf_counter() - began,
+    )
+
+
+def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Array, status: str) -> PlanningError:
+    g = np.asarray(program.nlp(y, program.parameters)[1]).ravel()
+    excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
+    worst = int(np.argmax(excess))
+    name, t_s = program.g_names[worst]
+    reason = _IN_WORDS.get(status, "the solver gave up")
+    kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
+    against = _in_the_way(program, y_multipliers, g_multipliers)
+    return kind(
+        f"no plan: {reason} (IPOPT: {status}); furthest from being held is {name} at t = {t_s:.1f} s"
+        + (f", against the {against}" if against else ""),
+        hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m) or a smaller clearance",
+    )
+
+
+def _in_the_way(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
+    """The limit and the obstacle that the equations push against hardest, by multipliers summed over the flight."""
+    limits: dict[str, float] = defaultdict(float)
+    obstacles: dict[str, float] = defaultdict(float)
+    for i in np.flatnonzero(program.y_low < program.y_high):
+        limits[program.y_names[i]] += abs(y_multipliers[i])
+    for i in np.flatnonzero(program.g_low < program.g_high):
+        name, _ = program.g_names[i]
+        (limits if name in limits else obstacles)[name] += abs(g_multipliers[i])
+    most = [max(push.items(), key=itemgetter(1)) for push in (limits, obstacles) if push]
+    least = 0.01 * max(push for _, push in most)
+    return " and the ".join(name for name, push in most if np.isfinite(push) and push > least)

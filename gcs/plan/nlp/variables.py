@@ -1,0 +1,221 @@
+"""Where the unknowns of the transcription stand, and the constant matrices that act on them (Eqs. 37-47).
+
+Knows: meshes, Lagrange polynomials, sparse matrices; that states and controls at any instant are linear in unknowns.
+Does not know: CasADi, vehicles, bounds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.nlp.gauss import barycentric_weights, gauss_rule, lagrange_matrix
+from gcs.plan.nlp.mesh import Mesh
+
+NX, NU = 12, 4  # of the vehicle alone
+# What people call each number.
+STATE_WORDS = (
+    *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
+    *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
+)
+CONTROL_WORDS = ("thrust U1", "control U2", "control U3", "control U4")
+CHAIN_WORDS = ("", "'s rate", "'s acceleration", "'s jerk")
+
+
+class ControlForm(Enum):
+    """What the control is between its unknowns."""
+
+    LINEAR = "piecewise linear through the joints"
+    LAGRANGE = "on each interval the polynomial through its nodes (Eq. 41)"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each unknown stands in w, and instants on the mesh."""
+
+    mesh: Mesh
+    control_form: ControlForm = ControlForm.LINEAR
+    coordinates: tuple[str, ...] = ()  # of the shape: each adds a chain of four integrators to state and control
+
+    @property
+    def nx(self) -> int:
+        """Number of state components at one instant."""
+        return NX + 4 * len(self.coordinates)
+
+    @property
+    def nu(self) -> int:
+        """Number of control components at one instant."""
+        return NU + len(self.coordinates)
+
+    @property
+    def nz(self) -> int:
+        """Number of components of state and control at one instant."""
+        return self.nx + self.nu
+
+    @cached_property
+    def state_words(self) -> tuple[str, ...]:
+        """What people call each state component."""
+        return (*STATE_WORDS, *(f"{name}{word}" for name in self.coordinates for word in CHAIN_WORDS))
+
+    @cached_property
+    def control_words(self) -> tuple[str, ...]:
+        """What people call each control component."""
+        return (*CONTROL_WORDS, *(f"{name}'s snap" for name in self.coordinates))
+
+    @cached_property
+    def first_node(self) -> list[int]:
+        """Index (M+1) of each interval's first node."""
+        return [0, *itertools.accumulate(self.mesh.degrees)]
+
+    @property
+    def nodes(self) -> int:
+        """Number N of collocation nodes."""
+        return sum(self.mesh.degrees)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns: states at joints and nodes, controls at either."""
+        return self.nx * self.state_points + self.nu * self.control_points
+
+    @property
+    def state_points(self) -> int:
+        """Number of instants at which the state is an unknown."""
+        return self.mesh.intervals + 1 + self.nodes
+
+    @property
+    def control_points(self) -> int:
+        """Number of instants at which the control is an unknown."""
+        return self.nodes if self.control_form is ControlForm.LAGRANGE else self.mesh.intervals + 1
+
+    def joint(self, i: int) -> int:
+        """Index of the first state component at joint i."""
+        return self.nx * i
+
+    def node(self, i: int, k: int) -> int:
+        """Index of the first state component at node k of interval i."""
+        return self.nx * (self.mesh.intervals + 1 + self.first_node[i] + k)
+
+    def control(self, point: int) -> int:
+        """Index of the first control component at control point `point`: a joint, or a node of Eq. 41."""
+        return self.nx * self.state_points + self.nu * point
+
+    def control_support(self, i: int) -> tuple[range, Array]:
+        """Control points (S) that interval i's control runs through, and where on [-1, 1] they stand, (S,)."""
+        if self.control_form is ControlForm.LAGRANGE:
+            return range(self.first_node[i], self.first_node[i + 1]), gauss_rule(self.mesh.degrees[i]).nodes
+        return range(i, i + 2), np.array([-1.0, 1.0])
+
+    def control_times_s(self) -> Array:
+        """Instants of all control points."""
+        return self.node_times_s() if self.control_form is ControlForm.LAGRANGE else self.mesh.joints_s
+
+    def names(self) -> tuple[str, ...]:
+        """What limits each unknown, in words."""
+        states, controls = (
+            tuple(f"limit of {name}" for name in words) for words in (self.state_words, self.control_words)
+        )
+        return (*states * self.state_points, *controls * self.control_points)
+
+    def node_times_s(self) -> Array:
+        """Instants (N,) of all nodes."""
+        joints = self.mesh.joints_s
+        return np.concatenate(
+            [
+                joints[i] + 0.5 * (joints[i + 1] - joints[i]) * (gauss_rule(d).nodes + 1.0)
+                for i, d in enumerate(self.mesh.degrees)
+            ]
+        )
+
+    def sampling(self, times_s: Array) -> sparse.csc_matrix:
+        """S (nz T, size): unknowns -> state and control at the given instants."""
+        rows, cols, values = [], [], []
+        intervals = np.clip(np.searchsorted(self.mesh.joints_s, times_s, side="right") - 1, 0, self.mesh.intervals - 1)
+        for point, (t, i) in enumerate(zip(times_s, intervals, strict=True)):
+            low, high = self.mesh.joints_s[i], self.mesh.joints_s[i + 1]
+            tau = np.array([2.0 * (t - low) / (high - low) - 1.0])
+            rule = gauss_rule(self.mesh.degrees[i])
+            weights = rule.interpolation(tau)[0]
+            starts = [self.joint(i), *(self.node(i, k) for k in range(rule.degree))]
+            for start, weight in zip(starts, weights, strict=True):
+                if abs(weight) > 1e-14:
+                    rows.append(self.nz * point + np.arange(self.nx))
+                    cols.append(start + np.arange(self.nx))
+                    values.append(np.full(self.nx, weight))
+            points, support = self.control_support(i)
+            weights = lagrange_matrix(support, barycentric_weights(support), tau)[0]
+            for control, weight in zip(points, weights, strict=True):
+                if abs(weight) > 1e-14:
+                    rows.append(self.nz * point + self.nx + np.arange(self.nu))
+                    cols.append(self.control(control) + np.arange(self.nu))
+                    values.append(np.full(self.nu, weight))
+        return _matrix(rows, cols, values, (self.nz * len(times_s), self.size))
+
+    def point_times_s(self) -> Array:
+        """Instants of all state points: joints, then nodes."""
+        return np.concatenate([self.mesh.joints_s, self.node_times_s()])
+
+    def collocation(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+        """A, B of g = A w - B f: D times the states minus half the interval times f (44), and the joints (46)."""
+        a, b = _Triplets(self.nx), _Triplets(self.nx)
+        row = 0
+        for i, degree in enumerate(self.mesh.degrees):
+            rule = gauss_rule(degree)
+            half = 0.5 * (self.mesh.joints_s[i + 1] - self.mesh.joints_s[i])
+            first = self.nx * self.first_node[i]
+            starts = [self.joint(i), *(self.node(i, k) for k in range(degree))]
+            for k in range(degree):
+                for start, d in zip(starts, rule.differentiation[k], strict=True):
+                    a.add(row, start, d)
+                b.add(row, first + self.nx * k, half)
+                row += self.nx
+            a.add(row, self.joint(i + 1), 1.0)
+            a.add(row, self.joint(i), -1.0)
+            for k in range(degree):
+                b.add(row, first + self.nx * k, half * rule.weights[k])
+            row += self.nx
+        return a.matrix((row, self.size)), b.matrix((row, self.nx * self.nodes))
+
+    def collocation_times_s(self) -> Array:
+        """Instants (N + M,) of the rows of A and B, one for each state component: an interval's nodes, then its end."""
+        ends = np.cumsum(self.mesh.degrees)
+        return np.insert(self.node_times_s(), ends, self.mesh.joints_s[1:])
+
+    def quadrature(self) -> Array:
+        """Weights (N,) that integrate a function of time over the whole flight (Eq. 47)."""
+        lengths = np.diff(self.mesh.joints_s)
+        return np.concatenate(
+            [0.5 * h * gauss_rule(d).weights for h, d in zip(lengths, self.mesh.degrees, strict=True)]
+        )
+
+
+class _Triplets:
+    """Collects identity blocks of a sparse matrix."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.rows: list[NDArray[Any]] = []
+        self.cols: list[NDArray[Any]] = []
+        self.values: list[NDArray[Any]] = []
+
+    def add(self, row: int, col: int, value: float) -> None:
+        self.rows.append(row + np.arange(self.width))
+        self.cols.append(col + np.arange(self.width))
+        self.values.append(np.full(self.width, value))
+
+    def matrix(self, shape: tuple[int, int]) -> sparse.csc_matrix:
+        return _matrix(self.rows, self.cols, self.values, shape)
+
+
+def _matrix(
+    rows: list[NDArray[Any]], cols: list[NDArray[Any]], values: list[NDArray[Any]], shape: tuple[int, int]
+) -> sparse.csc_matrix:
+    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))) if rows else ([], ([], []))
+    return sparse.csc_matrix(triplets, shape=shape)

@@ -1,0 +1,142 @@
+"""What every vehicle may do at an instant, as bounds of the leader alone (Eqs. 22-29, 51).
+
+Knows: limits, and the formation's shape and its motion at any time. Does not know: transcription, solvers.
+By schedule the shape is a function of time, so the followers' limits become bounds of the leader that move with time
+and cost no constraint at all. What depends on coordinates the optimiser chooses is left to constraints.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.plan.nlp.variables import CONTROL_WORDS, STATE_WORDS
+from gcs.plan.ocp.problem import Problem
+
+_TILT = slice(6, 8)
+_TILT_RATES = slice(9, 11)
+# Tilt and its rates follow from acceleration and jerk over g where thrust equals weight; it may be a little less.
+_LIGHT = 1.2
+
+
+def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
+    """Bounds (T, nx), (T, nx) of the leader and of the shape's coordinates.
+
+    Raises Infeasible where the vehicles' places differ by more than a limit allows, as in lanes under a low ceiling.
+    """
+    low = np.tile(problem.state_low, (len(times_s), 1))
+    high = np.tile(problem.state_high, (len(times_s), 1))
+    least, most = _offset_range(problem, times_s, 0)
+    low[:, POSITION] -= least
+    high[:, POSITION] -= most
+    least, most = _offset_range(problem, times_s, 1)
+    low[:, VELOCITY] -= least
+    high[:, VELOCITY] -= most
+    gravity = problem.quadrotor.gravity_mps2
+    for part, order in ((_TILT, 2), (_TILT_RATES, 3)):
+        taken = _LIGHT / gravity * _push(problem, times_s, order)[:, None]
+        low[:, part] += taken
+        high[:, part] -= taken
+    _refuse_crossed(times_s, low, high, STATE_WORDS)
+    chains = [_chain(problem, c) for c in range(len(problem.coordinates))]
+    return (
+        np.hstack([low, *(np.tile(a, (len(times_s), 1)) for a, _ in chains)]),
+        np.hstack([high, *(np.tile(b, (len(times_s), 1)) for _, b in chains)]),
+    )
+
+
+def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
+    """Bounds (T, nu), (T, nu) of the leader's control and of the coordinates' snaps.
+
+    What the shape's own motion takes comes off the full limits, and the control margin stays where it is larger.
+    Raises Infeasible where it takes everything.
+    """
+    low = np.tile(problem.control_low, (len(times_s), 1))
+    high = np.tile(problem.control_high, (len(times_s), 1))
+    snaps = np.array([c.most[3] for c in problem.coordinates])
+    if problem.coordinates or problem.shape.moving_s:
+        _leave_room(problem, times_s, low, high)
+        _refuse_crossed(times_s, low, high, CONTROL_WORDS)
+    return (
+        np.hstack([low, np.tile(-snaps, (len(times_s), 1))]),
+        np.hstack([high, np.tile(snaps, (len(times_s), 1))]),
+    )
+
+
+def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, ...]) -> None:
+    """Raises Infeasible where bounds (T, n) leave the leader nothing."""
+    crossed = np.argwhere(low > high)
+    if not len(crossed):
+        return
+    t, number = crossed[0]
+    apart = words[number] in STATE_WORDS[POSITION]
+    raise Infeasible(
+        f"no plan: at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
+        f"of {words[number]} allows",
+        hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
+        if apart
+        else "make [formation] change_speed_mps or change_accel_mps2 smaller, or widen [limits]",
+    )
+
+
+def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> None:
+    """Draw control bounds (T, 4) in by what the shape's motion takes of the full limits."""
+    q = problem.quadrotor
+    least, most = _offset_range(problem, times_s, 2)
+    rate_least, rate_most = _offset_range(problem, times_s, 1)
+    # Eq. 1, third row: a vehicle that accelerates downwards needs less thrust.
+    lift_least = -q.mass_kg * most[:, 2] - q.drag_Nspm[2] * rate_most[:, 2]
+    lift_most = -q.mass_kg * least[:, 2] - q.drag_Nspm[2] * rate_least[:, 2]
+    full_low, full_high = problem.control_limits
+    low[:, 0] = np.maximum(low[:, 0], full_low[0] - lift_least)
+    high[:, 0] = np.minimum(high[:, 0], full_high[0] - lift_most)
+    snap = _LIGHT / q.gravity_mps2 * _push(problem, times_s, 4)
+    for axis in (1, 2):
+        taken = q.inertia_kgm2[axis - 1] / q.arm_m * snap
+        low[:, axis] = np.maximum(low[:, axis], full_low[axis] + taken)
+        high[:, axis] = np.minimum(high[:, axis], full_high[axis] - taken)
+
+
+def boundary_values(problem: Problem) -> tuple[Array, Array, Array]:
+    """States (nx,) at the start and, low and high (nx,), at the end: Eqs. 15, 16 and a shape at rest."""
+    start = [problem.start_state]
+    low, high = [problem.end_state], [problem.end_state]
+    for c in problem.coordinates:
+        rest = np.array([c.rest, 0.0, 0.0, 0.0])
+        start.append(rest)
+        low.append(np.array([c.low, 0.0, 0.0, 0.0]) if c.free_end else rest)
+        high.append(np.array([c.high, 0.0, 0.0, 0.0]) if c.free_end else rest)
+    return np.concatenate(start), np.concatenate(low), np.concatenate(high)
+
+
+def _chain(problem: Problem, number: int) -> tuple[Array, Array]:
+    coordinate = problem.coordinates[number]
+    most = np.array(coordinate.most[:3])
+    return np.concatenate([[coordinate.low], -most]), np.concatenate([[coordinate.high], most])
+
+
+def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, Array]:
+    """Least and largest offset (T, 3), or derivative, of any vehicle; with coordinates only the leader's is certain."""
+    if problem.coordinates or (order > 0 and not problem.shape.moving_s):
+        return np.zeros((len(times_s), 3)), np.zeros((len(times_s), 3))
+    offsets = problem.shape.offsets(times_s, order)
+    return offsets.min(axis=0), offsets.max(axis=0)
+
+
+def _push(problem: Problem, times_s: Array, order: int) -> Array:
+    """Largest horizontal derivative (T,) of what thrust has to do for the shape: its acceleration and its drag."""
+    if not problem.coordinates and not problem.shape.moving_s:
+        return np.zeros(len(times_s))
+    q = problem.quadrotor
+    drag_per_s = max(q.drag_Nspm[:2]) / q.mass_kg
+    return _sideways(problem, times_s, order) + drag_per_s * _sideways(problem, times_s, order - 1)
+
+
+def _sideways(problem: Problem, times_s: Array, order: int) -> Array:
+    """Largest horizontal derivative (T,) of any vehicle's offset."""
+    if problem.coordinates:
+        limit = problem.change_budget
+        return np.full(len(times_s), (limit.speed_mps, limit.accel_mps2, limit.jerk_mps3, limit.snap_mps4)[order - 1])
+    moving = problem.shape.offsets(times_s, order)
+    return np.asarray(np.hypot(moving[..., 0], moving[..., 1]).max(axis=0))

@@ -1,0 +1,225 @@
+"""The leader's optimal control problem in numbers: bounds, ends, objective and what the followers add (Eqs. 15-35, 51).
+
+Knows: one flight between two states, in SI and NED. Does not know: how it is discretised or solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Quadrotor, hover_trim
+from gcs.plan.formation.changes.time_scaling import Budget, budget
+from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
+from gcs.plan.formation.shape import Shape, rigid
+from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor
+
+TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
+    "1": lambda t, tf: np.ones_like(t),
+    "t^2": lambda t, tf: t**2,
+    "1/(tf-t+0.5)": lambda t, tf: 1.0 / (tf - t + 0.5),
+    "1/(tf-t+0.5)^2": lambda t, tf: 1.0 / (tf - t + 0.5) ** 2,
+}
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Eq. 35 with each term divided by its reference, so that its weights compare like with like."""
+
+    energy_weight: float
+    heading_weight: float
+    height_weight: float
+    terminal_weight: TerminalWeight
+    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
+    heading_ref_rad: float
+    heading_scale_rad: float
+    height_ref_m: float
+    height_scale_m: float
+
+
+@dataclass(frozen=True)
+class FreeTime:
+    """A time of flight that is an unknown like any other, and what it costs."""
+
+    earliest_s: float
+    latest_s: float
+    weight: float  # cost of `reference_s` seconds
+    reference_s: float  # also the time over which energy is a mean
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Fly the leader from one state to another in a given time; the followers ride along in a shape that may change.
+
+    State and control bounds are those of any one vehicle; `gcs.plan.ocp.bounds` folds the followers' into the leader's.
+    """
+
+    scenario: Scenario
+    quadrotor: Quadrotor
+    start_s: float
+    end_s: float
+    start_state: Array  # (12,)
+    end_state: Array  # (12,)
+    state_low: Array  # (12,)
+    state_high: Array  # (12,)
+    control_low: Array  # (4,)
+    control_high: Array  # (4,)
+    shape: Shape  # offsets by schedule; where there are coordinates, before these scale, turn and blend it
+    objective: Objective
+    coordinates: tuple[Coordinate, ...] = ()
+    clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
+    free_time: FreeTime | None = None  # then end_s is a guess
+    spare_disks: int = 0  # the last so many zones are disks of which only parameters say where they are
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the flight."""
+        return self.end_s - self.start_s
+
+    @property
+    def control_limits(self) -> tuple[Array, Array]:
+        """Eq. 51's control limits (4,), (4,), without the margin for feedback."""
+        return control_bounds(self.scenario)
+
+    @cached_property
+    def change_budget(self) -> Budget:
+        """What the shape's own motion may use."""
+        return budget(self.scenario)
+
+    @cached_property
+    def target_ned_m(self) -> Array:
+        """Shape (V, 3) that a blend leads to."""
+        return target_ned_m(self.scenario)
+
+    @cached_property
+    def has_heights(self) -> bool:
+        """Whether vehicles fly higher or lower than the leader in some shape."""
+        return bool(self.shape.basis_ned_m[..., 2].any() or self.target_ned_m[:, 2].any())
+
+    @property
+    def leans_apart(self) -> bool:
+        """Whether vehicles at different heights meet different winds."""
+        return self.quadrotor.wind.has_shear and self.has_heights
+
+    @property
+    def follows_course(self) -> bool:
+        """Whether the formation turns with the leader's course."""
+        return any(c.free_end for c in self.coordinates)
+
+    @property
+    def course_at_start_rad(self) -> float:
+        """Direction in which the formation faces at its heading's zero: the first course, or yaw of a start at rest."""
+        north, east = self.start_state[3:5]
+        return float(np.arctan2(east, north) if north or east else self.start_state[8])
+
+    @property
+    def has_box(self) -> bool:
+        """Whether the x-y box of Eq. 51 holds."""
+        return bool(np.all(np.isfinite(self.state_low)))
+
+    @property
+    def leader(self) -> int:
+        """Row of the leader."""
+        return leader_index(self.scenario)
+
+    @property
+    def vehicles(self) -> int:
+        """Number V of vehicles."""
+        return int(self.shape.basis_ned_m.shape[1])
+
+
+def flight_problem(scenario: Scenario) -> Problem:
+    """The paper's problem (§2.6): from Eq. 15 at t = 0 to Eq. 16 at the scenario's time of flight."""
+    low, high = state_bounds(scenario)
+    return _problem(
+        scenario,
+        0.0,
+        scenario.time.flight_s,
+        boundary_state(scenario, scenario.start),
+        boundary_state(scenario, scenario.end),
+        low,
+        high,
+        coordinates(scenario),
+    )
+
+
+def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
+    """From rest at the leader's hover `hover_ned_m` (3,) to the initial state at T0, outside the x-y box of Eq. 51."""
+    low, high = state_bounds(scenario)
+    low[:2], high[:2] = -np.inf, np.inf
+    end = boundary_state(scenario, scenario.start)
+    start = np.zeros(12)
+    start[POSITION] = hover_ned_m
+    start[8] = end[8]
+    _, start[6], start[7] = hover_trim(-float(hover_ned_m[2]), float(end[8]), quadrotor(scenario))
+    return _problem(scenario, -scenario.ground_phases.run_up_s, 0.0, start, end, low, high)
+
+
+def state_bounds(scenario: Scenario) -> tuple[Array, Array]:
+    """Eq. 51 as bounds (12,), (12,) of a vehicle's state."""
+    limits = scenario.limits
+    low, high = np.empty(12), np.empty(12)
+    boxes = np.array([limits.north_m, limits.east_m, np.negative(limits.height_m)[::-1]])
+    low[POSITION], high[POSITION] = boxes.T
+    for part, bound in (
+        (VELOCITY, np.array(limits.speed_ned_mps)),
+        (ATTITUDE, np.radians(limits.roll_pitch_yaw_deg)),
+        (RATES, np.radians(limits.rates_degps)),
+    ):
+        low[part], high[part] = -bound, bound
+    return low, high
+
+
+def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Array]:
+    """Eq. 51's control limits (4,), (4,), drawn towards hover by `margin` of their distance to it."""
+    limits = scenario.limits
+    hover = np.array([quadrotor(scenario).weight_N, 0.0, 0.0, 0.0])
+    torque = np.array(limits.torque)
+    low = np.concatenate([[limits.thrust_N[0]], -torque])
+    high = np.concatenate([[limits.thrust_N[1]], torque])
+    return hover + (1.0 - margin) * (low - hover), hover + (1.0 - margin) * (high - hover)
+
+
+def _problem(
+    scenario: Scenario,
+    start_s: float,
+    end_s: float,
+    start: Array,
+    end: Array,
+    low: Array,
+    high: Array,
+    shape_coordinates: tuple[Coordinate, ...] = (),
+) -> Problem:
+    control_low, control_high = control_bounds(scenario, scenario.limits.control_margin)
+    wanted = scenario.objective
+    weights = wanted.weights
+    length = float(np.linalg.norm((end - start)[POSITION]))
+    return Problem(
+        scenario=scenario,
+        quadrotor=quadrotor(scenario),
+        start_s=start_s,
+        end_s=end_s,
+        start_state=start,
+        end_state=end,
+        state_low=low,
+        state_high=high,
+        control_low=control_low,
+        control_high=control_high,
+        shape=rigid(offsets_ned_m(scenario), start_s, end_s),
+        coordinates=shape_coordinates,
+        objective=Objective(
+            energy_weight=weights[0],
+            heading_weight=weights[1],
+            height_weight=weights[2],
+            terminal_weight=wanted.terminal_weight,
+            speed_ref_mps=max(length / (end_s - start_s), 0.1),
+            heading_ref_rad=float(np.radians(wanted.heading_ref_deg)),
+            heading_scale_rad=float(np.radians(wanted.heading_scale_deg)),
+            height_ref_m=wanted.height_ref_m,
+            height_scale_m=wanted.height_scale_m,
+        ),
+    )

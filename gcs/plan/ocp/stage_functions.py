@@ -1,0 +1,278 @@
+"""Everything the optimiser asks of one instant z = (state, control): motion, cost rate and path constraints.
+
+Knows: Eq. 1, Eq. 35's integrands, Eqs. 17-29 in the leader's variables, and their exact derivatives (CasADi).
+Does not know: meshes, time, other instants.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.physics.quadrotor import equations_of_motion
+from gcs.plan.formation.coordinates import bent
+from gcs.plan.nlp.variables import NU, NX
+from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, Watched, zone_pieces
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.terrain_spline import spline
+from gcs.plan.verification.margins import REST_SPEED_MPS
+from gcs.scenario.environment.no_fly import Disk, Piece, pieces
+from gcs.scenario.environment.terrain import ground_envelope_m
+
+# Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
+REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
+# So slow a vehicle may fly in any direction before the formation must face it.
+COURSE_FLOOR_MPS = 0.3
+# Edges of a polygon count as so much farther out, so that its corners can be rounded.
+CORNER_M = 0.3
+_COURSE_WEIGHT = 1.0  # of flying all the way across the formation's front
+_CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two ways that cost the same
+
+
+@dataclass(frozen=True)
+class Instant:
+    """CasADi functions of z (nz), for the cost of two quadrature shares (plain, and weighted by Q), and for the path of
+    what is watched there (`gcs.plan.ocp.active_vehicles`)."""
+
+    motion: ca.Function  # z -> (nx)
+    motion_jacobian: ca.Function  # z -> (nx, nz)
+    cost: ca.Function  # z, shares (2) -> ()
+    cost_gradient: ca.Function  # z, shares -> (nz)
+    motion_hessian: ca.Function  # z, shares, sigma, costate (nx) -> (nz, nz): of sigma * cost + costate . motion
+    path: ca.Function  # z, parameters -> (P), each >= 0
+    path_jacobian: ca.Function  # z, parameters -> (P, nz)
+    path_hessian: ca.Function  # z, parameters, multipliers (P) -> (nz, nz)
+
+
+def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> Instant:
+    """Build the functions of one problem, for so many watched vehicles of each kind; the leader alone by default."""
+    chains = len(problem.coordinates)
+    nx = NX + 4 * chains
+    z = ca.SX.sym("z", nx + NU + chains)
+    x, u = ca.vertsplit(z[:nx]), ca.vertsplit(z[nx:])
+    flight = equations_of_motion(x[:NX], u[:NU], problem.quadrotor, xp=ca)
+    chain = [part for c in range(chains) for part in (*x[NX + 4 * c + 1 : NX + 4 * c + 4], u[NU + c])]
+    motion = ca.vertcat(*flight, *chain)
+    shares = ca.SX.sym("shares", 2)
+    cost = _cost_rate(problem, x, shares)
+    slots = ca.SX.sym("slots", SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving))
+    path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_zone)
+    sigma, costate = ca.SX.sym("sigma"), ca.SX.sym("costate", nx)
+
+    def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
+        return ca.Function(name, inputs, [output])
+
+    return Instant(
+        motion=function("motion", [z], motion),
+        motion_jacobian=function("motion_jacobian", [z], ca.jacobian(motion, z)),
+        cost=function("cost", [z, shares], cost),
+        cost_gradient=function("cost_gradient", [z, shares], ca.gradient(cost, z)),
+        motion_hessian=function(
+            "motion_hessian",
+            [z, shares, sigma, costate],
+            ca.hessian(sigma * cost + ca.dot(costate, motion), z)[0],
+        ),
+        path=path,
+        path_jacobian=path_jacobian,
+        path_hessian=path_hessian,
+    )
+
+
+def _path_functions(
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_zone: int
+) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """The path with its first and second derivatives."""
+    terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
+    places = [(x[0] + n, x[1] + e) for n, e, _ in (_place(problem, x, slot) for slot in each[:near_ground])]
+    if terrain.relief is None:
+        heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
+        return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_zone)))
+    # A spline takes no scalar symbols: around it the path is a function of matrices.
+    ground = ca.SX.sym("ground", near_ground)
+    values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_zone))
+    held = ca.Function("held", [z, slots, ground], [values])
+    where = ca.Function("where", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
+    at, watched = ca.MX.sym("z", z.size1()), ca.MX.sym("slots", slots.size1())
+    under = spline(terrain.relief.envelope)(where(at, watched))
+    return _with_derivatives(at, watched, held(at, watched, under.T))
+
+
+def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
+    multipliers = type(path).sym("multipliers", path.size1())
+    return (
+        ca.Function("path", [z, slots], [path]),
+        ca.Function("path_jacobian", [z, slots], [ca.jacobian(path, z)]),
+        ca.Function("path_hessian", [z, slots, multipliers], [ca.hessian(ca.dot(multipliers, path), z)[0]]),
+    )
+
+
+def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
+    """What each row of the path is, at each instant: (T, P)."""
+    ids = problem.scenario.formation.sysids
+    rows = []
+    for t in range(len(chosen.ground)):
+        names = [f"clearance of vehicle {ids[v]}" for v in chosen.ground[t]]
+        for zone, near in zip(_zone_names(problem), chosen.zones, strict=True):
+            names += [f"{zone} for vehicle {ids[v]}" for v in near[t]]
+        names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
+        if problem.follows_course:
+            names += ["heading of the formation along its course", "flight towards the formation's front"]
+        rows.append(names)
+    return rows
+
+
+def path_is_free(problem: Problem, chosen: Watched) -> NDArray[np.bool_]:
+    """Rows (T, P) of the path that bind nothing, because another row says the same."""
+    before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
+    spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)
+    return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
+
+
+def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
+    """Eqs. 30-35: energy, heading with sideslip, height; each in units of its reference; and what the shape costs."""
+    wanted = problem.objective
+    vx, vy, vz, yaw = x[3], x[4], x[5], x[8]
+    # What drag costs is a matter of the air. Smoothed at rest in it, where |v|^3 has no second derivative.
+    wind_north, wind_east, _ = problem.quadrotor.wind.at(-x[2], ca)
+    speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
+    energy = (speed / wanted.speed_ref_mps) ** 3
+    # Yaw alone cannot bend a quadrotor's path: coming from a direction needs yaw *and* course. At reference speed the
+    # angle between them costs what yaw's angle to the reference costs: (2 v sin(angle / 2))^2; backwards is worst.
+    ground_speed = ca.sqrt(vx**2 + vy**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
+    forward = vx * ca.cos(yaw) + vy * ca.sin(yaw)
+    slip = 2.0 * ground_speed * (ground_speed - forward) / (wanted.speed_ref_mps * wanted.heading_scale_rad) ** 2
+    heading = ((yaw - wanted.heading_ref_rad) / wanted.heading_scale_rad) ** 2 + slip
+    height = ((-x[2] - wanted.height_ref_m) / wanted.height_scale_m) ** 2
+    shape: ca.SX = ca.SX(0)
+    for c, coordinate in enumerate(problem.coordinates):
+        value, _, acceleration, _ = x[NX + 4 * c : NX + 4 * c + 4]
+        shape += coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
+        shape += _CALM * (acceleration / coordinate.most[1]) ** 2
+    if problem.follows_course:
+        lateral, _ = _along_and_across(problem, x)
+        shape += _COURSE_WEIGHT * (lateral / wanted.speed_ref_mps) ** 2
+    terminal: ca.SX = wanted.heading_weight * heading + wanted.height_weight * height
+    rate: ca.SX = shares[0] * (wanted.energy_weight * energy + shape) + shares[1] * terminal
+    return rate
+
+
+def _path(
+    problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_zone: int
+) -> list[ca.SX]:
+    """Eqs. 17-25 for the watched vehicles, written in the leader's variables; each value >= 0 when held."""
+    scenario = problem.scenario
+    x = ca.vertsplit(z)
+    waiting = iter(slots)
+    values: list[ca.SX] = []
+    for height in ground:
+        _, _, down = _place(problem, x, next(waiting))
+        values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
+    zones = zone_pieces(problem)
+    for number, (_, piece) in enumerate(zones):
+        for _ in range(near_zone):
+            slot = next(waiting)
+            offset_north, offset_east, _ = _place(problem, x, slot)
+            north, east = x[0] + offset_north - slot[MOVED][0], x[1] + offset_east - slot[MOVED][1]
+            if number < len(zones) - problem.spare_disks:
+                values.append(_outside(piece, north, east))
+            else:
+                values.append((north**2 + east**2 - slot[RADIUS] ** 2) / (2.0 * slot[RADIUS]))
+    for slot in waiting:
+        values += _own_motion(problem, z, motion, slot)
+    if problem.follows_course:
+        lateral, ahead = _along_and_across(problem, x)
+        sine = float(np.sin(np.radians(scenario.formation.course_tolerance_deg)))
+        floor = COURSE_FLOOR_MPS
+        squared = x[3] ** 2 + x[4] ** 2
+        slow = floor**2 * ca.exp(-squared / floor**2)
+        values.append((sine**2 * squared + slow - lateral**2) / problem.objective.speed_ref_mps**2)
+        values.append((ahead + floor) / problem.objective.speed_ref_mps)
+    return values
+
+
+def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
+    """How far outside, smoothly, and nowhere more than it is: Eq. 21 squared, or a rounded largest edge distance."""
+    if isinstance(piece, Disk):
+        squared = (north - piece.centre_m[0]) ** 2 + (east - piece.centre_m[1]) ** 2
+        return (squared - piece.radius_m**2) / (2.0 * piece.radius_m)
+    edges = [n * north + e * east - off for (n, e), off in zip(piece.normals, piece.offsets_m, strict=True)]
+    sharpness = math.log(len(edges)) / CORNER_M
+    largest = edges[0]
+    for edge in edges[1:]:
+        largest = ca.fmax(largest, edge)
+    beside = ca.SX(0)
+    for edge in edges:
+        beside += ca.exp(sharpness * (edge - largest))
+    return largest + ca.log(beside) / sharpness - CORNER_M
+
+
+def _zone_names(problem: Problem) -> list[str]:
+    """What every piece of a zone is called."""
+    names = []
+    for number, zone in enumerate(problem.scenario.no_fly, start=1):
+        count = len(pieces(zone))
+        names += [f"no-fly zone {number}{f', part {part}' if count > 1 else ''}" for part in range(1, count + 1)]
+    return names
+
+
+def _place(problem: Problem, x: list[ca.SX], slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    values = {c.name: x[NX + 4 * i] for i, c in enumerate(problem.coordinates)}
+    return bent(values, ca.vertsplit(slot[0:3]), ca.vertsplit(slot[9:12]), ca)
+
+
+def _moving_names(problem: Problem) -> tuple[str, ...]:
+    names: tuple[str, ...] = ("turning radius",)
+    if problem.scenario.limits.accel_max_mps2 is not None:
+        names += ("acceleration",)
+    if problem.coordinates:
+        names += (*("north", "east")[: 2 * problem.has_box], "north speed", "east speed", "vertical speed")
+        names += ("height",) * problem.has_heights
+    return names
+
+
+def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[ca.SX]:
+    """Turning (Eq. 25), acceleration, and, where the shape is not known before, the box and the speeds of Eq. 51."""
+    scenario = problem.scenario
+    place, speed, acceleration = _motion_of(problem, z, slot)
+    v = z[3:6] + speed
+    a = motion[3:6] + acceleration
+    bound = scenario.limits.load_factor_max * problem.quadrotor.gravity_mps2
+    turn = v[0] * a[1] - v[1] * a[0]
+    values = [1.0 - (turn / bound) ** 2 / (v[0] ** 2 + v[1] ** 2 + REST_SMOOTHING_MPS**2)]
+    if (most := scenario.limits.accel_max_mps2) is not None:
+        values.append(1.0 - ca.dot(a, a) / most**2)
+    if problem.coordinates:
+        if problem.has_box:
+            for axis, (low, high) in enumerate((scenario.limits.north_m, scenario.limits.east_m)):
+                values.append(1.0 - ((z[axis] + place[axis] - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
+        values += [1.0 - (v[axis] / most) ** 2 for axis, most in enumerate(scenario.limits.speed_ned_mps)]
+        if problem.has_heights:
+            low, high = scenario.limits.height_m
+            values.append(1.0 - ((z[2] + place[2] + 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
+    return values
+
+
+def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """A watched vehicle's offset, and its first two derivatives by the chain rule."""
+    base, rate, acceleration = slot[0:3], slot[3:6], slot[6:9]
+    if not problem.coordinates:
+        return base, rate, acceleration
+    chains = range(NX, NX + 4 * len(problem.coordinates), 4)
+    q0, q1, q2 = (ca.vertcat(*(z[i + k] for i in chains)) for k in range(3))
+    place = ca.vertcat(*_place(problem, ca.vertsplit(z), slot))
+    speed = ca.jtimes(place, q0, q1) + ca.jtimes(place, base, rate)
+    second = ca.jtimes(speed, q0, q1) + ca.jtimes(speed, q1, q2)
+    second += ca.jtimes(speed, base, rate) + ca.jtimes(speed, rate, acceleration)
+    return place, speed, second
+
+
+def _along_and_across(problem: Problem, x: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
+    """The leader's speed across and along the direction in which the formation faces."""
+    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
+    c, s = ca.cos(heading), ca.sin(heading)
+    return c * x[4] - s * x[3], c * x[3] + s * x[4]

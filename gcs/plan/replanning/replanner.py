@@ -1,0 +1,251 @@
+"""A plan that changes in flight: from any state, at any time of the mission, round disks that nobody knew of.
+
+Knows: programs that are built once for a plan, what of the plan stays as it is, and how a new one is put together from
+both. Does not know: where a state comes from, whether the new plan may be flown (the verifier does).
+The state is the leader's, because he carries the formation; followers that are off their places come back to them as
+they do from any disturbance. The shape keeps its schedule: what had been chosen to change, changes when it was to.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gcs.errors import Infeasible, PlanningError, UsageError
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.nlp.ipopt import Solution, run
+from gcs.plan.nlp.mesh import Mesh, counted, end_refined
+from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
+from gcs.plan.nlp.transcription import Program
+from gcs.plan.nlp.violations import complaints, misses
+from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.replanning.bound_tightening import narrowed
+from gcs.plan.replanning.obstacle_detour import detours
+from gcs.plan.replanning.parametric_nlp import Elastic, elastic, with_zones
+from gcs.plan.replanning.remaining_plan import begun_in_flight, flown_part, shape_part
+from gcs.plan.replanning.warm_start import Prices, prices
+from gcs.plan.search.homotopy_classes import GRID_EXCESS
+from gcs.plan.search.infeasibility import check_time
+from gcs.plan.search.initial_guess import along
+from gcs.plan.search.routes import Route, find_routes, survey
+from gcs.plan.trajectory.trajectory import MeshRound, Plan, Trajectory
+from gcs.plan.verification.margins import box, clearance, height, no_fly, state_limits
+from gcs.scenario.schema.scenario import NoFlyZone
+
+SPARE_DISKS = 2
+LEAST_S = 5.0  # left of the mission: less is flown as it was planned
+_RUNGS = (1.4, 1.0, 0.7, 0.45, 0.3)  # shares of the intervals that the whole flight takes
+_FEWEST = 8
+_ROUNDS = 5
+# Kept at the nodes from what the first plan only just held, so that a second solve is seldom needed.
+CLEARANCE_RESERVE_M, ZONE_RESERVE_M, RATE_RESERVE = 0.06, 0.01, 0.04
+
+
+class Replanner:
+    """Re-plans one plan as often as asked. Building takes about a second, and nothing is built afterwards."""
+
+    def __init__(self, plan: Plan, *, spare_disks: int = SPARE_DISKS) -> None:
+        """Build the programs and solve the plan once more, for its multipliers. Raises PlanningError if that fails."""
+        self.plan = plan
+        self.spare_disks = spare_disks
+        mission = plan.phase("mission")
+        whole = replace(
+            flight_problem(plan.scenario),
+            start_s=mission.start_s,
+            start_state=plan.leader_trajectory.state(mission.start_s),
+            shape=shape_part(plan.shape, mission.start_s, mission.end_s),
+            coordinates=(),
+        )
+        self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, CLEARANCE_RESERVE_M))
+        most = end_refined(mission.start_s, mission.end_s, LONGEST_S, SHORTEST_S, DEGREE).intervals
+        counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _RUNGS})
+        self._rungs = {count: self._built(count) for count in counts}
+        self._old, self._prices = self._solved_once(self._rungs[counts[-1]])
+
+    def _built(self, count: int) -> Elastic:
+        mesh = counted(self._whole.start_s, self._whole.end_s, count, SHORTEST_S, DEGREE)
+        return elastic(self._whole, mesh, self.spare_disks)
+
+    def _solved_once(self, first: Elastic) -> tuple[Trajectory, Prices]:
+        planned = flown_part(self.plan.leader_trajectory, self._whole.start_s, self._whole.end_s)
+        mesh = counted(self._whole.start_s, self._whole.end_s, first.intervals, SHORTEST_S, DEGREE)
+        program = first.program(self._whole, mesh, planned)
+        solution = run(first.afresh, program, {"x0": program.scaled(planned)})
+        return program.trajectory(solution.y), prices(program, solution)
+
+    def replan(
+        self,
+        state: Array,
+        t_s: float,
+        zones: Sequence[NoFlyZone] = (),
+        on_round: Callable[[MeshRound], None] = lambda _: None,
+    ) -> Plan:
+        """The plan from the leader's `state` (12,), or the fleet's (V, 12), SI and NED, at `t_s`, to the ground.
+
+        `zones` are new disks, at most as many as there are spare ones. The result is not verified. Raises UsageError
+        for a time or state that nobody can plan from, Infeasible with the reason, PlanningError.
+        """
+        began = time.perf_counter()
+        leader = self._leader(state)
+        problem = self._problem(leader, t_s, tuple(zones))
+        _check_start(problem)
+        check_time(problem)
+        failures: list[PlanningError] = []
+        for guess, known in self._guesses(problem, tuple(zones)):
+            try:
+                flown, objective, history = self._flown(problem, guess, known, on_round)
+            except PlanningError as failure:
+                failures.append(failure)
+                continue
+            took = {"re-plan": time.perf_counter() - began}
+            return begun_in_flight(self.plan, problem, flown, objective, tuple(history), took)
+        raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
+
+    def _guesses(self, problem: Problem, zones: tuple[NoFlyZone, ...]) -> Iterator[tuple[Trajectory, Prices | None]]:
+        """The old way with a detour, on every side; then ways that a search finds in the whole map.
+
+        Raises Infeasible where the map has none.
+        """
+        for way in detours(problem, self._old, zones):
+            yield way, self._prices
+        routes = find_routes(problem, survey(problem))
+        _refuse_too_long(problem, routes[0])
+        for route in routes:
+            yield along(problem, route), None
+
+    def _leader(self, state: Array) -> Array:
+        state = np.asarray(state, dtype=np.float64)
+        vehicles = len(self.plan.sysids)
+        if state.shape not in ((12,), (vehicles, 12)):
+            raise UsageError(
+                f"a state has 12 numbers, or 12 for each of {vehicles} vehicles, not {state.shape}",
+                hint="north, east, down, their speeds, roll, pitch, yaw, their rates: m, m/s, rad, rad/s",
+            )
+        leader = state if state.ndim == 1 else state[self.plan.leader]
+        if not np.isfinite(leader).all():
+            raise UsageError(
+                "the leader's state has numbers that are not finite", hint="wait for an estimate of all 12"
+            )
+        return leader
+
+    def _problem(self, leader: Array, t_s: float, zones: tuple[NoFlyZone, ...]) -> Problem:
+        mission = self.plan.phase("mission")
+        if not mission.start_s <= t_s <= mission.end_s - LEAST_S:
+            raise UsageError(
+                f"t = {t_s:g} s is not within the mission, {mission.start_s:g} s to {mission.end_s:g} s, with "
+                f"{LEAST_S:g} s left",
+                hint="before and after it the vehicles go straight up and down, and run up, as planned",
+            )
+        if len(zones) > self.spare_disks or any(zone.radius_m is None for zone in zones):
+            raise UsageError(
+                f"{len(zones)} new zones, but there is room for {self.spare_disks}, and only for disks",
+                hint="put disks around them, or plan anew with `gcs plan`",
+            )
+        scenario = self.plan.scenario
+        return replace(
+            self._whole,
+            scenario=with_zones(scenario, (*scenario.no_fly, *zones)),
+            start_s=float(t_s),
+            start_state=leader,
+            shape=shape_part(self._whole.shape, t_s, mission.end_s),
+        )
+
+    def _flown(
+        self, problem: Problem, trajectory: Trajectory, known: Prices | None, on_round: Callable[[MeshRound], None]
+    ) -> tuple[Trajectory, float, list[MeshRound]]:
+        history: list[MeshRound] = []
+        for rung, mesh in self._meshes(problem):
+            program = _with_reserves(rung.program(problem, mesh, trajectory))
+            start = {"x0": program.scaled(trajectory)}
+            if known is not None:
+                start["lam_x0"], start["lam_g0"] = known.on(program)
+            for _ in range(_ROUNDS):
+                solution = run(rung.again if "lam_x0" in start else rung.afresh, program, start)
+                trajectory = program.trajectory(solution.y)
+                missed = misses(problem, trajectory, problem.shape)
+                drift = () if missed else drifting_intervals(problem, trajectory, problem.shape, quick=True)[1]
+                history.append(_round(program, solution, (*complaints(missed), *drift)))
+                on_round(history[-1])
+                if not missed and not drift:
+                    return trajectory, solution.objective, history
+                known = prices(program, solution)
+                if drift:
+                    break
+                program = narrowed(program, trajectory, missed)
+                start = {"x0": np.clip(solution.y, program.y_low, program.y_high), "lam_x0": solution.y_multipliers}
+                start["lam_g0"] = np.array(list(solution.g_multipliers.values()))
+        raise PlanningError(
+            f"no plan: on the finest mesh there is still {'; '.join(history[-1].complaints)}",
+            hint="plan anew with `gcs plan`, or try from a later state",
+        )
+
+    def _meshes(self, problem: Problem) -> list[tuple[Elastic, Mesh]]:
+        """The coarsest mesh whose intervals are short enough, and the finest, with shorter ones at the ends."""
+        start_s, end_s = problem.start_s, problem.end_s
+        meshes = [(rung, counted(start_s, end_s, count, SHORTEST_S, DEGREE)) for count, rung in self._rungs.items()]
+        enough = [pair for pair in meshes[:-1] if np.diff(pair[1].joints_s).max() <= 1.01 * LONGEST_S]
+        finest = self._rungs[meshes[-1][0].intervals]
+        finer = finest, counted(start_s, end_s, finest.intervals, 0.5 * SHORTEST_S, DEGREE)
+        return [*enough[:1], finer]
+
+
+def _refuse_too_long(problem: Problem, route: Route) -> None:
+    """Raises Infeasible where even the shortest way is longer than the speed limits allow."""
+    speed_mps = float(np.hypot(*problem.state_high[3:5]))
+    if route.length_m > GRID_EXCESS * speed_mps * problem.duration_s:
+        raise Infeasible(
+            f"no plan from t = {problem.start_s:g} s: the shortest way is {route.length_m:.0f} m long, and "
+            f"{problem.duration_s:.0f} s are left, for {speed_mps:.1f} m/s at most",
+            hint="land, return or hold (`gcs attach`): the old plan is what it was",
+        )
+
+
+def _in_words(problem: Problem, failure: PlanningError) -> PlanningError:
+    """The optimiser's reason, and what can be done about it in flight."""
+    return type(failure)(
+        f"no plan from t = {problem.start_s:g} s in the {problem.duration_s:.0f} s that are left: "
+        + failure.message.removeprefix("no plan: "),
+        hint="land, return or hold (`gcs attach`): the old plan is what it was",
+    )
+
+
+def _with_reserves(program: Program) -> Program:
+    """A little less of what the verifier allows: zones, and rates after the start."""
+    layout = program.layout
+    y_low, y_high, g_low = program.y_low.copy(), program.y_high.copy(), program.g_low.copy()
+    rates = (np.arange(1, layout.state_points)[:, None] * layout.nx + np.arange(9, 12)).ravel()
+    y_low[rates] *= 1.0 - RATE_RESERVE
+    y_high[rates] *= 1.0 - RATE_RESERVE
+    for row, (name, _) in enumerate(program.g_names):
+        if name.startswith("no-fly"):
+            g_low[row] += ZONE_RESERVE_M
+    return replace(program, y_low=y_low, y_high=y_high, g_low=g_low)
+
+
+def _round(program: Program, solution: Solution, found: tuple[str, ...]) -> MeshRound:
+    layout = program.layout
+    return MeshRound(
+        layout.mesh.intervals, layout.size, 0, solution.iterations, solution.seconds, solution.objective, found
+    )
+
+
+def _check_start(problem: Problem) -> None:
+    """Raises Infeasible where the flight would begin outside of what is allowed."""
+    scenario = problem.scenario
+    leader = problem.start_state[None, None]
+    places = problem.start_state[POSITION] + problem.shape.at(problem.start_s)[:, None]
+    found = [*state_limits(scenario, leader), *box(scenario, places), height(scenario, places)]
+    found += [clearance(scenario, places)]
+    found += no_fly(scenario, places, np.array([problem.start_s]))
+    for margin in found:
+        if margin.value.min() < 0.0:
+            vehicle = int(margin.value.min(axis=1).argmin())
+            who = f" for vehicle {scenario.formation.sysids[vehicle]}" if len(margin.value) > 1 else ""
+            raise Infeasible(
+                f"no plan: the state at t = {problem.start_s:g} s breaks {margin.name}{who} by "
+                f"{-margin.value.min():.3g} {margin.unit}",
+                hint="bring the formation back inside first (hold or return), then plan again",
+            )

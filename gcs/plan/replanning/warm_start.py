@@ -1,0 +1,108 @@
+"""What constraints cost, as functions of time: multipliers of one mesh for another.
+
+Knows: that a row of collocation weighs the costate at its node (covector mapping of the Gauss method), that other
+multipliers are densities. Does not know: solvers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.nlp.gauss import gauss_rule
+from gcs.plan.nlp.ipopt import Solution
+from gcs.plan.nlp.transcription import Program
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Multipliers over time: of Eq. 1, of each row of the path, of the limits of state and control."""
+
+    t_s: Array  # (N + M,) nodes and joints after the first
+    costate: Array  # (N + M, nx)
+    node_s: Array  # (N,)
+    path: dict[str, Array]  # (N,) of every row that there is somewhere, per second
+    point_s: Array  # (S,) state points in order of time
+    state: Array  # (S, nx), per second
+    control_s: Array  # (C,)
+    control: Array  # (C, nu), per second
+
+    def on(self, program: Program) -> tuple[Array, Array]:
+        """Multipliers of the unknowns and of the rows of a program on another mesh."""
+        layout = program.layout
+        mesh = layout.mesh
+        costate = _at(layout.collocation_times_s(), self.t_s, self.costate)
+        rows = []
+        first = 0
+        for degree in mesh.degrees:
+            end = costate[first + degree]
+            rows += [gauss_rule(degree).weights[:, None] * (costate[first : first + degree] - end), end[None]]
+            first += degree + 1
+        times, names = layout.node_times_s(), path_names(program)
+        known = {name: np.interp(times, self.node_s, price) for name, price in self.path.items()}
+        nothing = np.zeros(len(times))
+        path = np.array([[known.get(n, nothing)[t] for n in row] for t, row in enumerate(names)])
+        path *= layout.quadrature()[:, None]
+        state = _at(layout.point_times_s(), self.point_s, self.state) * _spans(layout.point_times_s())[:, None]
+        control = _at(layout.control_times_s(), self.control_s, self.control)
+        control *= _spans(layout.control_times_s())[:, None]
+        state[[0, mesh.intervals]] = 0.0
+        return np.concatenate([state.ravel(), control.ravel()]), np.concatenate([*map(np.ravel, rows), path.ravel()])
+
+
+def prices(program: Program, solution: Solution) -> Prices:
+    """Multipliers of a solution without watched instants."""
+    layout = program.layout
+    nx, nu, mesh = layout.nx, layout.nu, layout.mesh
+    g = np.array(list(solution.g_multipliers.values()))
+    count = nx * (layout.nodes + mesh.intervals)
+    rows, path = g[:count].reshape(-1, nx), g[count:].reshape(layout.nodes, -1) / layout.quadrature()[:, None]
+    by_name: dict[str, Array] = {}
+    for t, names in enumerate(path_names(program)):
+        for name, price in zip(names, path[t].tolist(), strict=True):
+            by_name.setdefault(name, np.zeros(layout.nodes))[t] = price
+    costate = rows.copy()
+    first = 0
+    for degree in mesh.degrees:
+        costate[first : first + degree] = (
+            rows[first : first + degree] / gauss_rule(degree).weights[:, None] + rows[first + degree]
+        )
+        first += degree + 1
+    points, controls = layout.point_times_s(), layout.control_times_s()
+    state = solution.y_multipliers[: nx * len(points)].reshape(-1, nx) / _spans(points)[:, None]
+    state[[0, mesh.intervals]] = state[[layout.mesh.intervals + 1, -1]]
+    order = np.argsort(points)
+    control = solution.y_multipliers[nx * len(points) :].reshape(-1, nu) / _spans(controls)[:, None]
+    return Prices(
+        layout.collocation_times_s(),
+        costate,
+        layout.node_times_s(),
+        by_name,
+        points[order],
+        state[order],
+        controls,
+        control,
+    )
+
+
+def path_names(program: Program) -> list[list[str]]:
+    """Names (N, P) of the path's rows, without their times."""
+    layout = program.layout
+    names = [name for name, _ in program.g_names[layout.nx * (layout.nodes + layout.mesh.intervals) :]]
+    width = len(names) // layout.nodes
+    return [names[first : first + width] for first in range(0, len(names), width)]
+
+
+def _at(times_s: Array, known_s: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(times_s, known_s, column) for column in values.T])
+
+
+def _spans(times_s: Array) -> Array:
+    """How much time (N,) each of the instants (N,) stands for."""
+    order = np.argsort(times_s)
+    edges = np.concatenate([times_s[order][:1], 0.5 * (times_s[order][1:] + times_s[order][:-1]), times_s[order][-1:]])
+    spans = np.empty(len(times_s))
+    spans[order] = np.diff(edges)
+    return spans

@@ -1,0 +1,1 @@
+"""What is searched before and around the optimisation: routes, initial guesses, shape schedules, final times."""

@@ -1,0 +1,91 @@
+"""Poses: what the formation may look like at a place, before anybody knows when it will be there.
+
+Knows: the shapes of the schedule, a coarse grid of the coordinates, and a few vehicles that stand for all. Does not
+know: dynamics, solvers. Routes are looked for with the best pose everywhere, and the first guess takes the mildest one
+that passes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.formation.changes.timeline import stops_ned_m
+from gcs.plan.formation.coordinates import Coordinate, Name, bent
+from gcs.plan.formation.shape import Rows
+from gcs.plan.ocp.problem import Problem
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_envelope_m
+
+STANDING_FOR_ALL = 24
+_STEPS = {"scale": 5, "heading": 5, "blend": 3}
+_HEADINGS = 8  # of a formation that turns with its course
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One look of the formation."""
+
+    values: dict[Name, float]
+    offsets_ned_m: Array  # (R, 3) of those that stand for all
+    cost: float  # of flying like that, per share of the flight
+
+
+def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
+    """Every pose, the mildest first: at one instant, or for all shapes of the schedule."""
+    bases = stops_ned_m(problem.scenario) if t_s is None else (problem.shape.at(t_s),)
+    made = []
+    for base in bases:
+        rows = standing_for_all(base)
+        for values in itertools.product(*(_grid(c) for c in problem.coordinates)):
+            chosen: dict[Name, float] = {c.name: v for c, v in zip(problem.coordinates, values, strict=True)}
+            cost = sum(
+                c.weight * ((v - c.rest) / c.unit) ** 2 for c, v in zip(problem.coordinates, values, strict=True)
+            )
+            offsets = np.stack(bent(chosen, tuple(base[rows].T), tuple(problem.target_ned_m[rows].T)), axis=-1)
+            made.append(Pose(chosen, offsets, cost))
+    return sorted(made, key=lambda pose: pose.cost)
+
+
+def standing_for_all(offsets_ned_m: Array) -> Rows:
+    """Rows of at most STANDING_FOR_ALL vehicles spread over the shape: each the farthest from those before it."""
+    count = len(offsets_ned_m)
+    if count <= STANDING_FOR_ALL:
+        return np.arange(count)
+    rows = [int(np.linalg.norm(offsets_ned_m, axis=1).argmin())]
+    distance = np.full(count, np.inf)
+    while len(rows) < STANDING_FOR_ALL:
+        distance = np.minimum(distance, np.linalg.norm(offsets_ned_m - offsets_ned_m[rows[-1]], axis=1))
+        rows.append(int(distance.argmax()))
+    return np.array(rows)
+
+
+def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Array) -> Array:
+    """Least height (...) of the leader at places (...): infinite where a vehicle would be in a zone."""
+    scenario = problem.scenario
+    when_s = _passed_s(problem, north_m, east_m)
+    floor = np.full(np.shape(north_m), -np.inf)
+    for offset_n, offset_e, offset_d in offsets_ned_m:
+        at_n, at_e = north_m + offset_n, east_m + offset_e
+        ground = ground_envelope_m(scenario.terrain, at_n, at_e)
+        floor = np.maximum(floor, ground + scenario.limits.clearance_min_m + offset_d)
+        for zone in scenario.no_fly:
+            floor[outside_m(zone, when_s, at_n, at_e) < 0.0] = np.inf
+    return np.asarray(floor)
+
+
+def _passed_s(problem: Problem, north_m: Array, east_m: Array) -> Array:
+    """When the leader passes places (...) at constant speed, as far as anybody knows before there is a way."""
+    to_m = np.hypot(north_m - problem.start_state[0], east_m - problem.start_state[1])
+    from_m = np.hypot(north_m - problem.end_state[0], east_m - problem.end_state[1])
+    return np.asarray(problem.start_s + problem.duration_s * to_m / np.maximum(to_m + from_m, 1e-9))
+
+
+def _grid(coordinate: Coordinate) -> Array:
+    if coordinate.free_end:
+        return np.linspace(0.0, 2.0 * np.pi, _HEADINGS, endpoint=False)
+    grid = np.linspace(coordinate.low, coordinate.high, _STEPS[coordinate.name])
+    return np.unique(np.append(grid, coordinate.rest))

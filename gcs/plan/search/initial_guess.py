@@ -1,0 +1,120 @@
+"""Where the optimiser starts from: a way through the map flown at constant speed, over what lies under it.
+
+Knows: routes and how to turn one into states. Does not know: whether the result can be flown; it need not be.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.interpolate import PPoly
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.ocp.active_vehicles import offsets_at
+from gcs.plan.ocp.bounds import leader_state_bounds
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.search.formation_poses import floor_m, poses
+from gcs.plan.search.routes import Route
+from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.scenario.environment.terrain import ground_envelope_m
+
+_POINTS = 201
+_HOPELESS_M = 1e3  # counts for a place that no height makes passable
+_SMOOTHING = 4.0  # points: rounds the corners of a route and the flanks of what it climbs over
+
+
+def straight_way(problem: Problem) -> Route:
+    """The way that ignores the map."""
+    return Route(np.array([problem.start_state[:2], problem.end_state[:2]]), ())
+
+
+def along(problem: Problem, route: Route) -> Trajectory:
+    """Constant speed along a route, level, twice the least clearance above every vehicle's ground.
+
+    A shape that moves by itself takes, everywhere, the mildest pose that passes under the ceiling.
+    """
+    times = np.linspace(problem.start_s, problem.end_s, _POINTS)
+    share = np.linspace(0.0, 1.0, _POINTS)
+    states = problem.start_state + share[:, None] * (problem.end_state - problem.start_state)
+    states[:, :2] = _rounded(route.place(share))
+    chains = _chains(problem, times, states)
+    low, high = leader_state_bounds(problem, times)
+    states[:, 2] = np.minimum(states[:, 2], -lifted_m(problem, times, np.hstack([states, chains])))
+    states[:, 2] = np.clip(states[:, 2], low[:, 2], high[:, 2])
+    states[:, 3:6] = np.gradient(states[:, :3], times, axis=0)
+    states[:, 6:8] = 0.0
+    states[:, 9:12] = 0.0
+    controls = np.zeros((_POINTS, 4 + len(problem.coordinates)))
+    controls[:, 0] = problem.quadrotor.weight_N
+    return Trajectory(piecewise_linear(times, np.hstack([states, chains])), piecewise_linear(times, controls))
+
+
+def _chains(problem: Problem, times: Array, states: Array) -> Array:
+    """Values and first three derivatives (N, 4 A) of the shape's coordinates."""
+    if not problem.coordinates:
+        return np.zeros((len(times), 0))
+    values = _headings(problem, states) if problem.follows_course else _mildest(problem, times, states)
+    columns = []
+    for c, value in enumerate(values.T):
+        smooth = gaussian_filter1d(value, _SMOOTHING, mode="nearest")
+        chain = [smooth]
+        for _ in range(3):
+            chain.append(np.gradient(chain[-1], times))
+        most = np.array(problem.coordinates[c].most[:3])
+        columns += [chain[0], *(np.clip(part, -limit, limit) for part, limit in zip(chain[1:], most, strict=True))]
+    return np.column_stack(columns)
+
+
+def _headings(problem: Problem, states: Array) -> Array:
+    """Heading of the formation along the way (N, A), every other coordinate at rest."""
+    way = np.gradient(states[:, :2], axis=0)
+    turned = np.unwrap(np.arctan2(way[:, 1], way[:, 0]) - problem.course_at_start_rad)
+    turned -= 2.0 * np.pi * np.round(turned[0] / (2.0 * np.pi))
+    return np.column_stack([turned if c.free_end else np.full(len(way), c.rest) for c in problem.coordinates])
+
+
+def _mildest(problem: Problem, times: Array, states: Array) -> Array:
+    """Coordinates (N, A) of the cheapest pose that passes at each place; where none does, of the nearest to it."""
+    values = np.empty((len(times), len(problem.coordinates)))
+    ceiling_m = -leader_state_bounds(problem, times)[0][:, 2]
+    stretches = np.concatenate([[problem.start_s], [end for _, end in problem.shape.moving_s], [problem.end_s]])
+    for start, end in itertools.pairwise(stretches):
+        inside = (times >= start) & (times <= end)
+        choices = poses(problem, start)
+        north, east = states[inside, 0], states[inside, 1]
+        floors = np.array([floor_m(problem, pose.offsets_ned_m, north, east) for pose in choices])
+        excess = np.minimum(np.maximum(floors - ceiling_m[inside], 0.0), _HOPELESS_M)
+        price = np.array([pose.cost for pose in choices])[:, None] + excess
+        best = price.argmin(axis=0)
+        table = np.array([[pose.values[c.name] for c in problem.coordinates] for pose in choices])
+        values[inside] = table[best]
+    # Narrow early, widen late: what passes in the gap must have changed before it.
+    away = np.array([[abs(v - c.rest) for v, c in zip(row, problem.coordinates, strict=True)] for row in values])
+    for c in range(values.shape[1]):
+        ahead = maximum_filter1d(np.arange(len(times)) * 0.0 + away[:, c], int(4 * _SMOOTHING))
+        sign = np.sign(values[np.argmax(away[:, c]), c] - problem.coordinates[c].rest)
+        values[:, c] = problem.coordinates[c].rest + sign * ahead
+    return values
+
+
+def _rounded(points: Array) -> Array:
+    """The way with its corners rounded; its ends stay."""
+    line = np.linspace(points[0], points[-1], len(points))
+    return np.asarray(line + gaussian_filter1d(points - line, _SMOOTHING, axis=0, mode="nearest"))
+
+
+def lifted_m(problem: Problem, times: Array, states: Array) -> Array:
+    """Height (N,) of the leader at which every vehicle clears its ground, rising before a flank."""
+    scenario = problem.scenario
+    places = offsets_at(problem, problem.shape.offsets(times), states)
+    ground = ground_envelope_m(scenario.terrain, states[:, 0] + places[..., 0], states[:, 1] + places[..., 1])
+    needed = (ground + places[..., 2]).max(axis=0) + 2.0 * scenario.limits.clearance_min_m
+    return np.asarray(gaussian_filter1d(maximum_filter1d(needed, int(4 * _SMOOTHING)), _SMOOTHING))
+
+
+def piecewise_linear(times: Array, values: Array) -> PPoly:
+    """Straight lines through values (N, ...) at times (N,)."""
+    slopes = np.diff(values, axis=0) / np.diff(times)[:, None]
+    return PPoly(np.stack([slopes, values[:-1]]), times)

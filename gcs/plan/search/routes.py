@@ -1,0 +1,252 @@
+"""Ways through the map: shortest paths past high ground and no-fly zones, one for each side they can be passed on.
+
+Knows: where the formation may be at all (ground envelope, ceiling, disks, box) on a grid, and shortest paths on it.
+Does not know: dynamics, time, the optimiser that starts from these paths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import dijkstra
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import Array
+from gcs.plan.ocp.bounds import leader_state_bounds
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.search.formation_poses import Pose, floor_m, poses
+
+CELLS = 120  # along the longer side of the map
+MAX_ROUTES = 4
+_TRIES = 8
+_AVOID = 1.6  # how much dearer the surroundings of a found way become, so that the next one differs
+_AVOID_CELLS = 3
+_SAME_WAY = 0.03  # of their length: how far two ways may be apart and still be one
+_INSTANTS = 201  # at which the bounds are asked for
+# Steps to the 16 nearest directions: 8 neighbours alone make paths up to 8 % too long.
+_STEPS = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 1]
+
+
+@dataclass(frozen=True)
+class Map:
+    """The leader's possible places: least height (A, B) over each cell, infinite where a disk or the box forbids."""
+
+    north_m: Array  # (A,)
+    east_m: Array  # (B,)
+    floor_m: Array  # (A, B) least height of the leader
+    ceiling_m: float
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Cells the formation can pass under the ceiling."""
+        return np.asarray(self.floor_m <= self.ceiling_m)
+
+    def cell(self, place: Array) -> tuple[int, int]:
+        """Nearest cell of a place (north, east)."""
+        return int(np.abs(self.north_m - place[0]).argmin()), int(np.abs(self.east_m - place[1]).argmin())
+
+
+@dataclass(frozen=True)
+class Route:
+    """A way in the plane, pulled taut, and what it has to climb over."""
+
+    points_m: Array  # (P, 2) north, east
+    sides: tuple[int, ...]  # how it passes each obstacle: full turns about it relative to the straight line
+
+    @property
+    def length_m(self) -> float:
+        """Length in the plane."""
+        return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
+
+    def place(self, share: Array) -> Array:
+        """Points (N, 2) at shares (N,) of the length."""
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1))])
+        if along[-1] == 0.0:
+            return np.repeat(self.points_m[:1], len(share), axis=0)
+        at = share * along[-1]
+        return np.column_stack([np.interp(at, along, self.points_m[:, axis]) for axis in (0, 1)])
+
+
+def survey(problem: Problem, *, at_rest: bool = False) -> Map:
+    """Fold terrain, clearance and disks of every vehicle into the leader's map, in the pose that passes best.
+
+    `at_rest`: a shape that could move by itself does not; one that turns with the course passes in any heading.
+    """
+    ends = np.array([problem.start_state[:2], problem.end_state[:2]])
+    loosest = leader_state_bounds(problem, np.linspace(problem.start_s, problem.end_s, _INSTANTS))
+    low, high = loosest[0].min(axis=0), loosest[1].max(axis=0)
+    ceiling_m = float(-low[2])
+    low, high = low[:2], high[:2]
+    # Without a box (the run-up) a margin around the straight way is map enough.
+    room = 0.25 * float(np.linalg.norm(ends[1] - ends[0])) + 10.0
+    low = np.where(np.isfinite(low), low, ends.min(axis=0) - room)
+    high = np.where(np.isfinite(high), high, ends.max(axis=0) + room)
+    step = float((high - low).max()) / CELLS
+    north, east = (np.linspace(a, b, max(int(np.ceil((b - a) / step)) + 1, 2)) for a, b in zip(low, high, strict=True))
+    grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
+    chosen = _at_rest(problem) if at_rest else _extremes(problem)
+    floors = [floor_m(problem, pose.offsets_ned_m, grid_n, grid_e) for pose in chosen]
+    floor = np.max(floors, axis=0) if at_rest and problem.follows_course else np.min(floors, axis=0)
+    return Map(north, east, np.asarray(floor), ceiling_m)
+
+
+def _extremes(problem: Problem) -> list[Pose]:
+    """Poses with every coordinate at rest or at the end of its range: what lies between passes no better."""
+
+    def is_extreme(pose: Pose) -> bool:
+        return all(c.free_end or pose.values[c.name] in (c.low, c.rest, c.high) for c in problem.coordinates)
+
+    return [pose for pose in poses(problem) if is_extreme(pose)]
+
+
+def _at_rest(problem: Problem) -> list[Pose]:
+    return [p for p in poses(problem) if all(c.free_end or p.values[c.name] == c.rest for c in problem.coordinates)]
+
+
+def every_route(problem: Problem) -> tuple[Route, ...]:
+    """Ways for the formation as it is, and those that only open when it changes by itself; shortest first.
+
+    Raises Infeasible when there is none.
+    """
+    routes = list(find_routes(problem, survey(problem)))
+    if problem.coordinates:
+        try:
+            rigid = find_routes(problem, survey(problem, at_rest=True))
+        except Infeasible:
+            rigid = ()
+        share = np.linspace(0.0, 1.0, _INSTANTS)
+        for route in rigid:
+            apart = [np.linalg.norm(route.place(share) - known.place(share), axis=1).max() for known in routes]
+            if min(apart) > _SAME_WAY * route.length_m:
+                routes.append(route)
+    return tuple(sorted(routes, key=lambda route: route.length_m))
+
+
+def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:
+    """Up to MAX_ROUTES ways, shortest first, that pass obstacles on different sides.
+
+    Raises Infeasible when there is none, with the ceiling that would open one.
+    """
+    start, end = area.cell(problem.start_state[:2]), area.cell(problem.end_state[:2])
+    free = area.free.copy()
+    free[start] = free[end] = True  # the ends are checked exactly elsewhere; a cell is coarse
+    labels, _ = ndimage.label(free, structure=np.ones((3, 3)))
+    if labels[start] != labels[end]:
+        raise _no_way(area, start, end)
+    obstacles = _centres(area, ~free)
+    ends = (problem.start_state[:2], problem.end_state[:2])
+    dearness = np.ones_like(area.floor_m)
+    routes: dict[tuple[int, ...], Route] = {}
+    for _ in range(_TRIES):
+        cells = _shortest(area, free, dearness, start, end)
+        if cells is None:
+            break
+        points = _taut(area, free, cells)
+        points[0], points[-1] = ends
+        route = Route(points, _sides(points, obstacles))
+        known = routes.get(route.sides)
+        if known is None or route.length_m < known.length_m:
+            routes[route.sides] = route
+        if len(routes) == MAX_ROUTES:
+            break
+        near = np.zeros_like(free)
+        near[tuple(cells.T)] = True
+        dearness[ndimage.binary_dilation(near, iterations=_AVOID_CELLS)] *= _AVOID
+    return tuple(sorted(routes.values(), key=lambda r: r.length_m))
+
+
+def _no_way(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeasible:
+    """Say which ceiling would open a way: the lowest at which both ends lie in one piece."""
+    finite = area.floor_m[np.isfinite(area.floor_m)]
+    low, high = area.ceiling_m, float(finite.max())
+
+    def connected(ceiling_m: float) -> bool:
+        labels, _ = ndimage.label(area.floor_m <= ceiling_m, structure=np.ones((3, 3)))
+        return bool(labels[start] == labels[end] != 0)
+
+    if not connected(high):
+        return Infeasible(
+            "no plan: no-fly zones close every way from start to end",
+            hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m)",
+        )
+    while high - low > 0.05:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if connected(middle) else (middle, high)
+    return Infeasible(
+        f"no plan: there is no way under the ceiling of {area.ceiling_m:g} m; the lowest pass needs {high:.1f} m",
+        hint=f"raise [limits] height_m to [.., {np.ceil(high):g}] or more",
+    )
+
+
+def _shortest(
+    area: Map, free: NDArray[np.bool_], dearness: Array, start: tuple[int, int], end: tuple[int, int]
+) -> NDArray[np.intp] | None:
+    """Cells (P, 2) of the cheapest way; climbing counts like flying the same height sideways ten times over."""
+    shape = free.shape
+    index = np.arange(free.size).reshape(shape)
+    height = np.where(np.isfinite(area.floor_m), np.maximum(area.floor_m, 0.0), 0.0)  # an end may lie in a disk
+    sources, targets, costs = [], [], []
+    steps = np.array([area.north_m[1] - area.north_m[0], area.east_m[1] - area.east_m[0]])
+    for a, b in _STEPS:
+        here = (slice(max(0, -a), shape[0] - max(0, a)), slice(max(0, -b), shape[1] - max(0, b)))
+        there = (slice(max(0, a), shape[0] - max(0, -a)), slice(max(0, b), shape[1] - max(0, -b)))
+        passable = free[here] & free[there]
+        way = float(np.hypot(*(np.array([a, b]) * steps)))
+        cost = way * 0.5 * (dearness[here] + dearness[there]) + np.abs(height[there] - height[here])
+        sources.append(index[here][passable])
+        targets.append(index[there][passable])
+        costs.append(cost[passable])
+    graph = sparse.csr_matrix(
+        (np.concatenate(costs), (np.concatenate(sources), np.concatenate(targets))), shape=(free.size, free.size)
+    )
+    goal, origin = int(index[end]), int(index[start])
+    _, before = dijkstra(graph, indices=origin, return_predecessors=True)
+    path = [goal]
+    while path[-1] != origin:
+        if before[path[-1]] < 0:
+            return None
+        path.append(int(before[path[-1]]))
+    return np.column_stack(np.unravel_index(path[::-1], shape))
+
+
+def _taut(area: Map, free: NDArray[np.bool_], cells: NDArray[np.intp]) -> Array:
+    """Points (P, 2) of the same way with every needless corner cut."""
+    kept = [0]
+    while kept[-1] < len(cells) - 1:
+        ahead = range(len(cells) - 1, kept[-1], -1)
+        kept.append(next(i for i in ahead if i == kept[-1] + 1 or _sees(free, cells[kept[-1]], cells[i])))
+    corners = cells[kept]
+    return np.column_stack([area.north_m[corners[:, 0]], area.east_m[corners[:, 1]]])
+
+
+def _sees(free: NDArray[np.bool_], a: NDArray[np.intp], b: NDArray[np.intp]) -> bool:
+    """Whether the straight line between two cells crosses free cells only."""
+    count = 2 * int(np.abs(b - a).max()) + 1
+    line = np.rint(np.linspace(a, b, count)).astype(int)
+    return bool(free[line[:, 0], line[:, 1]].all())
+
+
+def _centres(area: Map, blocked: NDArray[np.bool_]) -> Array:
+    """Centres (O, 2) of the separate obstacles, those at the rim left out: nothing passes behind them."""
+    labels, count = ndimage.label(blocked, structure=np.ones((3, 3)))
+    rim = set(np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])).tolist())
+    inner = [i for i in range(1, count + 1) if i not in rim]
+    if not inner:
+        return np.zeros((0, 2))
+    cells = np.array(ndimage.center_of_mass(blocked, labels, inner))
+    steps = np.array([area.north_m[1] - area.north_m[0], area.east_m[1] - area.east_m[0]])
+    return np.asarray(np.array([area.north_m[0], area.east_m[0]]) + cells * steps)
+
+
+def _sides(points: Array, obstacles: Array) -> tuple[int, ...]:
+    """For each obstacle, the turns about it by which the way differs from the straight line."""
+    sides = []
+    for centre in obstacles:
+        bearing = np.unwrap(np.arctan2(*(points - centre).T[::-1]))
+        straight = np.linspace(points[0], points[-1], 200) - centre
+        direct = np.unwrap(np.arctan2(*straight.T[::-1]))
+        sides.append(round(float((bearing[-1] - bearing[0]) - (direct[-1] - direct[0])) / (2 * np.pi)))
+    return tuple(sides)

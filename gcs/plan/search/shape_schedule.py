@@ -1,0 +1,84 @@
+"""Changes of shape that begin at a time or at a gate, and the flight they belong to: each decides the other.
+
+Knows: when gates are crossed on a trajectory, and how to plan until the shape fits the flight it was laid for. Does
+not know: how a change is made (`gcs.plan.formation.changes.timeline`), how a flight is optimised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from gcs.errors import Infeasible, PlanningError
+from gcs.plan.formation.changes.automatic import automatic_moves
+from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
+from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.trajectory import MeshRound, Trajectory
+from gcs.scenario.schema.scenario import Change
+
+_LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for
+_TRIES = 8
+_EVERY_S = 0.1
+_GUESSED = 0.1  # of the flight: so well the first guess knows when a gate is crossed
+
+
+def optimise_on_schedule(
+    problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None
+) -> Optimum:
+    """The best flight near a guess with every change of shape where it belongs.
+
+    Raises Infeasible for changes that do not fit, PlanningError where gates and flight do not settle.
+    """
+    scenario = problem.scenario
+    changes = scheduled(scenario)
+    history: tuple[MeshRound, ...] = ()
+    starts = _starts_s(problem, changes, guess)
+    # Where the guess overlaps changes by a little, the flight need not.
+    apart = in_turn(scenario, starts, problem.end_s)
+    if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
+        starts = apart
+    for _ in range(_TRIES):
+        timeline = lay(scenario, starts, problem.start_s, problem.end_s)
+        found = optimise(replace(problem, shape=timeline.shape), guess, on_round)
+        history += found.history
+        crossed = _starts_s(problem, changes, found.trajectory)
+        late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
+        if late <= _LATE_S:
+            automatic = automatic_moves(
+                lasting(replace(problem, shape=timeline.shape), found.trajectory.end_s).shape,
+                problem.target_ned_m,
+                problem.coordinates,
+                found.trajectory.coordinates,
+                problem.change_budget.speed_mps,
+            )
+            moves = (*timeline.moves, *automatic)
+            return replace(found, history=history, moves=tuple(sorted(moves, key=lambda move: move.start_s)))
+        guess, starts = found.trajectory, crossed
+    raise PlanningError(
+        f"no plan: after {_TRIES} tries the leader still crosses a gate {late:.2f} s from when its change began",
+        hint="trigger the change by a time (at_s), or move its gate to where the leader flies straight",
+    )
+
+
+def _starts_s(problem: Problem, changes: tuple[Change, ...], trajectory: Trajectory) -> tuple[float, ...]:
+    times = np.arange(problem.start_s, problem.end_s, _EVERY_S)
+    places = trajectory.state(times)[:, :3]
+    starts = []
+    for change in changes:
+        if change.at_s is not None:
+            starts.append(change.at_s)
+            continue
+        assert change.gate_m is not None
+        crossing = gate_crossing_s(change.gate_m, times, places)
+        if crossing is None:
+            (n1, e1), (n2, e2) = change.gate_m
+            raise Infeasible(
+                f"the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
+                f"that begins the change of kind {change.kind}",
+                hint="move or widen the gate (gate_m), or trigger the change by a time (at_s)",
+            )
+        starts.append(crossing)
+    return tuple(starts)

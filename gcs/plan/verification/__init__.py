@@ -1,0 +1,1 @@
+"""The verdict on a plan, computed from its polynomials alone."""

@@ -1,0 +1,205 @@
+"""Is the formation what the scenario asks for? Places, separations and the shape's own motion, for every vehicle.
+
+Knows: what each change must lead to, worked out anew from the scenario. Does not know: how changes were made, by whom.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.plan.formation.changes.reshape import reshape
+from gcs.plan.formation.changes.timeline import gate_crossing_s
+from gcs.plan.formation.coordinates import Name, bent, target_ned_m
+from gcs.plan.formation.shape import Rows, Shape
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.verification import margins
+from gcs.plan.verification.margins import Margin
+from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
+
+_GATE_S = 0.01  # the leader's track is looked at so often
+_BEYOND = 0.05  # of its range: an automatic change rests a little inside it
+_SLACK = 1e-3  # of its size, as of every limit
+_TRIED, _ZOOMS = 21, 6
+_FEW = 40  # vehicles for which all distances are faster than a tree of neighbours
+
+
+def expected_places(plan: Plan) -> list[tuple[float, float, Array]]:
+    """Stretches of the flight over which the schedule asks for a rigid shape, and its offsets (V, 3) there."""
+    scenario = plan.scenario
+    changes = [change for change in scenario.formation.change if not change.auto]
+    moves = [move for move in plan.moves if move.trigger != "auto"]
+    places = offsets_ned_m(scenario)
+    found, since = [], -np.inf
+    for change, move in zip(changes, moves, strict=False):  # how many moves there are is a check of its own
+        found.append((since, move.start_s, places))
+        if change.kind == "rotate":
+            assert change.angle_deg is not None
+            axis = np.array([0.0, 0.0, 1.0] if change.axis is None else change.axis * NED_FROM_UP)
+            turn = Rotation.from_rotvec(np.radians(change.angle_deg) * axis / np.linalg.norm(axis))
+            places = turn.apply(places)
+        elif change.kind == "shrink":
+            assert change.scale is not None
+            places = change.scale * places
+        else:
+            assert change.to is not None
+            targets = shape_offsets_ned_m(scenario, change.to)
+            places = targets[_taken(plan, change, places, targets, move.end_s)]
+        since = move.end_s
+    found.append((since, np.inf, places))
+    return found
+
+
+def landing_points(plan: Plan) -> Array:
+    """Ground points (V, 3) under the shape in which the scenario's formation ends."""
+    if plan.scenario.formation.frame == "course":
+        return plan.landing_points_ned_m  # how far it has turned is the plan's to say
+    return landing_points_ned_m(plan.scenario, expected_places(plan)[-1][2])
+
+
+def late_s(plan: Plan) -> list[tuple[float, float]]:
+    """By how much each scheduled change misses the instant at which it should begin, and that instant, s."""
+    mission = plan.phase("mission")
+    times = np.linspace(mission.start_s, mission.end_s, int(np.ceil((mission.end_s - mission.start_s) / _GATE_S)) + 1)
+    track = plan.leader_trajectory.state(np.minimum(times, np.nextafter(mission.end_s, 0.0)))[:, :3]
+    changes = [change for change in plan.scenario.formation.change if not change.auto]
+    moves = [move for move in plan.moves if move.trigger != "auto"]
+    found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
+    for change, move in zip(changes, moves, strict=False):
+        if plan.begin_state is not None and move.start_s < plan.t_start_s:
+            continue  # it had begun before
+        asked = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
+        begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
+        found.append((np.inf, move.start_s) if asked is None else (float(np.ptp([move.start_s, begun, asked])), asked))
+    return found
+
+
+def place_in_formation(plan: Plan, places_ned_m: Array, times: Array) -> Margin:
+    """Eq. 22: every vehicle where the scenario's formation has it, seen from the leader; places (V, N, 3)."""
+    seen = places_ned_m - places_ned_m[plan.leader]
+    off = np.zeros(seen.shape[:2])
+    bends = _Bends.of(plan.scenario)
+    for start_s, end_s, expected in expected_places(plan):
+        inside = (times >= start_s) & (times <= end_s)
+        if not inside.any():
+            continue
+        wanted = expected[:, None] if bends is None else bends.nearest(seen[:, inside], expected)[0]
+        off[:, inside] = np.linalg.norm(seen[:, inside] - wanted, axis=-1)
+    return Margin("place in formation", "m", -off, 1.0)
+
+
+def course(plan: Plan, times: Array) -> tuple[Margin, Array]:
+    """How far the formation faces away from its course (1, N), and the instants (N,): where it is rigid and moves."""
+    bends = _Bends.of(plan.scenario)
+    assert bends is not None
+    begin = plan.scenario.start
+    north, east = begin.velocity_mps[:2]
+    facing = np.arctan2(east, north) if north or east else np.radians(begin.roll_pitch_yaw_deg[2])
+    velocity = plan.leader_trajectory.state(times)[:, VELOCITY]
+    headings = np.full(len(times), np.nan)
+    for start_s, end_s, expected in expected_places(plan):
+        inside = (times >= start_s) & (times <= end_s)
+        if inside.any():
+            headings[inside] = bends.nearest(plan.offsets(times[inside]), expected)[1]
+    known = np.isfinite(headings)
+    return margins.course(plan.scenario, velocity[known], headings[known] + facing), times[known]
+
+
+@dataclass(frozen=True)
+class _Bends:
+    """How far automatic changes and the course may turn, scale and blend the scheduled shape."""
+
+    scale: tuple[float, float]
+    turn_rad: float  # either way
+    blend: tuple[float, float]
+    target_ned_m: Array  # (V, 3)
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> _Bends | None:
+        """None where the schedule alone says how the formation looks."""
+        autos = {change.kind: change for change in scenario.formation.change if change.auto}
+        if not autos and scenario.formation.frame == "inertial":
+            return None
+        least = getattr(autos.get("shrink"), "scale", 1.0)
+        turn_rad = np.radians(abs(getattr(autos.get("rotate"), "angle_deg", 0.0)))
+        return cls(
+            scale=(least - _SLACK, 1.0 + _BEYOND * (1.0 - least) + _SLACK) if "shrink" in autos else (1.0, 1.0),
+            turn_rad=np.pi if scenario.formation.frame == "course" else turn_rad * (1.0 + _SLACK),
+            blend=(-_BEYOND - _SLACK, 1.0 + _SLACK) if "reshape" in autos else (0.0, 0.0),
+            target_ned_m=target_ned_m(scenario),
+        )
+
+    def nearest(self, seen: Array, expected: Array) -> tuple[Array, Array]:
+        """Allowed shapes (V, N, 3) nearest to `seen` (V, N, 3), and how far they are turned (N,), rad.
+
+        For any blend the best turn and scale are known; the blend is looked for, ten times closer every time.
+        """
+        low, high = (np.full(seen.shape[1], end) for end in self.blend)
+        for _ in range(_ZOOMS if self.blend[1] > self.blend[0] else 1):
+            tried = np.linspace(low, high, _TRIED)  # (tried, N)
+            gain = self._fitted(seen, expected, tried)[2]
+            best = np.take_along_axis(tried, gain.argmax(axis=0)[None], axis=0)[0]
+            step = (high - low) / (_TRIED - 1)
+            low, high = np.maximum(best - step, self.blend[0]), np.minimum(best + step, self.blend[1])
+        scale, turn, _ = (part[0] for part in self._fitted(seen, expected, best[None]))
+        shape = (1.0 - best)[:, None] * expected[:, None] + best[:, None] * self.target_ned_m[:, None]
+        values: dict[Name, Array] = {"scale": scale, "heading": turn}
+        return np.stack(bent(values, tuple(np.moveaxis(shape, 2, 0)), ()), axis=-1), turn
+
+    def _fitted(self, seen: Array, expected: Array, blend: Array) -> tuple[Array, Array, Array]:
+        """Scale and turn that bring each blend (B, N) of the shapes nearest to `seen`, and how much that gains."""
+        shapes = (expected, self.target_ned_m)
+        shares = (1.0 - blend, blend)
+        flat = [(s[:, 0] - 1j * s[:, 1]) @ (seen[..., 0] + 1j * seen[..., 1]) for s in shapes]
+        tall = [s[:, 2] @ seen[..., 2] for s in shapes]
+        across = sum(share * part for share, part in zip(shares, flat, strict=True))
+        up = sum(share * part for share, part in zip(shares, tall, strict=True))
+        parts = list(zip(shares, shapes, strict=True))
+        size = sum(a * b * np.vdot(s, t) for a, s in parts for b, t in parts)
+        turn = np.clip(np.angle(across), -self.turn_rad, self.turn_rad)
+        alike = (across * np.exp(-1j * turn)).real + up
+        scale = np.clip(alike / np.maximum(size, 1e-12), *self.scale)
+        return scale, turn, 2.0 * scale * alike - scale**2 * size
+
+
+def _taken(plan: Plan, change: Change, places: Array, targets: Array, end_s: float) -> Rows:
+    """The place that each vehicle has taken (V,); any is right where the assignment is free."""
+    fixed = np.arange(len(targets))
+    if change.assignment == "fixed":
+        return fixed
+    if _Bends.of(plan.scenario) is not None:  # turned and scaled as it is, the shape does not say who is where
+        limits, leader = plan.scenario.limits, plan.leader
+        try:
+            return reshape(places, targets, leader, limits.separation_min_m).places
+        except Infeasible:
+            return fixed
+    taken = np.asarray(KDTree(targets).query(plan.shape.at(end_s))[1])
+    return taken if len(np.unique(taken)) == len(taken) else fixed  # two on one place: the check says who is off
+
+
+def least_separation(shape: Shape, times: Array) -> tuple[float, float]:
+    """Least distance between any two vehicles over `times`, and when; a rigid stretch is looked at once."""
+    moving = shape.is_moving(times)
+    piece = np.searchsorted(shape.joints_s, times, side="right")
+    once = np.unique(piece[~moving], return_index=True)[1]
+    worth = np.concatenate([times[~moving][once], times[moving]])
+    least, when = np.inf, float(times[0])
+    for t in worth:
+        distance = nearest_pair_m(shape.at(float(t)))
+        if distance < least:
+            least, when = distance, float(t)
+    return least, when
+
+
+def nearest_pair_m(places: Array) -> float:
+    """Least distance between two of (V, 3) places."""
+    if len(places) <= _FEW:
+        return float(pdist(places).min())
+    return float(KDTree(places).query(places, k=2)[0][:, 1].min())

@@ -1,0 +1,256 @@
+"""Of many vehicles the few that can bind are watched: against a look at every one of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from gcs.physics.quadrotor import VELOCITY, Array, derivative
+from gcs.plan.formation.changes.timeline import lay
+from gcs.plan.formation.coordinates import composed
+from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.active_vehicles import NEAR_GROUND, NEAR_ZONE, SLOT, offsets_at, watched
+from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.planner import make_plan
+from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.verification.verify import verify
+from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.schema.scenario import Scenario
+from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
+
+TIMES = np.linspace(0.0, 59.9, 41)
+BEND = (auto(SHRINK), auto({**TURN, "angle_deg": 60.0}))
+
+
+def wandering(problem: Problem, times: Array) -> Array:
+    """States (T, nx) along the way and far beside it, in any pose."""
+    random = np.random.default_rng(4)
+    states = np.zeros((len(times), 12 + 4 * len(problem.coordinates)))
+    states[:, 0] = random.uniform(-10.0, 110.0, len(times))
+    states[:, 1] = random.uniform(-40.0, 40.0, len(times))
+    states[:, 2] = -random.uniform(2.0, 14.0, len(times))
+    for i, c in enumerate(problem.coordinates):
+        states[:, 12 + 4 * i] = random.uniform(max(c.low, -2.0), min(c.high, 2.0), len(times))
+    return states
+
+
+def by_schedule(scenario: Scenario) -> Problem:
+    """The problem with its changes laid where they say."""
+    problem = flight_problem(scenario)
+    starts = tuple(float(c.at_s) for c in scenario.formation.change if c.at_s is not None)
+    return replace(problem, shape=lay(scenario, starts, problem.start_s, problem.end_s).shape)
+
+
+@pytest.fixture(params=["rigid", "scheduled", "bending"])
+def problem(request: pytest.FixtureRequest, simulation1: Scenario) -> Problem:
+    changes: dict[str, tuple[dict[str, Any], ...]] = {
+        "rigid": (),
+        "scheduled": (at({**TURN, "angle_deg": 40.0}, 2.0), at({**SHRINK, "scale": 0.9}, 48.0)),
+        "bending": BEND,
+    }
+    return by_schedule(block(simulation1, changes[request.param]))
+
+
+def places(problem: Problem, times: Array, states: Array) -> Array:
+    """Where everyone is (V, T, 3)."""
+    return states[:, :3] + offsets_at(problem, problem.shape.offsets(times), states)
+
+
+def test_the_nearest_to_the_ground_is_always_watched(problem: Problem) -> None:
+    states = wandering(problem, TIMES)
+    chosen = watched(problem, TIMES, states)
+    at_all = places(problem, TIMES, states)
+    spare = -at_all[..., 2] - ground_envelope_m(problem.scenario.terrain, at_all[..., 0], at_all[..., 1])
+    np.testing.assert_array_equal(chosen.ground[:, 0], spare.argmin(axis=0))
+    assert chosen.ground.shape == (len(TIMES), NEAR_GROUND)
+    for rows in chosen.ground:
+        assert len(set(rows.tolist())) == NEAR_GROUND
+    assert len(np.unique(chosen.ground[:, 0])) > 10  # not always the same one
+
+
+def test_so_is_the_nearest_a_little_beside_where_the_leader_was_seen(problem: Problem) -> None:
+    states = wandering(problem, TIMES)
+    chosen = watched(problem, TIMES, states)
+    for aside in ([8.0, 8.0], [8.0, -8.0], [-8.0, 8.0], [-8.0, -8.0]):
+        moved = states.copy()
+        moved[:, :2] += aside
+        at_all = places(problem, TIMES, moved)
+        spare = -at_all[..., 2] - ground_envelope_m(problem.scenario.terrain, at_all[..., 0], at_all[..., 1])
+        for rows, nearest in zip(chosen.ground, spare.argmin(axis=0), strict=True):
+            assert nearest in rows
+
+
+def test_the_nearest_to_every_disk_is_watched(simulation1: Scenario) -> None:
+    two = [{"north_m": 50.0, "east_m": -27.0, "radius_m": 14.0}, {"north_m": 20.0, "east_m": 30.0, "radius_m": 5.0}]
+    problem = flight_problem(block(simulation1, no_fly=two))
+    states = wandering(problem, TIMES)
+    chosen = watched(problem, TIMES, states)
+    at_all = places(problem, TIMES, states)
+    assert len(chosen.zones) == 2
+    for rows, disk in zip(chosen.zones, two, strict=True):
+        assert rows.shape == (len(TIMES), NEAR_ZONE)
+        distance = np.hypot(at_all[..., 0] - disk["north_m"], at_all[..., 1] - disk["east_m"])
+        np.testing.assert_array_equal(rows[:, 0], distance.argmin(axis=0))
+
+
+def test_of_a_few_everyone_is_watched(simulation1: Scenario) -> None:
+    problem = flight_problem(fleet(simulation1, 5, "row", no_fly=[{"north_m": 9.0, "east_m": 9.0, "radius_m": 1.0}]))
+    chosen = watched(problem, TIMES[:3], wandering(problem, TIMES[:3]))
+    assert [set(rows.tolist()) for rows in chosen.ground] == [set(range(5))] * 3
+    assert chosen.zones[0].shape == (3, 3)
+
+
+def test_the_leader_alone_moves_where_all_move_alike(simulation1: Scenario) -> None:
+    rigid = flight_problem(block(simulation1))
+    chosen = watched(rigid, TIMES, wandering(rigid, TIMES))
+    assert chosen.moving.tolist() == [[rigid.leader]] * len(TIMES)
+    assert chosen.moving_used.all()
+    scheduled = by_schedule(block(simulation1, (at(SHRINK, 20.0),)))
+    chosen = watched(scheduled, TIMES, wandering(scheduled, TIMES))
+    assert (chosen.moving[:, 0] == scheduled.leader).all()
+    assert chosen.moving_used[:, 0].all()
+    ((start_s, end_s),) = scheduled.shape.moving_s
+    during = np.array([start_s < t < end_s for t in TIMES])
+    assert 0 < during.sum() < len(TIMES)
+    np.testing.assert_array_equal(chosen.moving_used[:, 1:].any(axis=1), during)
+
+
+def test_who_is_farthest_out_moves_most_and_is_watched(simulation1: Scenario) -> None:
+    problem = flight_problem(block(simulation1, BEND))
+    chosen = watched(problem, TIMES, wandering(problem, TIMES))
+    base = problem.shape.offsets(TIMES)
+    for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
+        extreme = (sign * base[..., axis]).max(axis=0)
+        reached = (sign * base[chosen.moving, np.arange(len(TIMES))[:, None], axis]).max(axis=1)
+        np.testing.assert_allclose(reached, extreme)
+
+
+def test_the_highest_and_the_lowest_are_watched_where_the_shape_bends_by_itself(simulation1: Scenario) -> None:
+    shapes = ({"name": "ball", "generator": "sphere", "spacing_m": 3.0},)
+    problem = flight_problem(fleet(simulation1, 20, "ball", (auto(SHRINK),), shapes, start={"position_m": [2, 1, 9]}))
+    assert problem.has_heights
+    chosen = watched(problem, TIMES[:5], wandering(problem, TIMES[:5]))
+    height = -problem.shape.at(0.0)[:, 2]
+    for rows in chosen.moving:
+        assert {height[rows].max(), height[rows].min()} == {height.max(), height.min()}
+    assert not flight_problem(block(simulation1, BEND)).has_heights
+
+
+def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
+    problem = by_schedule(block(simulation1, (at(SHRINK, 20.0),)))
+    chosen = watched(problem, TIMES, wandering(problem, TIMES))
+    rows = np.hstack([chosen.ground, *chosen.zones, chosen.moving])
+    slots = chosen.parameters.reshape(len(TIMES), rows.shape[1], SLOT)
+    for t, at_s in enumerate(TIMES):
+        for order in range(3):
+            np.testing.assert_array_equal(
+                slots[t, :, 3 * order : 3 * order + 3], problem.shape.at(float(at_s), order)[rows[t]]
+            )
+        np.testing.assert_array_equal(slots[t, :, 9:12], problem.target_ned_m[rows[t]])
+
+
+TALL = auto({"kind": "reshape", "to": "ball"})
+
+
+@pytest.mark.parametrize(
+    "changes", [(at({**TURN, "angle_deg": 50.0}, 0.0), *BEND), (auto(TO_FILE), auto(SHRINK)), (TALL, auto(SHRINK))]
+)
+def test_constraints_are_those_of_each_watched_vehicles_own_flight(
+    simulation1: Scenario, changes: tuple[dict[str, Any], ...]
+) -> None:
+    """What the program asks of an instant, from the shape over time by differences, and Eq. 1 for the leader."""
+    ball = {"name": "ball", "generator": "sphere", "spacing_m": 3.0}
+    problem = by_schedule(gap(simulation1, 5.0, changes, formation={"shape": (*SHAPES, ball)}))
+    assert problem.has_heights == (TALL in changes)
+    names = [c.name for c in problem.coordinates]
+    chains = len(names)
+    random = np.random.default_rng(6)
+    parts = stage_functions.functions(problem, 5, 3, 5)
+    scenario, limits = problem.scenario, problem.scenario.limits
+    for at_s in (1.0, 5.0, 8.0):
+        z = np.zeros(16 + 5 * chains)
+        z[:3] = random.uniform([10.0, -5.0, -9.0], [40.0, 5.0, -4.0])
+        z[3:6] = random.uniform(-2.0, 2.0, 3)
+        z[6:12] = random.uniform(-0.1, 0.1, 6)
+        for i, c in enumerate(problem.coordinates):
+            z[12 + 4 * i] = random.uniform(c.low, c.high)
+            z[13 + 4 * i : 16 + 4 * i] = random.uniform(-1.0, 1.0, 3) * c.most[:3]
+        z[12 + 4 * chains] = problem.quadrotor.weight_N
+        # The coordinates as polynomials that have these derivatives at the instant.
+        series = np.zeros((4, 1, chains))
+        for i in range(chains):
+            series[:, 0, i] = z[12 + 4 * i : 16 + 4 * i][::-1] / [6.0, 2.0, 1.0, 1.0]
+        shifted = PPoly(series, np.array([at_s, at_s + 0.5]))
+        base = problem.shape
+        inside = replace(base, functions=PPoly(_expanded(base.functions, at_s), np.array([at_s, at_s + 0.5])))
+        flown = composed(inside, problem.target_ned_m, names, shifted)
+        place, speed, acceleration = (flown.at(at_s, order) for order in range(3))
+        chosen = watched(problem, np.array([at_s]), z[None, : 12 + 4 * chains])
+        values = np.array(parts.path(z, chosen.parameters[0])).ravel()
+        rows = iter(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
+        for vehicle in chosen.ground[0]:
+            at_all = z[:3] + place[vehicle]
+            spare = -at_all[2] - ground_envelope_m(scenario.terrain, at_all[0], at_all[1]) - limits.clearance_min_m
+            assert next(rows) == (f"clearance of vehicle {vehicle + 1}", pytest.approx(spare, abs=1e-9))
+        for number, disk in enumerate(scenario.no_fly):
+            for vehicle in chosen.zones[number][0]:
+                name, value = next(rows)
+                away = np.hypot(*(z[:2] + place[vehicle, :2] - [disk.north_m, disk.east_m]))
+                assert name == f"no-fly zone {number + 1} for vehicle {vehicle + 1}"
+                assert value == pytest.approx((away**2 - disk.radius_m**2) / (2.0 * disk.radius_m), abs=1e-9)
+        leader = derivative(z[:12], z[12 + 4 * chains : 16 + 4 * chains], problem.quadrotor)[VELOCITY]
+        for vehicle in chosen.moving[0]:
+            found = dict(next(rows) for _ in range(7 + problem.has_heights))
+            who = f" of vehicle {vehicle + 1}"
+            v, a = z[3:6] + speed[vehicle], leader + acceleration[vehicle]
+            turn = (v[0] * a[1] - v[1] * a[0]) ** 2 / (v[0] ** 2 + v[1] ** 2 + stage_functions.REST_SMOOTHING_MPS**2)
+            most = limits.load_factor_max * problem.quadrotor.gravity_mps2
+            assert limits.accel_max_mps2 is not None
+            wanted = {
+                "turning radius": 1.0 - turn / most**2,
+                "acceleration": 1.0 - a @ a / limits.accel_max_mps2**2,
+                "north": 1.0 - ((z[0] + place[vehicle, 0] - np.mean(limits.north_m)) * 2 / np.ptp(limits.north_m)) ** 2,
+                "east": 1.0 - ((z[1] + place[vehicle, 1] - np.mean(limits.east_m)) * 2 / np.ptp(limits.east_m)) ** 2,
+                **{
+                    word: 1.0 - (v[axis] / limits.speed_ned_mps[axis]) ** 2
+                    for axis, word in enumerate(("north speed", "east speed", "vertical speed"))
+                },
+            }
+            if problem.has_heights:
+                low, high = limits.height_m
+                middle, half = 0.5 * (low + high), 0.5 * (high - low)
+                wanted["height"] = 1.0 - ((-(z[2] + place[vehicle, 2]) - middle) / half) ** 2
+            assert found == {word + who: pytest.approx(value, abs=1e-8) for word, value in wanted.items()}
+
+
+def _expanded(functions: PPoly, at_s: float) -> Array:
+    """One polynomial's coefficients about `at_s`."""
+    degree = len(functions.c) - 1
+    factorial = np.cumprod([1.0, *range(1, degree + 1)])
+    return np.stack([functions(at_s, nu=n) / factorial[n] for n in range(degree, -1, -1)])[:, None]
+
+
+@pytest.mark.parametrize("changes", [(), (at(SHRINK, 5.0),)], ids=["rigid", "shrinking"])
+def test_sixty_vehicles_clear_hills_that_a_few_are_watched_over(
+    simulation1: Scenario, changes: tuple[dict[str, Any], ...]
+) -> None:
+    scenario = block(simulation1, changes)
+    problem = flight_problem(scenario)
+    program = transcribe(problem, end_refined(0.0, 60.0, 9.0, 1.0, 5), along(problem, straight_way(problem)))
+    per_instant: dict[float, set[str]] = {}
+    for name, t_s in program.g_names:
+        if name.startswith("clearance of"):
+            per_instant.setdefault(t_s, set()).add(name)
+    assert {len(names) for names in per_instant.values()} == {NEAR_GROUND}
+    plan = make_plan(scenario)
+    report = verify(plan)
+    assert report.ok, [str(check) for check in report.failures]
+    # The hills are in the way: without them it would fly lower, and it comes as near to them as it may.
+    assert report.clearance_min_m == pytest.approx(1.0, abs=0.05)
+    assert (-plan.leader_trajectory.state(np.linspace(20.0, 50.0, 99))[:, 2]).max() > 6.5
