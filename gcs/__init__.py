@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from gcs.flight.sortie import fly as fly
     from gcs.flight.watcher import Watcher as Watcher
     from gcs.link.connection import Connection as Connection
-    from gcs.mission.build import build_missions as build_missions
-    from gcs.mission.export import export as export
-    from gcs.mission.setpoints import build_stream as build_stream
+    from gcs.mission.export.export import export as export
+    from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
+    from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan_file import load_plan as load_plan
@@ -47,9 +47,9 @@ _HOME = {
     "Scenario": "gcs.scenario.schema.scenario",
     "Verdict": "gcs.flight.judge",
     "Watcher": "gcs.flight.watcher",
-    "build_missions": "gcs.mission.build",
-    "build_stream": "gcs.mission.setpoints",
-    "export": "gcs.mission.export",
+    "build_missions": "gcs.mission.waypoints.mission_items",
+    "build_stream": "gcs.mission.setpoints.setpoint_stream",
+    "export": "gcs.mission.export.export",
     "fly": "gcs.flight.sortie",
     "load_plan": "gcs.plan.trajectory.plan_file",
     "load_scenario": "gcs.scenario.load",

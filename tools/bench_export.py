@@ -36,9 +36,9 @@ from rich.table import Table
 
 import gcs
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.export import export
-from gcs.mission.formats import Format
-from gcs.mission.missionfile import read_mission
+from gcs.mission.export.export import export
+from gcs.mission.formats.any_mission import read_mission
+from gcs.mission.formats.registry import Format
 from gcs.plan.trajectory.trajectory import Plan
 
 ROOT = Path(__file__).resolve().parent.parent

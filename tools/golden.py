@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from gcs.mission.export import export
+from gcs.mission.export.export import export
 from gcs.plan.planner import make_plan
 from gcs.scenario.load import load_scenario
 

@@ -29,8 +29,8 @@ from gcs.flight.prologue import ask_for_telemetry
 from gcs.flight.stages import Step
 from gcs.flight.takeup import TakeUp, where_in_plan
 from gcs.link.connection import Connection
-from gcs.mission.build import build_missions
-from gcs.mission.setpoints import build_stream
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan_file import load_plan
 from gcs.plan.trajectory.trajectory import Plan
 

@@ -14,9 +14,9 @@ from gcs.cli.options import DebugOption, JsonOption
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
-    from gcs.mission.check import FleetReport
-    from gcs.mission.limits import FlightLimits
-    from gcs.mission.missionfile import LoadedMission
+    from gcs.mission.check.fleet_check import FleetReport
+    from gcs.mission.check.flight_limits import FlightLimits
+    from gcs.mission.formats.any_mission import LoadedMission
 
 FINDINGS = 11  # exit code: the files were read, and something in them is wrong
 TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
@@ -78,12 +78,12 @@ def check(
     if timing not in (None, *TIMINGS):
         raise UsageError(f"--timing {timing}: there are {' and '.join(TIMINGS)}")
     from gcs.autopilots.traits import Autopilot
-    from gcs.mission.check import check_fleet
-    from gcs.mission.flown import fly, surroundings
-    from gcs.mission.flown_model import Modelled
-    from gcs.mission.limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
-    from gcs.mission.missionfile import load_missions
-    from gcs.mission.origin import exported_from
+    from gcs.mission.check.fleet_check import check_fleet
+    from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
+    from gcs.mission.export.provenance import exported_from
+    from gcs.mission.formats.any_mission import load_missions
+    from gcs.mission.predicted.autopilot_flight import Modelled
+    from gcs.mission.predicted.planned_flight import fly, surroundings
 
     missions = load_missions(files, None if autopilot is None else Autopilot.named(autopilot))
     asked_m, changed = exported_from(missions)

@@ -121,9 +121,9 @@ async def _differences(
 
 def _write(to: Path, every: list[Held]) -> list[str]:
     from gcs.autopilots.traits import Autopilot
-    from gcs.mission.folder import replaced
-    from gcs.mission.formats import vehicle_name
-    from gcs.mission.planfile import PlanFile, write_plan_file
+    from gcs.mission.export.atomic_folder import replaced
+    from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+    from gcs.mission.formats.registry import vehicle_name
 
     texts: dict[str, str] = {}
     for held in every:

@@ -16,7 +16,7 @@ from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOpt
 from gcs.errors import UsageError
 
 if TYPE_CHECKING:
-    from gcs.mission.export_index import ExportIndex
+    from gcs.mission.export.index import ExportIndex
     from gcs.plan.trajectory.trajectory import Plan
 
 AUTOPILOTS = tuple(known.key for known in Autopilot)
@@ -84,8 +84,8 @@ def export(
     _check(autopilot, altitude, gates)
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.planning import Stopwatch, plan_for
-    from gcs.mission.export import export as write
-    from gcs.mission.formats import formats_named
+    from gcs.mission.export.export import export as write
+    from gcs.mission.formats.registry import formats_named
     from gcs.mission.model import Altitude
 
     wanted = formats_named(formats) if formats else None
@@ -181,7 +181,7 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     """How everyone returns at once, and what stands in the way."""
-    from gcs.mission.return_warnings import return_warnings
+    from gcs.mission.failsafe.rtl_altitudes import return_warnings
 
     returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)

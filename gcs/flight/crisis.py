@@ -28,7 +28,7 @@ from gcs.flight.rules import IN_FORMATION, SPREAD_M, Action, Choices, Director, 
 from gcs.flight.separation import SeparationWatch
 from gcs.flight.watch import Incident, Kind, VehicleWatch
 from gcs.link.message import Message
-from gcs.mission.return_heights import ReturnPlan
+from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.trajectory import Plan
 
 _PERIOD_S = 0.1  # of fleet time between two looks

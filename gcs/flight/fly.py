@@ -46,9 +46,9 @@ from gcs.link.message import Message
 from gcs.link.session import VehicleSession
 from gcs.link.upload import Holdings, upload_fleet
 from gcs.mavlink import MavCommand
+from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream, VehicleMission
-from gcs.mission.return_heights import ReturnPlan, plan_returns
-from gcs.mission.start import starting_at
+from gcs.mission.waypoints.mission_items import starting_at
 from gcs.plan.trajectory.trajectory import Plan
 
 T = TypeVar("T")

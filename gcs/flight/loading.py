@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable, Mapping
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
 from gcs.link.load import VehicleLoad
-from gcs.mission.formats import Format
+from gcs.mission.export.mission_files import MissionOrder, make_missions
+from gcs.mission.failsafe.fence_rally import build_safety
+from gcs.mission.failsafe.rtl_altitudes import return_warnings
+from gcs.mission.formats.registry import Format
 from gcs.mission.geofence import fence_items, rally_items
-from gcs.mission.mission_files import MissionOrder, make_missions
 from gcs.mission.model import VehicleMission
-from gcs.mission.return_warnings import return_warnings
-from gcs.mission.safety import build_safety
 from gcs.plan.trajectory.trajectory import Plan
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.flight.options import FlightMode
-from gcs.mission.export import export
-from gcs.mission.export_index import ExportIndex
-from gcs.mission.formats import DEFAULT
-from gcs.mission.predicted import Timing
+from gcs.mission.export.export import export
+from gcs.mission.export.index import ExportIndex
+from gcs.mission.formats.registry import DEFAULT
+from gcs.mission.predicted.timing import Timing
 from gcs.plan.trajectory.trajectory import Plan
 
 IDEAL, OWN, AUTO = "ideal", "own", "auto"

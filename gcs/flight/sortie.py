@@ -39,7 +39,7 @@ from gcs.link.connection import Connection
 from gcs.link.fleet import Fleet
 from gcs.link.session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
-from gcs.mission.setpoints import build_stream
+from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.trajectory.trajectory import Plan

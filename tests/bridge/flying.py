@@ -23,8 +23,8 @@ from gcs.flight.stages import FlightTimes, Step
 from gcs.link.fleet import Fleet
 from gcs.link.message import Message
 from gcs.mavlink import MavCommand
-from gcs.mission.build import build_missions
-from gcs.mission.setpoints import build_stream
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario

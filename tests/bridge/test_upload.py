@@ -19,7 +19,7 @@ from gcs.link.load import VehicleLoad
 from gcs.link.mission_compare import compare_missions
 from gcs.link.upload import UploadFailed, restore, upload_fleet
 from gcs.mavlink import MavCommand, MissionType
-from gcs.mission.missionfile import load_missions
+from gcs.mission.formats.any_mission import load_missions
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification.verify import verify

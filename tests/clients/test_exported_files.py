@@ -17,12 +17,12 @@ from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.autopilots.traits import Autopilot
 from gcs.link.items import home_item
-from gcs.mission.export import export
-from gcs.mission.formats import Format
+from gcs.mission.export.export import export
+from gcs.mission.failsafe.fence_rally import Safety
+from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
+from gcs.mission.formats.registry import Format
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
-from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
-from gcs.mission.safety import Safety
 from gcs.plan.trajectory.trajectory import Plan
 
 FORMATS = [Format.PLAN, Format.WAYPOINTS, Format.FENCE, Format.RALLY, Format.PARAM]

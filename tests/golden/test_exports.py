@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 import shapely
 
-from gcs.mission.export import export
-from gcs.mission.folder import INDEX
+from gcs.mission.export.atomic_folder import INDEX
+from gcs.mission.export.export import export
+from gcs.mission.formats.qgc_plan import read_plan_file
+from gcs.mission.formats.qgc_wpl import read_waypoints
+from gcs.mission.formats.tables.setpoints_csv import read_setpoints
 from gcs.mission.model import Frame, MissionItem
-from gcs.mission.planfile import read_plan_file
-from gcs.mission.setpoints_csv import read_setpoints
-from gcs.mission.waypoints import read_waypoints
 from gcs.plan.trajectory.trajectory import Plan
 
 POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05

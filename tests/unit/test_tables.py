@@ -86,7 +86,7 @@ HABITS = {
     "items it does not take": [
         (DELIVERY, "test_what_the_autopilot_does_not_take_is_refused_at_once_with_item_and_reason")
     ],
-    "store": [("tests/unit/mission/test_build.py", "test_more_items_than_the_autopilot_stores")],
+    "store": [("tests/unit/mission/waypoints/test_mission_items.py", "test_more_items_than_the_autopilot_stores")],
     "wrong fence": [(DELIVERY, "test_a_fence_of_a_wrong_shape_is_not_believed_on_either")],
     "clearing": [(DELIVERY, "test_an_empty_delivery_clears")],
     "reasons": [(PROLOGUE, "test_reasons_come_before_or_after_a_refusal_and_in_pieces")],

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
-from gcs.mission.check import check_fleet
-from gcs.mission.findings import Rule
-from gcs.mission.flown import Surroundings, surroundings
-from gcs.mission.flown_model import fly_modelled
+from gcs.mission.check.findings import Rule
+from gcs.mission.check.fleet_check import check_fleet
+from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.formats.any_mission import LoadedMission, read_mission
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
-from gcs.mission.limits import FlightLimits
-from gcs.mission.missionfile import LoadedMission, read_mission
 from gcs.mission.model import Home, MissionItem
+from gcs.mission.predicted.autopilot_flight import fly_modelled
+from gcs.mission.predicted.planned_flight import Surroundings, surroundings
 
 FOREIGN = Path(__file__).resolve().parents[2] / "unit" / "mission" / "foreign"
 WHOLE = {p.name: p.read_bytes() for p in sorted(FOREIGN.iterdir())}

@@ -16,19 +16,26 @@ from hypothesis.extra.numpy import arrays
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
-from gcs.mission.fencefile import read_fence, read_rally, write_fence, write_rally
+from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
+from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
+from gcs.mission.formats.maps.tracks import MapFile, Track
+from gcs.mission.formats.param import ParameterFile, read_parameters, write_parameters
+from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
+from gcs.mission.formats.qgc_wpl import (
+    WaypointFile,
+    read_fence,
+    read_rally,
+    read_waypoints,
+    write_fence,
+    write_rally,
+    write_waypoints,
+)
+from gcs.mission.formats.tables.history_csv import History, read_history, write_history
+from gcs.mission.formats.tables.setpoint_table import StreamFile
+from gcs.mission.formats.tables.setpoints_csv import read_setpoints, write_setpoints
+from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
-from gcs.mission.geojson import read_geojson, write_geojson
-from gcs.mission.history import History, read_history, write_history
-from gcs.mission.kml import read_kml, read_kmz, write_kml, write_kmz
 from gcs.mission.model import Home, MissionItem, SetpointStream
-from gcs.mission.parameters import ParameterFile, read_parameters, write_parameters
-from gcs.mission.planfile import PlanFile, read_plan_file, write_plan_file
-from gcs.mission.setpoint_table import StreamFile
-from gcs.mission.setpoints_csv import read_setpoints, write_setpoints
-from gcs.mission.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
-from gcs.mission.tracks import MapFile, Track
-from gcs.mission.waypoints import WaypointFile, read_waypoints, write_waypoints
 
 untimed = settings(deadline=None)
 finite = st.floats(allow_nan=False, allow_infinity=False)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mission.build import build_missions
 from gcs.mission.model import Command
+from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.missions.keep import kept
 from sim_bridge.personality import by_name

@@ -8,7 +8,7 @@ import pytest
 from gcs.flight.courses import TimedCourse
 from gcs.flight.follow import IGNORED_M, FollowCourse, LeaderDeviation
 from gcs.flight.monitor import VehicleView
-from gcs.mission.setpoints import build_stream
+from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.trajectory import Plan
 

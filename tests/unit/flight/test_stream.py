@@ -12,7 +12,7 @@ from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, due_messages, wait_s
 from gcs.link.clock import VehicleClock
 from gcs.link.message import Message, Station
-from gcs.mission.setpoints import build_stream
+from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.plan.trajectory.trajectory import Plan
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0  # GNSS time of T0 and of the vehicle's start

@@ -9,11 +9,11 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
-from gcs.mission.check import check_fleet
-from gcs.mission.flown import surroundings
-from gcs.mission.limits import FlightLimits
-from gcs.mission.missionfile import load_missions
+from gcs.mission.check.fleet_check import check_fleet
+from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.formats.any_mission import load_missions
 from gcs.mission.model import Home
+from gcs.mission.predicted.planned_flight import surroundings
 
 FOLDER = Path(__file__).parent / "foreign"
 ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4

@@ -12,10 +12,10 @@ import pytest
 import shapely
 
 from gcs.errors import FileFormatError
+from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
+from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
+from gcs.mission.formats.maps.tracks import MapFile, Track, build_map
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place
-from gcs.mission.geojson import read_geojson, write_geojson
-from gcs.mission.kml import read_kml, read_kmz, write_kml, write_kmz
-from gcs.mission.tracks import MapFile, Track, build_map
 from gcs.plan.trajectory.trajectory import Plan
 
 CLOCKWISE = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))

@@ -12,8 +12,8 @@ import rasterio
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
-from gcs.mission.build import build_missions
 from gcs.mission.model import Command
+from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.trajectory import Plan

@@ -11,7 +11,7 @@ from gcs.autopilots.navigation.calibration import by_name as navigator_named
 from gcs.autopilots.navigation.navigator import Orders
 from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.timed import corrected_legs
+from gcs.mission.waypoints.arrival_times import corrected_legs
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.personality import by_name

@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 
 import gcs
 from gcs.errors import Infeasible, UsageError
-from gcs.mission.formats import Format
+from gcs.mission.formats.registry import Format
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted

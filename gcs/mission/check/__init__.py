@@ -1,0 +1,1 @@
+"""Checks of mission files, ours or not: items, flights, fences and rally points."""

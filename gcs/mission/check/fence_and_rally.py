@@ -1,0 +1,152 @@
+"""Fence, rally points, home and mission held against each other, as the autopilot will.
+
+Knows: areas in the plane, which inclusions an autopilot wants. Does not know: how fences are made (`safety`), heights
+of fences (they are parameters, not items).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+
+from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.mission.check.findings import Finding, Level, Rule
+from gcs.mission.check.item_checks import found
+from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.geofence import Place, RallyPoint
+from gcs.mission.predicted.planned_flight import Flight, Surroundings, home_of
+from gcs.physics.quadrotor import Array
+
+_ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
+_TOUCH_M = 0.02  # what degE7 rounds, and the corners of round fences
+_UNDERGROUND_M = 1.0
+_LOOKS = 50  # along a leg that leaves the fence
+
+
+def check_safety(mission: LoadedMission, flight: Flight, around: Surroundings) -> Iterator[Finding]:
+    """One vehicle's fence, rally points, home and flight."""
+    firmware = mission.firmware
+    count = mission.geofence.vertices
+    if count > firmware.fence_items_max:
+        message = f"a fence of {count} points; {firmware.title} stores {firmware.fence_items_max}"
+        yield found(mission, Rule.FENCE, Level.ERROR, message)
+    if len(mission.rally) > firmware.rally_points_max:
+        message = f"{len(mission.rally)} rally points; {firmware.title} stores {firmware.rally_points_max}"
+        yield found(mission, Rule.RALLY, Level.ERROR, message)
+    areas = list(_areas(mission, around))
+    for number, (area, inclusion) in enumerate(areas, start=1):
+        if not area.is_valid:
+            kind = "inclusion" if inclusion else "exclusion"
+            message = f"{kind} {number} of the fence crosses itself: {shapely.is_valid_reason(area)}"
+            yield found(mission, Rule.FENCE, Level.ERROR, message)
+    sound = [(area, inclusion) for area, inclusion in areas if area.is_valid]
+    rally = [(f"rally point {n}", *_rally_ned(p, mission, around)) for n, p in enumerate(mission.rally, start=1)]
+    if around.ground is not None:
+        for name, point, alt_m in rally:
+            ground_m = float(around.height_of_ground_m(point, 0.0))
+            if alt_m < ground_m - _UNDERGROUND_M:
+                yield found(mission, Rule.RALLY, Level.ERROR, f"{name} is {ground_m - alt_m:.1f} m under the ground")
+    if not sound:
+        return
+    allowed = _allowed(sound, firmware.inside_every_inclusion)
+    ends = [flight.ned_m[0]]  # rally points outside the fence are not returned to
+    for name, point in (("home", flight.ned_m[0]), *((name, point) for name, point, _ in rally)):
+        out_m = allowed.distance(shapely.Point(point[1], point[0]))
+        if out_m > _TOUCH_M:
+            rule = Rule.FENCE if name == "home" else Rule.RALLY
+            yield found(mission, rule, Level.ERROR, f"{name} is {out_m:.1f} m outside the fence")
+        elif name != "home":
+            ends.append(point)
+    yield from _flight_inside(mission, flight, allowed)
+    yield from _ways_back(mission, flight, allowed, ends)
+
+
+def check_rally_apart(
+    missions: Sequence[LoadedMission], around: Surroundings, separation_m: float
+) -> Iterator[Finding]:
+    """Two vehicles must not return to the same place."""
+    points = [
+        (mission, number, _rally_ned(point, mission, around)[0])
+        for mission in missions
+        for number, point in enumerate(mission.rally, start=1)
+    ]
+    if len(points) < 2:
+        return
+    tree = shapely.STRtree([shapely.Point(p[1], p[0]) for _, _, p in points])
+    for row, (mission, number, point) in enumerate(points):
+        near = tree.query(shapely.Point(point[1], point[0]), predicate="dwithin", distance=separation_m)
+        for other in near.tolist():
+            if other > row and points[other][0] is not mission:
+                away_m = float(np.hypot(*(points[other][2] - point)[:2]))
+                if away_m < separation_m:
+                    message = (
+                        f"rally point {number} is {away_m:.2f} m from one of {points[other][0].source}; "
+                        f"at least {separation_m:g} m are asked"
+                    )
+                    yield found(mission, Rule.RALLY, Level.ERROR, message)
+
+
+def _allowed(areas: list[tuple[shapely.Polygon, bool]], every: bool) -> shapely.Geometry:
+    inclusions = [area for area, inclusion in areas if inclusion]
+    exclusions = [area for area, inclusion in areas if not inclusion]
+    allowed: shapely.Geometry = shapely.box(-1e7, -1e7, 1e7, 1e7)
+    if inclusions:
+        allowed = shapely.intersection_all(inclusions) if every else shapely.union_all(inclusions)
+    return allowed.difference(shapely.union_all(exclusions)) if exclusions else allowed
+
+
+def _flight_inside(mission: LoadedMission, flight: Flight, allowed: shapely.Geometry) -> Iterator[Finding]:
+    flat = flight.ned_m[:, [1, 0]]
+    roomy = allowed.buffer(_TOUCH_M)
+    if len(flat) < 2 or roomy.covers(shapely.LineString(flat)):
+        return
+    legs = shapely.linestrings(np.stack([flat[:-1], flat[1:]], axis=1))
+    out = ~shapely.covers(roomy, legs)
+    leg = int(np.flatnonzero(out)[0])
+    outside = shapely.difference(legs[leg], roomy)
+    looks = shapely.get_coordinates(shapely.segmentize(outside, max(outside.length / _LOOKS, _TOUCH_M)))
+    deep_m = float(np.max(shapely.distance(allowed, shapely.points(looks)), initial=0.0))
+    message = f"leaves the fence, here by {deep_m:.1f} m, on {int(out.sum())} of {len(legs)} legs"
+    yield found(mission, Rule.FENCE, Level.ERROR, message, int(flight.item[leg + 1]), float(flight.t_s[leg]))
+
+
+def _ways_back(
+    mission: LoadedMission, flight: Flight, allowed: shapely.Geometry, places: list[Array]
+) -> Iterator[Finding]:
+    """Straight ways from every waypoint to the nearest place to return to: no autopilot of old flies around."""
+    flat = flight.ned_m[:, [1, 0]]
+    ends = np.array([place[[1, 0]] for place in places])
+    nearest = ends[np.argmin(np.linalg.norm(flat[:, None] - ends, axis=-1), axis=1)]
+    ways = shapely.linestrings(np.stack([flat, nearest], axis=1))
+    out = ~shapely.covers(allowed.buffer(_TOUCH_M), ways)
+    if out.any():
+        knot = int(np.flatnonzero(out)[0])
+        message = f"the straight way back leaves the fence from {int(out.sum())} of {len(flat)} points of the way"
+        yield found(mission, Rule.RETURN, Level.WARNING, message, int(flight.item[knot]), float(flight.t_s[knot]))
+
+
+def _areas(mission: LoadedMission, around: Surroundings) -> Iterator[tuple[shapely.Polygon, bool]]:
+    """All areas of the fence in the plane (east, north), m, and whether to stay inside."""
+    fence = mission.geofence
+    for polygon in fence.polygons:
+        corners = _flat(polygon.points, around)
+        yield shapely.Polygon(corners[:, [1, 0]]), polygon.inclusion
+    for circle in fence.circles:
+        center = _flat([circle.center], around)[0]
+        yield shapely.Point(center[1], center[0]).buffer(circle.radius_m, quad_segs=_ROUND), circle.inclusion
+
+
+def _flat(places: Sequence[Place], around: Surroundings) -> Array:
+    lat, lon = np.array([(p.lat_degE7 / 1e7, p.lon_degE7 / 1e7) for p in places]).T
+    return geodetic_to_ned(lat, lon, around.origin.alt_amsl_m, around.origin)
+
+
+def _rally_ned(point: RallyPoint, mission: LoadedMission, around: Surroundings) -> tuple[Array, float]:
+    """A rally point in NED, and its height above the origin's."""
+    home = home_of(mission, around)
+    amsl_m = home.alt_amsl_m + point.alt_m
+    lat, lon = from_degE7(point.place.lat_degE7), from_degE7(point.place.lon_degE7)
+    place = geodetic_to_ned(lat, lon, amsl_m, around.origin)
+    return place, -float(place[2])

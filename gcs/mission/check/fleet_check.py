@@ -1,0 +1,88 @@
+"""A fleet's missions held against everything that is known: items, flights, limits, fences.
+
+Knows: what is checked, in which order. Does not know: how (`check_*`), files, how findings are shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gcs.autopilots.altitudes import kept_alt_m
+from gcs.autopilots.traits import Autopilot
+from gcs.mission.check.fence_and_rally import check_rally_apart, check_safety
+from gcs.mission.check.findings import Finding, Level, Rule, worst
+from gcs.mission.check.flight_checks import Lowest, check_ground, check_limits, check_separation
+from gcs.mission.check.flight_limits import FlightLimits
+from gcs.mission.check.item_checks import check_items, found
+from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.model import MissionItem
+from gcs.mission.predicted.closest_approach import Closest
+from gcs.mission.predicted.planned_flight import Flight, Surroundings, fly, together
+
+Fly = Callable[[LoadedMission, Surroundings], Flight]
+
+
+@dataclass(frozen=True)
+class FleetReport:
+    """What was found, and the figures people ask for."""
+
+    findings: tuple[Finding, ...]
+    closest: Closest | None  # of rows of the missions
+    lowest: tuple[Lowest | None, ...]  # by mission
+    duration_s: float
+    flights: tuple[Flight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
+
+    @property
+    def ok(self) -> bool:
+        """Nothing that must not fly, and nothing to decide."""
+        return worst(self.findings) in (None, Level.NOTE)
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """What must not fly."""
+        return tuple(f for f in self.findings if f.level is Level.ERROR)
+
+    @property
+    def clearance_min_m(self) -> float | None:
+        """The least of all vehicles."""
+        return min((low.clearance_m for low in self.lowest if low is not None), default=None)
+
+
+def check_fleet(
+    missions: Sequence[LoadedMission], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
+) -> FleetReport:
+    """Check missions that start together, one per vehicle, as the vehicles will hold them."""
+    missions = [as_on_the_wire(mission) for mission in missions]
+    flights = together([fly_one(mission, around) for mission in missions])
+    findings: list[Finding] = []
+    lowest = []
+    for mission, flight in zip(missions, flights, strict=True):
+        findings += check_items(mission)
+        if mission.home is None:
+            message = "the file does not say where home is; its first place stands for it"
+            findings.append(found(mission, Rule.ASSUMED, Level.NOTE, message))
+        for index, remark in flight.remarks:
+            findings.append(found(mission, Rule.ASSUMED, Level.NOTE, remark, index))
+        low, grounded = check_ground(mission, flight, around, limits)
+        lowest.append(low)
+        findings += grounded
+        findings += check_limits(mission, flight, limits)
+        findings += check_safety(mission, flight, around)
+    closest, near = check_separation(missions, flights, limits)
+    findings += near
+    findings += check_rally_apart(missions, around, limits.separation_m)
+    return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights)
+
+
+def as_on_the_wire(mission: LoadedMission) -> LoadedMission:
+    """Parameters as float32, altitudes as they are kept; positions are 1e-7 degrees already."""
+    return replace(mission, items=tuple(_kept(item, mission.firmware) for item in mission.items))
+
+
+def _kept(item: MissionItem, firmware: Autopilot) -> MissionItem:
+    with np.errstate(over="ignore"):
+        p1, p2, p3, p4 = np.array(item.params, dtype=np.float32).tolist()
+    return replace(item, params=(p1, p2, p3, p4), alt_m=kept_alt_m(item.alt_m, firmware))

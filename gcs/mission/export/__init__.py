@@ -1,0 +1,1 @@
+"""One export folder: missions written, read back, verified, and swapped in whole."""

@@ -1,0 +1,107 @@
+"""What an export tells about itself: the index beside its files.
+
+Knows: what people and programs want to know, as JSON. Does not know: how files are made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from gcs.autopilots.traits import Autopilot
+from gcs.mission.check.fleet_check import FleetReport
+from gcs.mission.failsafe.fence_rally import INCLUSION_MARGIN_M, Safety
+from gcs.mission.model import Altitude, VehicleMission
+from gcs.mission.predicted.timing import Timing
+from gcs.mission.waypoints.placement import Deviation
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+_VERSION = 3
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """How the setpoints differ from the plan, where they were smoothed."""
+
+    knots_every_s: float
+    deviation_m: float
+    yaw_deviation_deg: float
+    clearance_min_m: float
+
+
+@dataclass(frozen=True)
+class ExportIndex:
+    """What an export holds, and how faithfully."""
+
+    scenario: str
+    plan_hash: str
+    firmware: Autopilot
+    altitude: Altitude
+    setpoint_rate_hz: float
+    waypoints: int  # positions with a planned time, per vehicle
+    items: int  # mission items of the longest mission, home not counted
+    deviation: Deviation
+    sha256: dict[str, str]  # by file name
+    safety: Safety
+    report: FleetReport | None  # of the missions as written; None where none were
+    smoothing: Smoothing | None = None  # of the setpoints; waypoints are always the plan's
+    timing: Timing | None = None  # of missions whose speeds are corrected for their autopilot
+    refused: str = ""  # why there are no missions although nobody left them out
+    missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
+
+
+def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
+    """The index as JSON has it."""
+    document: dict[str, Any] = {
+        "version": _VERSION,
+        "scenario": index.scenario,
+        "plan_hash": index.plan_hash,
+        "firmware": index.firmware.key,
+        "altitude": index.altitude.value,
+        "setpoint_rate_hz": index.setpoint_rate_hz,
+        "waypoints": index.waypoints,
+        "items": index.items,
+        "deviation": asdict(index.deviation),
+        "separation_min_m": plan.scenario.judge.separation_min_m,
+        "verified": None if index.report is None else _verified(index, index.report, plan),
+        "timing": None if index.timing is None else index.timing.data(),
+        "refused": index.refused or None,
+        "fence": {
+            "inclusion_margin_m": INCLUSION_MARGIN_M,
+            "zones": [asdict(zone) for zone in index.safety.fence.zones],
+        },
+        "returns": _returns(index.safety),
+        "parameters": {
+            str(sysid): dict(values) for sysid, values in zip(plan.sysids, index.safety.parameters, strict=True)
+        },
+        "sha256": index.sha256,
+    }
+    if index.smoothing is not None:
+        document["smoothing"] = asdict(index.smoothing)
+    return document
+
+
+def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, Any]:
+    """The flight of the missions as written, at the speeds they ask for or as their autopilot flies them."""
+    closest = report.closest
+    timing = "planned speeds" if index.timing is None else "model of the autopilot"
+    told: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
+    if closest is not None:
+        told["separation_min_m"] = closest.distance_m
+        told["separation_vehicles"] = [plan.sysids[row] for row in closest.pair]
+    return told | {"findings": [f.data() for f in report.findings]}
+
+
+def _returns(safety: Safety) -> dict[str, Any]:
+    returns = safety.returns
+    told: dict[str, Any] = {
+        "step_m": returns.step_m,
+        "ground_max_m": returns.ground_max_m,
+        "top_m": returns.top_m,
+        "speeds": asdict(returns.speeds),
+        "worst": None if returns.worst is None else asdict(returns.worst),
+        "through_zones": [asdict(crossing) for crossing in returns.crossings],
+    }
+    return told

@@ -1,0 +1,135 @@
+"""The missions of an export: made for an autopilot, written, read back, flown, and only then handed out.
+
+Knows: what is made from which legs, what must hold before. Does not know: folders, formats that hold no missions, how
+any of it is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import UsageError, VerificationError
+from gcs.mission.check.fleet_check import FleetReport
+from gcs.mission.export.verify_export import check_written, refuse_broken, refuse_untimely, verify_box
+from gcs.mission.failsafe.fence_rally import Safety
+from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
+from gcs.mission.formats.registry import Format, vehicle_name
+from gcs.mission.model import Altitude, Command, VehicleMission
+from gcs.mission.predicted.timing import Timing, predicted
+from gcs.mission.waypoints.arrival_times import corrected_legs
+from gcs.mission.waypoints.mission_items import build_missions, starting_at, timed_legs
+from gcs.mission.waypoints.timed_legs import TimedLegs
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+_DAY_S = 86400
+_IN_THE_AIR = VerificationError(
+    "the plan begins in the air, where no mission is begun in time: missions are left out",
+    hint="fly its setpoints: --format setpoints",
+)
+
+
+@dataclass(frozen=True)
+class MissionOrder:
+    """For whom missions are, and how they keep the plan's time."""
+
+    firmware: Autopilot
+    altitude: Altitude = Altitude.RELATIVE
+    timed: bool = True  # speeds corrected for the autopilot
+    gates: int = 0
+    start_s: int | None = None  # time of day, UTC, at which everybody leaves the hover
+
+    def refuse_impossible(self) -> None:
+        """Raise `UsageError` for gates or starts that this autopilot does not have."""
+        if (self.gates or self.start_s is not None) and self.firmware is Autopilot.PX4:
+            raise UsageError(
+                "PX4 can wait for some seconds, but not until a time of day: it has neither gates nor a common start, "
+                "and a hold takes no error out.",
+                hint="fly the setpoint stream, which keeps all vehicles in time",
+            )
+        if self.gates and not self.corrected:
+            raise UsageError("gates need speeds that are corrected", hint="leave --untimed and --altitude terrain out")
+        if self.gates and self.start_s is None:
+            raise UsageError(
+                "gates open at a time of day: say when everybody leaves the hover",
+                hint="give --start HH:MM:SS (UTC), or fly with `gcs fly --mode mission --gates`",
+            )
+        if self.start_s is not None and not 0 <= self.start_s < _DAY_S:
+            raise UsageError(f"a day has no second {self.start_s}")
+
+    @property
+    def corrected(self) -> bool:
+        """Whether speeds are corrected: models do not follow the ground."""
+        return self.timed and self.altitude is not Altitude.TERRAIN
+
+
+@dataclass(frozen=True)
+class MadeMissions:
+    """Missions, their legs, the text of their files by name, and what was found when they were flown."""
+
+    legs: TimedLegs
+    missions: tuple[VehicleMission, ...]
+    files: dict[str, str]
+    report: FleetReport | None
+    timing: Timing | None
+    refusal: VerificationError | None = None  # why they must not fly by themselves; then there are no files
+
+
+def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequence[Format]) -> MadeMissions:
+    """Make and check missions, in those of the formats that hold missions.
+
+    Raises `ScenarioError` where the autopilot cannot store them, and `VerificationError` where they do not hold what
+    they must as they are written at the plan's own speeds.
+    """
+    firmware, altitude = order.firmware, order.altitude
+    asked = bool({Format.PLAN, Format.WAYPOINTS} & set(formats))
+    if plan.begin_state is not None:
+        legs = timed_legs(plan)
+        missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
+        return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if asked else None)
+    corrected = order.corrected and asked
+    legs = corrected_legs(plan, firmware, order.gates) if corrected else timed_legs(plan)
+    missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
+    if order.start_s is not None:
+        missions = tuple(starting_at(mission, order.start_s) for mission in missions)
+    files = _texts(missions, firmware, safety, formats)
+    if not files:
+        return MadeMissions(legs, missions, files, None, None)
+    fence = safety.fence.geofence, safety.rally
+    leaves_s = None if order.start_s is None else legs.left_s
+    report = check_written(plan, firmware, files, fence, timed=corrected, leaves_s=leaves_s)
+    timing = predicted(plan, firmware, legs, missions, report.flights) if corrected else None
+    try:
+        refuse_broken(report)
+        verify_box(plan, missions, altitude)
+        if timing is not None:
+            refuse_untimely(plan, firmware, timing)
+    except VerificationError as refusal:
+        if timing is None:
+            raise
+        return MadeMissions(legs, missions, {}, None, timing, refusal)
+    return MadeMissions(legs, missions, files, report, timing)
+
+
+def _texts(
+    missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety, formats: Sequence[Format]
+) -> dict[str, str]:
+    """Missions in every format asked for, by file name."""
+    written: dict[str, str] = {}
+    for row, mission in enumerate(missions):
+        name = vehicle_name(mission.sysid)
+        if Format.PLAN in formats:
+            speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
+            speed_mps = round(sum(speeds) / len(speeds), 1)
+            rally = (safety.rally[row],)
+            file = PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps, safety.fence.geofence, rally)
+            written[f"{name}.plan"] = write_plan_file(file)
+        if Format.WAYPOINTS in formats:
+            home = mission.home if firmware.home_is_item_0 else None
+            written[f"{name}.waypoints"] = write_waypoints(WaypointFile(home, mission.items))
+    return written

@@ -1,0 +1,151 @@
+"""What keeps a fleet safe when a plan ends early: a fence, places to return to, heights to return at.
+
+Knows: hulls, zones, landing points. Does not know: items, how heights are chosen (`return_heights`), how all this is
+checked (`check_safety`). The fence is the same for all: a convex hull, so every straight way home stays inside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from gcs.autopilots.traits import Autopilot
+from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
+from gcs.mission.failsafe.rtl_parameters import return_parameters
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.environment.no_fly import outline
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+INCLUSION_MARGIN_M = 10.0
+# A plan may touch a zone's edge, and no vehicle flies to the centimetre: there the fence stands this much inside.
+EXCLUSION_SLACK_M = 2.0  # ArduPilot's FENCE_MARGIN
+_CORNERS_MAX = 32
+_GRID_S = 0.5
+_RADIUS_DECIMALS = _HEIGHT_DECIMALS = 2
+_LEAST_RADIUS_M = 0.5
+
+
+@dataclass(frozen=True)
+class Zone:
+    """One no-fly zone of the scenario and what the fence keeps of it."""
+
+    number: int
+    area_m2: float  # in the scenario
+    fence_area_m2: float  # 0: too small for a fence, or it moves, which no fence does
+
+
+@dataclass(frozen=True)
+class Fence:
+    """The fence of a whole fleet."""
+
+    geofence: Geofence
+    zones: tuple[Zone, ...]
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Everything of a fleet, per vehicle in the plan's order."""
+
+    fence: Fence
+    rally: tuple[RallyPoint, ...]
+    returns: ReturnPlan
+    parameters: tuple[tuple[tuple[str, int | float], ...], ...]
+
+
+def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
+    """The fence, the rally points and the returns of a plan, for one autopilot."""
+    returns = plan_returns(plan, firmware)
+    hover_m = -plan.states(np.array([plan.airborne_s]))[:, 0, 2]
+    homes_m = -plan.pads_ned_m[:, 2]
+    parameters = tuple(
+        return_parameters(firmware, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
+        for row in range(len(plan.sysids))
+    )
+    return Safety(build_fence(plan), build_rally(plan, firmware, returns.altitudes_m), returns, parameters)
+
+
+def build_fence(plan: Plan) -> Fence:
+    """Stay within a hull of all tracks with a margin, and out of the no-fly zones."""
+    t_s = np.linspace(
+        plan.t_start_s,
+        np.nextafter(plan.t_end_s, -np.inf),
+        int(np.ceil((plan.t_end_s - plan.t_start_s) / _GRID_S)) + 1,
+    )
+    leader = plan.leader_trajectory.state(t_s)[:, POSITION]
+    places = np.concatenate([(leader + plan.offsets(t_s))[..., :2].reshape(-1, 2), _ends(plan)])
+    origin = Origin(**plan.scenario.origin.model_dump())
+    polygon = FencePolygon(_places(_hull(places), origin), inclusion=True)
+    zones: list[Zone] = []
+    polygons, circles = [polygon], []
+    for number, zone in enumerate(plan.scenario.no_fly, start=1):
+        kept = 0.0
+        if zone.moves:
+            pass
+        elif zone.radius_m is not None:
+            center = np.array([zone.north_m, zone.east_m])
+            nearest_m = float(np.linalg.norm(places - center, axis=1).min())
+            radius_m = round(min(zone.radius_m, nearest_m - EXCLUSION_SLACK_M), _RADIUS_DECIMALS)
+            if radius_m >= _LEAST_RADIUS_M:
+                circles.append(FenceCircle(_places(center[None], origin)[0], radius_m, inclusion=False))
+                kept = np.pi * radius_m**2
+        else:
+            for part in _shrunk(outline(zone), places):
+                corners = np.array(part.exterior.coords)[:-1]
+                polygons.append(FencePolygon(_places(corners, origin), inclusion=False))
+                kept += part.area
+        whole = np.pi * zone.radius_m**2 if zone.radius_m is not None else outline(zone).area
+        zones.append(Zone(number, float(whole), float(kept)))
+    return Fence(Geofence(tuple(polygons), tuple(circles)), tuple(zones))
+
+
+def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
+    """What is left of a closed area where the plan, places (N, 2), passes along its edge."""
+    nearest_m = float(shapely.distance(area, shapely.points(places)).min())
+    smaller = area.buffer(-max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre")
+    parts = [smaller] if smaller.geom_type == "Polygon" else list(smaller.geoms)
+    return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]
+
+
+def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
+    """Where each vehicle lands, in the plan's order.
+
+    ArduPilot returns to a rally point at its altitude or at RTL_ALT, whichever is higher: here the same. PX4 adds
+    RTL_RETURN_ALT to it: there it is the ground. Altitudes count from the vehicle's own home.
+    """
+    places = _places(plan.landing_points_ned_m[:, :2], Origin(**plan.scenario.origin.model_dump()))
+    ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
+    above_m = list(altitudes_m) if firmware is Autopilot.ARDUPILOT else ground_m.tolist()
+    return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
+
+
+def _ends(plan: Plan) -> Array:
+    return np.concatenate([plan.pads_ned_m[:, :2], plan.landing_points_ned_m[:, :2]])
+
+
+def _hull(places: Array) -> Array:
+    """Corners (C, 2) of a convex polygon that keeps the margin to all places (N, 2), few enough for any autopilot."""
+    hull = shapely.MultiPoint(places).convex_hull
+    slack_m = 0.0
+    while True:
+        # What simplifying cuts off is less than the slack that is added.
+        rough = hull.simplify(slack_m) if slack_m else hull
+        grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
+        corners = np.array(grown.exterior.coords)[:-1]
+        if len(corners) <= _CORNERS_MAX:
+            return corners
+        slack_m = 2.0 * slack_m or 0.5
+
+
+def _places(flat_m: Array, origin: Origin) -> tuple[Place, ...]:
+    """Points (N, 2), m north and east, on the map."""
+    ned_m = np.column_stack([flat_m, np.zeros(len(flat_m))])
+    lat, lon, _ = ned_to_geodetic(ned_m, origin)
+    return tuple(Place(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))

@@ -1,0 +1,207 @@
+"""Heights to return at, one for each vehicle, so that all can return at once from any instant of a plan.
+
+Knows: which heights keep everyone apart, the worst instant. Does not know: where returns lead (`return_cases`),
+parameter names.
+Heights are levels above the highest ground of all ways back, a step apart. Which vehicle has which level is searched:
+all orders of up to eight vehicles, exchanges of two among up to twelve; larger fleets return at one height, in
+formation. Ends are homes; and, for those who store rally points, the nearer of home and rally point. Where no order
+keeps everyone apart, they return more slowly: whoever flies over another who still climbs then passes farther below.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from gcs.autopilots.traits import Autopilot
+from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
+from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.trajectory import Plan
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+STEP_MIN_M = 2.0
+_STEP_SHARE = 1.25  # of the plan's separation
+_ALL_ORDERS, _SEARCHED = 8, 12  # vehicles
+_COARSE_S, _FINE_S, _FINEST_S, _GROUND_S = 8.0, 0.5, 0.05, 2.0
+_IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
+_CM = 100.0
+_CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
+
+
+@dataclass(frozen=True)
+class WorstReturn:
+    """The nearest two vehicles of all returns: who, from which instant of the plan, on the way to where."""
+
+    distance_m: float
+    t_s: float
+    sysids: tuple[int, int]
+    ends: str  # "home", or "nearest" of home and rally point
+
+
+@dataclass(frozen=True)
+class ReturnPlan:
+    """Everyone's return, checked. Altitudes (V) count from each vehicle's own home, in whole centimetres."""
+
+    altitudes_m: tuple[float, ...]
+    speeds: ReturnSpeeds
+    step_m: float
+    ground_max_m: float  # under any way back, above the origin's height
+    top_m: float  # the highest vehicle, above the origin's height
+    worst: WorstReturn | None  # None: nobody to meet
+    crossings: tuple[Crossing, ...]
+
+
+def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
+    """Choose and verify the heights, and the fastest return that keeps everyone apart, for the fleet of a plan."""
+    limits = plan.scenario.limits
+    best: ReturnPlan | None = None
+    ground_m = 0.0
+    for share in _CRUISE_SHARES:
+        speeds = _speeds(plan, firmware, share)
+        coarse = return_cases(plan, firmware, speeds, _COARSE_S)
+        if best is None:
+            ground_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S))
+        base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
+        step_m = max(STEP_MIN_M, _STEP_SHARE * limits.separation_min_m)
+        homes_m = -plan.pads_ned_m[:, 2]
+        vehicles = len(plan.sysids)
+        levels = _levels(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m))
+        altitudes_m = _rounded(base_m + step_m * levels - homes_m)
+        worst = _worst(plan, firmware, speeds, altitudes_m) if vehicles > 1 else None
+        found = ReturnPlan(
+            tuple(altitudes_m.tolist()),
+            speeds,
+            step_m,
+            ground_m,
+            float(np.max(altitudes_m + homes_m)),
+            worst,
+            tuple(c for case in return_cases(plan, firmware, speeds, _FINE_S) for c in crossings(plan, case)),
+        )
+        if worst is None or worst.distance_m >= limits.separation_min_m:
+            return found
+        if best is None or best.worst is None or worst.distance_m > best.worst.distance_m:
+            best = found
+        if vehicles > _SEARCHED:
+            break
+    assert best is not None
+    return best
+
+
+def _worst(plan: Plan, firmware: Autopilot, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
+    """The nearest two of all returns to homes and to the nearest ends."""
+    if len(altitudes_m) > _SEARCHED:
+        period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
+        cases = return_cases(plan, firmware, speeds, period_s)
+        return min((_nearest_in_formation(plan, case, altitudes_m) for case in cases), key=_distance)
+    fine = [_nearest_pair(plan, case, altitudes_m) for case in return_cases(plan, firmware, speeds, _FINE_S)]
+    worst = min(fine, key=_distance)
+    around = max(worst.t_s - _FINE_S, plan.t_start_s), min(worst.t_s + _FINE_S, plan.t_end_s)
+    finer = [_nearest_pair(plan, case, altitudes_m) for case in return_cases(plan, firmware, speeds, _FINEST_S, around)]
+    return min(worst, *finer, key=_distance)
+
+
+def _distance(worst: WorstReturn) -> float:
+    return worst.distance_m
+
+
+def _rounded(altitudes_m: Array) -> Array:
+    return np.asarray(np.ceil(altitudes_m * _CM - 1e-6) / _CM)
+
+
+def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:
+    """A share of the speed the plan may fly, in cm/s; ArduPilot waits above its end for 5 s."""
+    north, east, vertical = plan.scenario.limits.speed_ned_mps
+    cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
+    return ReturnSpeeds(vertical, cruise_mps, vertical, 5.0 if firmware is Autopilot.ARDUPILOT else 0.0)
+
+
+def _levels(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:
+    """Level of each vehicle (V,): the order with the widest least gap. It would have altitudes (L, V) at each level."""
+    vehicles = len(cases[0].from_ned_m)
+    if vehicles == 1:
+        return np.zeros(1, dtype=np.intp)
+    if vehicles > _SEARCHED:
+        return np.zeros(vehicles, dtype=np.intp)
+    pairs = list(itertools.combinations(range(vehicles), 2))
+    gaps = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their levels
+    for case in cases:
+        motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
+        for i, j in pairs:
+            (times_i, places_i), (times_j, places_j) = motions[i], motions[j]
+            distance = pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
+            gaps[i, j] = np.minimum(gaps[i, j], distance.min(axis=-1))
+    first, second = np.array(pairs).T
+
+    def gap(orders: NDArray[np.intp]) -> Array:
+        """Least gap (O,) of orders (O, V)."""
+        return np.asarray(gaps[first, second, orders[:, first], orders[:, second]].min(axis=1))
+
+    if vehicles <= _ALL_ORDERS:
+        orders = np.array(list(itertools.permutations(range(vehicles))))
+        best: NDArray[np.intp] = orders[np.argmax(gap(orders))]
+        return best
+    order = np.arange(vehicles)
+    while True:
+        swapped = np.repeat(order[None], len(pairs), axis=0)
+        rows = np.arange(len(pairs))
+        swapped[rows, first], swapped[rows, second] = order[second], order[first]
+        found = gap(swapped)
+        if found.max() <= gap(order[None])[0] + 1e-9:
+            return order
+        order = swapped[np.argmax(found)]
+
+
+def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstReturn:
+    motions = [case.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
+    found = []
+    for i, j in itertools.combinations(range(len(motions)), 2):
+        distance = pair_distances(motions[i], motions[j])
+        at = int(np.argmin(distance))
+        found.append(WorstReturn(float(distance[at]), float(case.t_s[at]), (plan.sysids[i], plan.sysids[j]), case.name))
+    return min(found, key=_distance)
+
+
+def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) -> WorstReturn:
+    """The nearest two of a large fleet, looked at now and then."""
+    motions = [returning.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
+    longest_s = np.max([times[:, -1] for times, _ in motions], axis=0)
+    looks = np.linspace(0.0, 1.0, _IN_FORMATION_LOOKS) * longest_s[:, None]
+    places = np.stack([places_at(motion, looks) for motion in motions])  # (V, N, L, 3)
+    worst = WorstReturn(math.inf, math.nan, (0, 0), returning.name)
+    for instant, look in np.ndindex(looks.shape):
+        distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
+        row = int(np.argmin(distance[:, 1]))
+        if distance[row, 1] < worst.distance_m:
+            pair = plan.sysids[row], plan.sysids[int(near[row, 1])]
+            worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.name)
+    return worst
+
+
+def return_warnings(plan: Plan, returns: ReturnPlan) -> Iterator[str]:
+    """Returns nearer to each other than the judge asks, above the plan's ceiling, or through closed areas."""
+    worst, asked_m = returns.worst, plan.scenario.judge.separation_min_m
+    if worst is not None and worst.distance_m < asked_m:
+        first, second = worst.sysids
+        yield (
+            f"vehicles {first} and {second} return within {worst.distance_m:.2f} m of each other ({asked_m:g} m are "
+            "asked); do not let all return at once"
+        )
+    ceiling_m = plan.scenario.limits.height_m[1]
+    if returns.top_m > ceiling_m:
+        yield f"returns are up to {returns.top_m:.1f} m high, above the plan's ceiling of {ceiling_m:g} m"
+    for crossing in returns.crossings:
+        where = "home" if crossing.ends == "home" else "to the nearer of home and rally point"
+        yield (
+            f"straight {where} leads through no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
+            f"{crossing.to_s:.1f} s"
+        )

@@ -1,0 +1,85 @@
+"""How a whole fleet returns from an instant of a plan: everyone up to a height of its own, straight to its end, down.
+
+Knows: that motion, the least distance of any two on it. Does not know: plans, parameters, who chooses the heights
+(`return_heights`). All begin at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.mission.predicted.closest_approach import least_distance
+from gcs.physics.quadrotor import Array
+
+Motion = tuple[Array, Array]  # times since the alarm (..., K), places (..., K, 3) in NED
+
+
+@dataclass(frozen=True)
+class ReturnSpeeds:
+    """How fast vehicles return, m/s, and how long they wait above their end, s."""
+
+    climb_mps: float
+    cruise_mps: float
+    sink_mps: float
+    wait_s: float
+
+
+@dataclass(frozen=True)
+class Returning:
+    """Where a fleet is at instants t_s (N,) and where it would go: (V, N, 3) each.
+
+    `datum_m` (V, N) is the height that return altitudes count from: home's, or on PX4 that of where it goes.
+    """
+
+    name: str
+    t_s: Array
+    from_ned_m: Array
+    to_ned_m: Array
+    datum_m: Array
+    speeds: ReturnSpeeds
+
+    def motion(self, row: int, altitude_m: Array | float) -> Motion:
+        """One vehicle's returns from every instant. Altitudes of shape (..., 1) give times (..., N, K).
+
+        Who is higher already stays as high as it is.
+        """
+        start, end, speeds = self.from_ned_m[row], self.to_ned_m[row], self.speeds
+        top_down = np.minimum(start[:, 2], -(self.datum_m[row] + np.asarray(altitude_m, dtype=np.float64)))
+        shape = top_down.shape
+        flat_m = np.broadcast_to(np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]), shape)
+        climb_s = (start[:, 2] - top_down) / speeds.climb_mps
+        sink_s = np.maximum(end[:, 2] - top_down, 0.0) / speeds.sink_mps
+        steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.full(shape, speeds.wait_s), sink_s]
+        places = np.empty((*shape, len(steps), 3))
+        places[..., :2, :2] = start[:, None, :2]
+        places[..., 2:, :2] = end[:, None, :2]
+        places[..., 0, 2] = start[:, 2]
+        places[..., 1:4, 2] = top_down[..., None]
+        places[..., 4, 2] = np.maximum(end[:, 2], top_down)
+        return np.cumsum(np.stack(steps, axis=-1), axis=-1), places
+
+
+def pair_distances(first: Motion, second: Motion) -> Array:
+    """Least distance (...) of two vehicles that begin to return at the same instant; leading axes broadcast."""
+    instants = np.sort(np.concatenate(np.broadcast_arrays(first[0], second[0]), axis=-1), axis=-1)
+    between = places_at(second, instants) - places_at(first, instants)
+    distance, _ = least_distance(between[..., :-1, :], between[..., 1:, :])
+    return np.asarray(distance.min(axis=-1))
+
+
+def places_at(motion: Motion, instants: Array) -> Array:
+    """Places (..., I, 3) at instants (..., I) since the alarm; vehicles stand before the first and after the last."""
+    times, places = motion
+    shape = instants.shape[:-1]
+    times = np.broadcast_to(times, (*shape, times.shape[-1]))
+    places = np.broadcast_to(places, (*shape, *places.shape[-2:]))
+    moved = np.repeat(places[..., :1, :], instants.shape[-1], axis=-2)
+    for leg in range(times.shape[-1] - 1):
+        begin, end = times[..., leg, None], times[..., leg + 1, None]
+        share = np.clip((instants - begin) / np.maximum(end - begin, 1e-12), 0.0, 1.0)
+        # A leg that takes no time is done as soon as it begins.
+        share = np.where((end <= begin) & (instants >= begin), 1.0, share)
+        moved += share[..., None] * (places[..., leg + 1, None, :] - places[..., leg, None, :])
+    return moved

@@ -1,0 +1,1 @@
+"""One file per file format, and the registry that names them."""

@@ -1,0 +1,205 @@
+"""GeoJSON (RFC 7946): tracks and fence for maps and geographic programs.
+
+Knows: the features written here and how to read them back. Does not know: plans, GeoJSON by others (refused).
+A third coordinate means height above the ellipsoid there (RFC 7946, section 4); ours is above mean sea level, so it
+stands in the properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, TypeAdapter, ValidationError
+
+from gcs.errors import FileFormatError
+from gcs.frames import from_degE7, to_degE7
+from gcs.mission.formats.maps.tracks import MapFile, Track, checked
+from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, Place
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Position = tuple[Longitude, Latitude]
+_HALF_TURN_DEG = 180.0
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Lines(_Part):
+    type: Literal["MultiLineString"]
+    coordinates: list[list[Position]]
+
+
+class _Line(_Part):
+    type: Literal["LineString"]
+    coordinates: list[Position]
+
+
+class _Ring(_Part):
+    type: Literal["Polygon"]
+    coordinates: Annotated[list[Annotated[list[Position], Field(min_length=LEAST_VERTICES + 1)]], Field(min_length=1)]
+
+
+class _Spot(_Part):
+    type: Literal["Point"]
+    coordinates: Position
+
+
+class _TrackTold(_Part):
+    kind: Literal["track"]
+    vehicle: int
+    t_s: list[Finite]
+    altitude_amsl_m: list[Finite]
+    points: list[int] | None = None  # of every piece, where a piece of one point had to be written twice
+
+
+class _AreaTold(_Part):
+    kind: Literal["area"]
+    inclusion: bool
+    clockwise: bool
+
+
+class _CircleTold(_Part):
+    kind: Literal["circle"]
+    inclusion: bool
+    radius_m: Annotated[Finite, Field(gt=0)]
+
+
+class _TrackFeature(_Part):
+    type: Literal["Feature"]
+    geometry: Annotated[_Line | _Lines, Field(discriminator="type")]
+    properties: _TrackTold
+
+
+class _AreaFeature(_Part):
+    type: Literal["Feature"]
+    geometry: _Ring
+    properties: _AreaTold
+
+
+class _CircleFeature(_Part):
+    type: Literal["Feature"]
+    geometry: _Spot
+    properties: _CircleTold
+
+
+def _kind(feature: Any) -> str:
+    told = feature.get("properties") if isinstance(feature, dict) else None
+    return str(told.get("kind")) if isinstance(told, dict) else ""
+
+
+class _Collection(_Part):
+    type: Literal["FeatureCollection"]
+    title: str
+    plan: str
+    features: list[
+        Annotated[
+            Annotated[_TrackFeature, Tag("track")]
+            | Annotated[_AreaFeature, Tag("area")]
+            | Annotated[_CircleFeature, Tag("circle")],
+            Discriminator(_kind),
+        ]
+    ]
+
+
+_ADAPTER = TypeAdapter(_Collection)
+
+
+def write_geojson(file: MapFile) -> str:
+    """The text of a file; `read_geojson` gives back the same values."""
+    features = [_track(track) for track in file.tracks]
+    features += [_area(polygon) for polygon in file.geofence.polygons]
+    features += [
+        _feature(
+            {"type": "Point", "coordinates": _position(circle.center)},
+            {"kind": "circle", "inclusion": circle.inclusion, "radius_m": circle.radius_m},
+        )
+        for circle in file.geofence.circles
+    ]
+    collection = {"type": "FeatureCollection", "title": file.title, "plan": file.plan_hash, "features": features}
+    return json.dumps(collection, allow_nan=False, ensure_ascii=False, separators=(",", ":")) + "\n"
+
+
+def read_geojson(data: bytes | str, source: str) -> MapFile:
+    """Contents of a file that `write_geojson` wrote. Raises `FileFormatError` with file and reason otherwise."""
+    try:
+        collection = _ADAPTER.validate_json(data)
+        tracks, polygons, circles = [], [], []
+        for feature in collection.features:
+            if isinstance(feature, _TrackFeature):
+                tracks.append(_read_track(feature))
+            elif isinstance(feature, _AreaFeature):
+                polygons.append(_read_area(feature))
+            else:
+                center, told = _place(feature.geometry.coordinates), feature.properties
+                circles.append(FenceCircle(center, told.radius_m, told.inclusion))
+        fence = Geofence(tuple(polygons), tuple(circles))
+        return MapFile(collection.title, collection.plan, checked(tracks), fence)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(map(str, first["loc"]))
+        reason = f"{key}: {first['msg']}" if key else first["msg"]
+        raise FileFormatError(f"{source}: not a map of this program: {reason}.") from error
+    except ValueError as error:
+        raise FileFormatError(f"{source}: not a map of this program: {error}.") from error
+
+
+def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _track(track: Track) -> dict[str, Any]:
+    points = np.column_stack([track.lon_deg, track.lat_deg])
+    crossings = np.flatnonzero(np.abs(np.diff(track.lon_deg)) > _HALF_TURN_DEG) + 1
+    pieces = [piece.tolist() for piece in np.split(points, crossings)]
+    told: dict[str, Any] = {"kind": "track", "vehicle": track.sysid, "t_s": track.t_s.tolist()}
+    told["altitude_amsl_m"] = track.alt_amsl_m.tolist()
+    lines = [piece * 2 if len(piece) == 1 else piece for piece in pieces]
+    if lines != pieces:
+        told["points"] = [len(piece) for piece in pieces]
+    if len(lines) == 1:
+        return _feature({"type": "LineString", "coordinates": lines[0]}, told)
+    return _feature({"type": "MultiLineString", "coordinates": lines}, told)
+
+
+def _read_track(feature: _TrackFeature) -> Track:
+    told, geometry = feature.properties, feature.geometry
+    lines = geometry.coordinates if isinstance(geometry, _Lines) else [geometry.coordinates]
+    if told.points is not None:
+        lines = [line[: max(count, 0)] for line, count in zip(lines, told.points, strict=True)]
+    lon, lat = np.array([point for line in lines for point in line], dtype=np.float64).reshape(-1, 2).T.copy()
+    return Track(told.vehicle, np.array(told.t_s), lat, lon, np.array(told.altitude_amsl_m))
+
+
+def _area(polygon: FencePolygon) -> dict[str, Any]:
+    """Exterior rings run counterclockwise and close; `clockwise` remembers how the fence had it."""
+    ring = [_position(place) for place in polygon.points]
+    clockwise = _is_clockwise(ring)
+    if clockwise:
+        ring = [ring[0], *ring[:0:-1]]
+    told = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
+    return _feature({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}, told)
+
+
+def _read_area(feature: _AreaFeature) -> FencePolygon:
+    ring = feature.geometry.coordinates[0][:-1]
+    if feature.properties.clockwise:
+        ring = [ring[0], *ring[:0:-1]]
+    return FencePolygon(tuple(map(_place, ring)), feature.properties.inclusion)
+
+
+def _is_clockwise(ring: list[list[float]]) -> bool:
+    lon, lat = np.array(ring).T
+    return bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)
+
+
+def _position(place: Place) -> list[float]:
+    return [from_degE7(place.lon_degE7), from_degE7(place.lat_degE7)]
+
+
+def _place(position: tuple[float, float]) -> Place:
+    return Place(to_degE7(position[1]), to_degE7(position[0]))

@@ -1,0 +1,1 @@
+"""Formats of tables: setpoints as CSV and Parquet, histories as CSV."""

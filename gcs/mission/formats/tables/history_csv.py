@@ -1,0 +1,89 @@
+"""State and control of one vehicle over a whole plan, as CSV: for people who plot or compare, not for flying.
+
+Knows: the columns and their units, sampling a plan. Does not know: links, other formats.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from gcs.errors import FileFormatError
+from gcs.mission.formats.tables.csv_table import read_csv, write_csv
+from gcs.physics.quadrotor import Array
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+COLUMNS = {
+    "t_s": "s",
+    "north_m": "m",
+    "east_m": "m",
+    "down_m": "m",
+    "v_north_mps": "m/s",
+    "v_east_mps": "m/s",
+    "v_down_mps": "m/s",
+    "roll_rad": "rad",
+    "pitch_rad": "rad",
+    "yaw_rad": "rad",
+    "roll_rate_radps": "rad/s",
+    "pitch_rate_radps": "rad/s",
+    "yaw_rate_radps": "rad/s",
+    "U1_N": "N",
+    "U2_N": "N",
+    "U3_N": "N",
+    "U4_Nm": "N m",
+}
+_TITLE = "Skein state and control history: common local NED frame, t_s = 0 is T0"
+_STATES = 12
+_MS = 1000
+EVERYONE = slice(None)
+
+
+@dataclass(frozen=True)
+class History:
+    """One vehicle's states (N, 12) and controls (N, 4) of Eq. 1 at times (N,)."""
+
+    sysid: int
+    plan_hash: str
+    t_s: Array
+    states: Array
+    controls: Array
+
+
+def build_histories(plan: Plan, rate_hz: float, rows: slice = EVERYONE) -> list[History]:
+    """From the take-off to the landing, at t = k / rate_hz and at both ends, of the vehicles in `rows`."""
+    ticks = np.arange(np.ceil(plan.t_start_s * rate_hz), np.floor(plan.t_end_s * rate_hz) + 1)
+    # The end belongs to the last polynomial, not to one that would follow.
+    inside = np.rint(ticks * _MS / rate_hz) / _MS
+    t_s = np.unique(np.clip(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]]), plan.t_start_s, plan.t_end_s))
+    states, controls = plan.motion(np.minimum(t_s, np.nextafter(plan.t_end_s, -np.inf)), rows)
+    return [History(sysid, plan.hash, t_s, states[row], controls[row]) for row, sysid in enumerate(plan.sysids[rows])]
+
+
+def write_history(history: History) -> bytes:
+    """The bytes of a file; `read_history` gives back the same values."""
+    columns = np.column_stack([history.t_s, history.states, history.controls])
+    table = pa.table({name: columns[:, index] for index, name in enumerate(COLUMNS)})
+    return write_csv(_TITLE, {"plan": history.plan_hash, "vehicle": str(history.sysid)}, COLUMNS, table)
+
+
+def read_history(data: bytes | str, source: str) -> History:
+    """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or incomplete."""
+    try:
+        told, table = read_csv(data, COLUMNS)
+        values = np.column_stack([table.column(name).to_numpy() for name in COLUMNS])
+        if not np.isfinite(values).all():
+            raise ValueError("there is a value that is not a finite number")
+        if (np.diff(values[:, 0]) <= 0).any():
+            raise ValueError("times must rise")
+        if not re.fullmatch(r"[1-9]\d{0,8}", told.get("vehicle", "")):
+            raise ValueError("no comment says which vehicle this is (# vehicle: 1)")
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.", hint="write the file again with `gcs export`") from error
+    states, controls = values[:, 1 : 1 + _STATES], values[:, 1 + _STATES :]
+    return History(int(told["vehicle"]), told.get("plan", ""), values[:, 0].copy(), states, controls)

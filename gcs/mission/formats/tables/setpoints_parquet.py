@@ -1,0 +1,68 @@
+"""Setpoint streams as Parquet: the same table, its units and its plan in the metadata.
+
+Knows: which metadata there is. Does not know: plans. Pages carry checksums, so that damage is found and not flown.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict
+from typing import Annotated
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gcs.errors import FileFormatError
+from gcs.frames import Origin
+from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, from_table, to_table
+
+_KEY = b"skein.setpoints"
+_TYPES = {name: pa.int32() if name == "sysid" else pa.float64() for name in COLUMNS}
+_LARGEST_BYTES = 1 << 32  # of columns, unpacked: a damaged length must not ask for all memory
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Place(BaseModel):
+    model_config = ConfigDict(strict=True)
+    lat_deg: Finite
+    lon_deg: Finite
+    alt_amsl_m: Finite
+
+
+class _Told(BaseModel):
+    model_config = ConfigDict(strict=True)
+    plan: str
+    origin: _Place | None
+
+
+def write_setpoints_parquet(file: StreamFile) -> bytes:
+    """The bytes of a file; `read_setpoints_parquet` gives back the same values."""
+    told = {"plan": file.plan_hash, "origin": None if file.origin is None else asdict(file.origin)}
+    fields = [pa.field(name, _TYPES[name], nullable=False, metadata={"unit": u}) for name, u in COLUMNS.items()]
+    schema = pa.schema(fields, metadata={_KEY: json.dumps(told).encode()})
+    buffer = io.BytesIO()
+    pq.write_table(to_table(file.stream).cast(schema), buffer, compression="zstd", write_page_checksum=True)
+    return buffer.getvalue()
+
+
+def read_setpoints_parquet(data: bytes, source: str) -> StreamFile:
+    """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or damaged."""
+    try:
+        file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
+        schema = file.schema_arrow
+        told = _Told.model_validate_json((schema.metadata or {}).get(_KEY, b""))
+        found = dict(zip(schema.names, schema.types, strict=True))
+        if found != _TYPES:
+            raise ValueError(f"columns are {', '.join(schema.names)[:120]}")
+        if file.metadata.num_rows * 8 * len(COLUMNS) > _LARGEST_BYTES:
+            raise ValueError(f"{file.metadata.num_rows} rows are more than any plan has")
+        stream = from_table(file.read())
+    except (ValueError, OSError, pa.ArrowException, ValidationError) as error:
+        reason = "no setpoints of this program" if isinstance(error, ValidationError) else str(error).splitlines()[0]
+        raise FileFormatError(
+            f"{source}: {reason[:200].rstrip('.')}.", hint="write the file again with `gcs export`"
+        ) from error
+    return StreamFile(stream, told.plan, None if told.origin is None else Origin(**told.origin.model_dump()))

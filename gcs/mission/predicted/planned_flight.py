@@ -1,0 +1,324 @@
+"""Where a mission's items take a vehicle, and when: its planned flight, or what a model of the autopilot makes of it.
+
+Knows: what each command does to position and time, altitude frames, jumps. Does not know: files, whether the flight is
+good. Legs are straight. At the end of the take-off a vehicle waits for the others (`together`): missions that are to
+keep together start together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gcs.autopilots.mission_commands import COMMANDS
+from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.model import Frame, Home, MissionItem
+from gcs.physics.quadrotor import Array
+
+Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
+
+ITEMS_FLOWN_MAX = 20_000  # jumps can make a mission endless
+_RETURN_HEIGHT_M = {True: 15.0, False: 60.0}  # RTL_ALT and RTL_RETURN_ALT unless changed; by "is ArduPilot"
+_TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
+ALTITUDE_MAX_M = 1e5  # what is beyond is reported as a mistake, and flown no higher
+_STILL_M = 1e-3
+_DAY_S = 86400.0
+_WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _RTL, _LAND, _TAKEOFF = 16, 17, 18, 19, 20, 21, 22
+_LOITER_TO_ALT, _SPLINE, _DELAY, _JUMP, _SPEED = 31, 82, 93, 177, 178
+_PLACES = frozenset({_WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _LOITER_TO_ALT, _SPLINE})
+_UNMODELLED = frozenset({_LOITER_TURNS, _SPLINE, 30, 84, 85, 92, 94, 179, 600, 601, 42702, 42703})
+_TERRAIN_FRAMES = frozenset({int(Frame.GLOBAL_TERRAIN_ALT), 11})
+_AMSL_FRAMES = frozenset({int(Frame.GLOBAL), 5})
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A vehicle's motion: straight and even between knots, standing before the first and after the last.
+
+    `item` is the index of the item that brought the vehicle to each knot. Between `up_s` and `down_s` it is on its way;
+    before, it climbs from its start, after, it lands where it is.
+    """
+
+    t_s: Array  # (K,)
+    ned_m: Array  # (K, 3)
+    item: Array  # (K,)
+    up_s: float
+    down_s: float
+    ends_s: float  # on the ground again; infinity if it stays in the air
+    remarks: tuple[tuple[int, str], ...] = ()  # item index and what was not modelled
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What all flights have in common: the local frame, and the ground where it is known."""
+
+    origin: Origin
+    ground: Ground | None = None
+
+    def height_of_ground_m(self, ned_m: Array, otherwise_m: float) -> Array:
+        """Ground under points (..., 3), above the origin's height."""
+        if self.ground is None:
+            return np.full(ned_m.shape[:-1], otherwise_m)
+        return np.asarray(self.ground(ned_m[..., 0], ned_m[..., 1]))
+
+
+def surroundings(missions: Sequence[LoadedMission]) -> Surroundings:
+    """A frame that begins at the first home, or at the first place that any mission names; the ground is unknown."""
+    homes = [m.home for m in missions if m.home is not None]
+    first = homes[0] if homes else _first_place(missions)
+    return Surroundings(Origin(first.lat_deg, first.lon_deg, first.alt_amsl_m))
+
+
+def _first_place(missions: Sequence[LoadedMission]) -> Home:
+    for mission in missions:
+        for item in mission.items:
+            if item.command in COMMANDS and COMMANDS[item.command].has_place and (item.lat_degE7 or item.lon_degE7):
+                return Home(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), 0.0)
+    return Home(0.0, 0.0, 0.0)
+
+
+def home_of(mission: LoadedMission, around: Surroundings) -> Home:
+    """Home as the file has it, else the ground under the mission's first place (at the origin's height if unknown)."""
+    if mission.home is not None:
+        return mission.home
+    first = _first_place([mission])
+    at = geodetic_to_ned(first.lat_deg, first.lon_deg, around.origin.alt_amsl_m, around.origin)
+    height = float(around.height_of_ground_m(at, 0.0))
+    return Home(first.lat_deg, first.lon_deg, around.origin.alt_amsl_m + height)
+
+
+def fly(mission: LoadedMission, around: Surroundings) -> Flight:
+    """The mission as its speeds and delays plan it, from the start at time 0, without waiting for anybody."""
+    return Flying(mission, around).run()
+
+
+def together(flights: Sequence[Flight]) -> tuple[Flight, ...]:
+    """The same flights, all leaving the end of their take-off when the last of them is there."""
+    leave_s = max(f.up_s for f in flights)
+    return tuple(_waiting(f, leave_s - f.up_s) for f in flights)
+
+
+def _waiting(flight: Flight, wait_s: float) -> Flight:
+    if wait_s <= 0.0:
+        return flight
+    top = int(np.searchsorted(flight.t_s, flight.up_s, side="right")) - 1
+    t_s = np.concatenate([flight.t_s[: top + 1], flight.t_s[top:] + wait_s])
+    rows = np.concatenate([np.arange(top + 1), np.arange(top, len(flight.t_s))])
+    ends = (flight.up_s + wait_s, flight.down_s + wait_s, flight.ends_s + wait_s)
+    return Flight(t_s, flight.ned_m[rows], flight.item[rows], *ends, flight.remarks)
+
+
+@dataclass
+class Flying:
+    """A vehicle under way at planned speeds: where it is, how fast it may go, what has happened."""
+
+    mission: LoadedMission
+    around: Surroundings
+    knots: list[tuple[float, tuple[float, float, float], int]] = field(default_factory=list)
+    remarks: dict[int, str] = field(default_factory=dict)
+    clock_s: float | None = None  # time of day at time 0, as soon as an item tells
+
+    def run(self) -> Flight:
+        """The whole mission."""
+        mission = self.mission
+        home = home_of(mission, self.around)
+        self.home_ned_m = geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, self.around.origin)
+        self.places_ned_m = self._places(home)
+        self.here, self.t_s = self.home_ned_m, 0.0
+        self.speed_mps = mission.speed_mps or mission.firmware.default_speed_mps
+        self.climb_mps, self.sink_mps = mission.firmware.climb_mps
+        self.up_s: float | None = None
+        self.down_s = self.ends_s = math.inf
+        self._knot(0)
+        self._follow()
+        self._settle()
+        up_s = 0.0 if self.up_s is None else self.up_s
+        down_s = min(self.down_s, self.t_s)
+        t_s, ned_m, item = zip(*self.knots, strict=True)
+        remarks = tuple(self.remarks.items())
+        return Flight(np.array(t_s), np.array(ned_m), np.array(item), up_s, down_s, self.ends_s, remarks)
+
+    def _follow(self) -> None:
+        items = self.mission.items
+        left: dict[int, float] = {}  # how often each jump may still be taken
+        index = flown = 0
+        while index < len(items) and math.isinf(self.ends_s):
+            item = items[index]
+            flown += 1
+            if flown > ITEMS_FLOWN_MAX:
+                self.remarks[index] = f"the mission goes on for ever; looked at for {ITEMS_FLOWN_MAX} items"
+                return
+            if item.command == _JUMP:
+                target = self._jump(item, index, left)
+                index = index + 1 if target is None else target
+                continue
+            if item.command in _UNMODELLED:
+                self.remarks[index] = "what this command does to the flight is not modelled"
+            self._do(item, index)
+            if item.command == _LOITER_UNLIM:
+                return
+            index += 1
+
+    def _jump(self, item: MissionItem, index: int, left: dict[int, float]) -> int | None:
+        """Index to go on at; None where the jump is spent or leads nowhere."""
+        number, times = item.params[:2]
+        target = number - self.mission.jumps_from
+        if not (math.isfinite(number) and number == round(number) and 0 <= target < len(self.mission.items)):
+            return None
+        left.setdefault(index, math.inf if times < 0 else times)
+        if not left[index] >= 1:
+            return None
+        left[index] -= 1
+        return int(target)
+
+    def _do(self, item: MissionItem, index: int) -> None:
+        p1, p2 = item.params[:2]
+        if item.command in _PLACES:
+            hold_s = p1 if item.command in (_WAYPOINT, _LOITER_TIME, _SPLINE) else 0.0
+            self._visit(self._place(index), index, hold_s, along_ground=item.frame in _TERRAIN_FRAMES)
+        elif item.command == _DELAY:
+            self._delay(item, index)
+        elif item.command == _SPEED:
+            if p2 > 0 and math.isfinite(p2):
+                if p1 == 2:
+                    self.climb_mps = p2
+                elif p1 == 3:
+                    self.sink_mps = p2
+                else:
+                    self.speed_mps = p2
+        elif item.command == _TAKEOFF:
+            self._take_off(item, index)
+        elif item.command == _LAND:
+            self._land(item, index)
+        elif item.command == _RTL:
+            self._return(index)
+
+    def _visit(self, place: Array, index: int, hold_s: float, *, along_ground: bool) -> None:
+        """Fly to a place and stay there for a while."""
+        self._go(place, index, along_ground=along_ground)
+        self._wait(hold_s, index)
+
+    def _delay(self, item: MissionItem, index: int) -> None:
+        """For some seconds, or until a time of day, the first of which is taken to come at once."""
+        seconds, *clock = item.params
+        if seconds > 0.0 or not min(clock) >= 0.0:
+            self._wait(seconds, index)
+            return
+        self._settle()
+        until_s = clock[0] * 3600.0 + clock[1] * 60.0 + clock[2]
+        if self.clock_s is None:
+            self.clock_s = until_s - self.t_s
+        left_s = (until_s - self.clock_s - self.t_s) % _DAY_S
+        if left_s > 0.5 * _DAY_S:
+            self.remarks[index] = f"reached {_DAY_S - left_s:.1f} s after the time of day to wait for"
+            left_s = 0.0
+        self._rest(left_s, index)
+
+    def _rest(self, seconds: float, index: int) -> None:
+        """Stay after a stop."""
+        self._wait(seconds, index)
+
+    def _settle(self) -> None:
+        """Fly what was put off; nothing is."""
+
+    def _take_off(self, item: MissionItem, index: int) -> None:
+        """Straight up; PX4 then flies to the place it names."""
+        self._settle()
+        place = self._place(index)
+        top = np.array([*self.here[:2], place[2]])
+        if top[2] < self.here[2]:
+            self.t_s += float(self.here[2] - top[2]) / self.climb_mps
+            self.here = top
+            self._knot(index)
+        if self.up_s is None:
+            self.up_s = self.t_s
+        if not self.mission.firmware.home_is_item_0:
+            self._go(place, index)
+
+    def _land(self, item: MissionItem, index: int) -> None:
+        """Over the place at the height it has, then down."""
+        self._settle()
+        place = self._place(index)
+        self._go(np.array([*place[:2], self.here[2]]), index)
+        self._down(index)
+
+    def _return(self, index: int) -> None:
+        self._settle()
+        height_m = _RETURN_HEIGHT_M[self.mission.firmware.home_is_item_0]
+        top = min(self.here[2], self.home_ned_m[2] - height_m)
+        self._go(np.array([*self.here[:2], top]), index)
+        self._go(np.array([*self.home_ned_m[:2], top]), index)
+        self._down(index)
+
+    def _down(self, index: int) -> None:
+        self.down_s = self.t_s
+        ground = -float(self.around.height_of_ground_m(self.here, -self.home_ned_m[2]))
+        self.t_s += max(ground - float(self.here[2]), 0.0) / self.sink_mps
+        self.here = np.array([*self.here[:2], max(ground, self.here[2])])
+        self.ends_s = self.t_s
+        self._knot(index)
+
+    def _wait(self, seconds: float, index: int) -> None:
+        if seconds > 0 and math.isfinite(seconds):
+            self.t_s += seconds
+            self._knot(index)
+
+    def _go(self, there: Array, index: int, *, along_ground: bool = False) -> None:
+        """Straight to a place; along the ground where heights count from it."""
+        start = self.here
+        length_m = float(np.linalg.norm(there - start))
+        if length_m < _STILL_M:
+            return
+        duration_s = self._duration_s(there - start, length_m)
+        steps = 1
+        if along_ground and self.around.ground is not None:
+            steps = math.ceil(float(np.linalg.norm((there - start)[:2])) / _TERRAIN_STEP_M)
+            steps = min(max(steps, 1), _TERRAIN_STEPS_MAX)
+        shares = np.arange(1, steps + 1) / steps
+        points = start + shares[:, None] * (there - start)
+        if steps > 1:
+            ends = np.stack([start, there])
+            above = -ends[:, 2] - self.around.height_of_ground_m(ends, 0.0)
+            points[:, 2] = -(self.around.height_of_ground_m(points, 0.0) + np.interp(shares, [0, 1], above))
+        begin_s = self.t_s
+        for share, point in zip(shares.tolist(), points, strict=True):
+            self.t_s = begin_s + share * duration_s
+            self.here = point
+            self._knot(index)
+        if self.up_s is None:
+            self.up_s = begin_s  # no take-off: under way from the first leg
+
+    def _duration_s(self, way: Array, length_m: float) -> float:
+        if math.hypot(way[0], way[1]) < _STILL_M:
+            return float(abs(way[2])) / (self.climb_mps if way[2] < 0 else self.sink_mps)
+        return length_m / self.speed_mps
+
+    def _place(self, index: int) -> Array:
+        """Where an item is, in NED; latitude and longitude 0 mean "here"."""
+        item, place = self.mission.items[index], self.places_ned_m[index]
+        return place if item.lat_degE7 or item.lon_degE7 else np.array([*self.here[:2], place[2]])
+
+    def _places(self, home: Home) -> Array:
+        """Places (M, 3) of all items, in NED."""
+        items, origin = self.mission.items, self.around.origin
+        if not items:
+            return np.zeros((0, 3))
+        lat, lon = np.array([(i.lat_degE7 / 1e7, i.lon_degE7 / 1e7) for i in items]).T
+        alt = np.clip(np.nan_to_num([i.alt_m for i in items]), -ALTITUDE_MAX_M, ALTITUDE_MAX_M)
+        amsl = np.array([i.frame in _AMSL_FRAMES for i in items])
+        terrain = np.array([i.frame in _TERRAIN_FRAMES for i in items])
+        # A frame without a place, or "here" without a latitude, must not leave the Earth.
+        nowhere = (np.abs(lat) > 90) | ((lat == 0) & (lon == 0))
+        lat, lon = np.where(nowhere, home.lat_deg, lat), np.where(nowhere, home.lon_deg, lon)
+        places = geodetic_to_ned(lat, lon, np.where(amsl, alt, home.alt_amsl_m + alt), origin)
+        ground = self.around.height_of_ground_m(places, -float(self.home_ned_m[2]))
+        places[terrain, 2] = -(ground + alt)[terrain]
+        return places
+
+    def _knot(self, index: int) -> None:
+        n, e, d = self.here.tolist()
+        self.knots.append((self.t_s, (n, e, d), index))

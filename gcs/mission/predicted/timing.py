@@ -1,0 +1,216 @@
+"""What becomes of a plan's times: how late vehicles pass their waypoints, how far they are from the plan, who is near.
+
+Knows: flights as they were worked out for the missions as written, a plan. Does not know: how flights are worked out,
+files.
+
+Whatever a model gets wrong about an autopilot it gets wrong for all vehicles alike, and a formation keeps its shape.
+What each vehicle does for itself is `APART_S`: by so much may one be ahead of or behind another that flies the same
+orders, and the formation is looked at with any two of them moved against each other by that.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from gcs.autopilots.navigation.calibration import APART_S
+from gcs.autopilots.navigation.predict import NEAR_M
+from gcs.autopilots.traits import Autopilot
+from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mission.model import Altitude, Command, VehicleMission
+from gcs.mission.predicted.planned_flight import Flight
+from gcs.mission.waypoints.timed_legs import TimedLegs
+from gcs.physics.quadrotor import POSITION, Array
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+_GRID_S = 0.2
+_LOOKS = 9  # at every piece of a flight
+_SHIFTS = 21
+_TOGETHER = 20  # vehicles sampled at once
+_ALL_PAIRS, _PAIRS_MAX, _TREE_EVERY = 20, 2000, 25
+_WAYPOINT = Command.NAV_WAYPOINT
+MARGIN_S = 1.0  # at a gate: who comes later than that before it opens may miss it
+
+
+@dataclass(frozen=True)
+class VehicleTiming:
+    """One vehicle's flight against its plan. Late is positive; the error is that at equal time."""
+
+    sysid: int
+    late_s: float  # the worst of its waypoints, either way
+    late_at_s: float  # plan time of that waypoint
+    error_max_m: float
+    error_at_s: float
+    error_rms_m: float
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """The nearest two vehicles, one of them `apart_s` or less ahead or behind."""
+
+    distance_m: float
+    t_s: float
+    sysids: tuple[int, int]
+    apart_s: float
+
+
+@dataclass(frozen=True)
+class Timing:
+    """The predicted flight of an export's missions."""
+
+    vehicles: tuple[VehicleTiming, ...]
+    spread_s: float  # the largest difference of two vehicles' lateness at the same waypoint
+    nearest: NearMiss | None  # None: nobody to come near to
+    arrival_late_s: float  # of the last waypoint, the worst of all vehicles
+    gates_early_s: tuple[float, ...]  # how long before each gate opens the last vehicle is there
+
+    @property
+    def late_s(self) -> float:
+        """The worst of all, either way."""
+        return max((v.late_s for v in self.vehicles), key=abs)
+
+    def data(self) -> dict[str, Any]:
+        """For people's programs."""
+        spread_s = None if math.isnan(self.spread_s) else self.spread_s
+        return {"late_s": self.late_s} | asdict(self) | {"spread_s": spread_s}
+
+
+def predicted(
+    plan: Plan, firmware: Autopilot, legs: TimedLegs, missions: Sequence[VehicleMission], flights: Sequence[Flight]
+) -> Timing:
+    """Hold the flights of all missions, which left the end of their take-off together, against the plan."""
+    t_s = np.arange(legs.left_s, plan.phase("landing").start_s, _GRID_S)
+    flown = np.empty((len(missions), len(t_s), 3))
+    late, early = [], []
+    for row, (mission, flight) in enumerate(zip(missions, flights, strict=True)):
+        knots_s = flight.t_s - _leaving_s(mission, flight) + mission.leaves_s
+        flown[row] = np.stack([np.interp(t_s, knots_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
+        waypoints, passed_s = _passages(plan, row, mission, flight, knots_s)
+        early.append([leaves_s - passed_s[waypoints.index(delay - 1)] for delay, leaves_s in mission.gates])
+        stops = {delay - 1 for delay, _ in mission.gates}
+        due_s = [math.nan if item in stops else float(mission.arrival_s[item] or 0.0) for item in waypoints]
+        due_s[-1] = _near_end_s(plan, row)
+        late.append(passed_s - due_s)
+    vehicles: list[VehicleTiming] = []
+    for first in range(0, len(missions), _TOGETHER):
+        rows = slice(first, first + _TOGETHER)
+        errors = np.linalg.norm(flown[rows] - plan.motion(t_s, rows)[0][..., POSITION], axis=-1)
+        vehicles += [
+            _vehicle(mission, late_s, error_m, t_s)
+            for mission, late_s, error_m in zip(missions[rows], late[rows], errors, strict=True)
+        ]
+    return Timing(
+        tuple(vehicles),
+        _spread_s(late),
+        _nearest(plan, t_s, flown, APART_S[firmware.key]),
+        float(max((one[-1] for one in late), key=abs)),
+        tuple(np.min(early, axis=0).round(3).tolist()) if legs.gates else (),
+    )
+
+
+def _leaving_s(mission: VehicleMission, flight: Flight) -> float:
+    """When the hover is left, in the flight's time."""
+    first = next(index for index, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT)
+    return float(flight.t_s[min(int(np.argmax(flight.item >= first)), len(flight.t_s) - 1)])
+
+
+def _passages(plan: Plan, row: int, mission: VehicleMission, flight: Flight, knots_s: Array) -> tuple[list[int], Array]:
+    """Indices of the waypoints, and when each is passed: at the nearest, or near it where the vehicle stops."""
+    waypoints = [i for i, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT]
+    origin = Origin(**plan.scenario.origin.model_dump())
+    stops = {delay - 1 for delay, _ in mission.gates} | {waypoints[-1]}
+    times = []
+    for index, following in itertools.zip_longest(waypoints, waypoints[1:]):
+        begin = max(int(np.searchsorted(flight.item, index)) - 1, 0)
+        end = int(np.searchsorted(flight.item, index if index in stops else following, side="right"))
+        place = _place(mission, index, origin)
+        t_s, distance_m = _approach(knots_s[begin:end], flight.ned_m[begin:end] - place)
+        near = np.flatnonzero(distance_m <= NEAR_M)
+        times.append(float(t_s[near[0] if index in stops and len(near) else int(np.argmin(distance_m))]))
+    return waypoints, np.array(times)
+
+
+def _approach(t_s: Array, away_m: Array) -> tuple[Array, Array]:
+    """Instants and distances along a polyline (K,), (K, 3) around 0: its nearest point and 50 others of every piece."""
+    shares = np.linspace(0.0, 1.0, _LOOKS)
+    ways = np.diff(away_m, axis=0)
+    nearest = -np.sum(away_m[:-1] * ways, axis=1) / np.maximum(np.sum(ways * ways, axis=1), 1e-12)
+    looks = np.sort(np.concatenate([np.tile(shares, (len(ways), 1)), np.clip(nearest, 0.0, 1.0)[:, None]], axis=1))
+    instants = t_s[:-1, None] + looks * np.diff(t_s)[:, None]
+    distance_m = np.linalg.norm(away_m[:-1, None] + looks[..., None] * ways[:, None], axis=-1)
+    return instants.ravel(), distance_m.ravel()
+
+
+def _place(mission: VehicleMission, index: int, origin: Origin) -> Array:
+    item = mission.items[index]
+    alt_m = item.alt_m if item.frame == Altitude.AMSL.frame else mission.home.alt_amsl_m + item.alt_m
+    return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt_m, origin)
+
+
+def _near_end_s(plan: Plan, row: int) -> float:
+    """When the plan comes near its last waypoint."""
+    t_s = np.arange(0.0, plan.flight_s + 0.5 * _GRID_S, 0.5 * _GRID_S).clip(max=plan.flight_s)
+    position = plan.motion(t_s, slice(row, row + 1))[0][0][:, POSITION]
+    far = np.flatnonzero(np.linalg.norm(position - position[-1], axis=1) > NEAR_M)
+    return float(t_s[min(int(far[-1]) + 1, len(t_s) - 1)]) if len(far) else 0.0
+
+
+def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array) -> VehicleTiming:
+    arrivals = [t for t, item in zip(mission.arrival_s, mission.items, strict=True) if item.command == _WAYPOINT]
+    worst = int(np.nanargmax(np.abs(late_s)))
+    at = int(np.argmax(error_m))
+    return VehicleTiming(
+        mission.sysid,
+        float(late_s[worst]),
+        float(arrivals[worst] or 0.0),
+        float(error_m[at]),
+        float(t_s[at]),
+        float(np.sqrt(np.mean(error_m**2))),
+    )
+
+
+def _spread_s(late: Sequence[Array]) -> float:
+    if len({len(one) for one in late}) > 1:
+        return math.nan  # who rests has fewer waypoints
+    return float(np.nanmax(np.ptp(np.array(late), axis=0)))
+
+
+def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> NearMiss | None:
+    """The least distance of one vehicle to where another is within `apart_s`; rows of flown (V, N, 3)."""
+    if len(flown) < 2:
+        return None
+    steps = np.unique(np.linspace(-apart_s, apart_s, _SHIFTS))
+    best = NearMiss(math.inf, math.nan, (0, 0), apart_s)
+    for first, second in _near_pairs(plan, t_s, flown, apart_s):
+        for shift_s in steps.tolist():
+            other = np.stack([np.interp(t_s + shift_s, t_s, flown[second, :, axis]) for axis in range(3)], axis=-1)
+            distance_m = np.linalg.norm(flown[first] - other, axis=-1)
+            at = int(np.argmin(distance_m))
+            if distance_m[at] < best.distance_m:
+                pair = (plan.sysids[first], plan.sysids[second])
+                best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, apart_s)
+    return best
+
+
+def _near_pairs(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> list[tuple[int, int]]:
+    """All pairs of few vehicles; of many, who could come too near, and of each his nearest."""
+    if len(flown) <= _ALL_PAIRS:
+        return list(itertools.combinations(range(len(flown)), 2))
+    fastest_mps = float(np.max(np.linalg.norm(np.diff(flown[0], axis=0), axis=-1))) / _GRID_S
+    reach_m = plan.scenario.judge.separation_min_m + 2.0 * fastest_mps * apart_s
+    pairs: set[tuple[int, int]] = set()
+    for at in range(0, len(t_s), _TREE_EVERY):
+        tree = KDTree(flown[:, at])
+        pairs |= tree.query_pairs(reach_m)
+        row = int(np.argmin(tree.query(flown[:, at], k=2)[0][:, 1]))
+        other = int(tree.query(flown[row, at], k=2)[1][1])
+        pairs.add((min(row, other), max(row, other)))
+    return sorted(pairs)[:_PAIRS_MAX]

@@ -1,0 +1,1 @@
+"""Timed setpoints from a plan, and their B-spline smoothing."""

@@ -1,0 +1,203 @@
+"""Legs that an autopilot keeps in time: few waypoints, far enough apart for their speeds, and corrected speeds.
+
+Knows: which placements are tried and which is best, gates, who shares whose legs. Does not know: how speeds are found
+(`correction`), items.
+
+In a rigid formation all vehicles fly the leader's legs, moved; in a changing one each has speeds of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import ScenarioError, VerificationError
+from gcs.mission.waypoints.leg_profile import Course, course_of
+from gcs.mission.waypoints.placement import Deviation, Flown, deviation, gentle_indices
+from gcs.mission.waypoints.speed_correction import Corrected, correct
+from gcs.mission.waypoints.terrain_raise import Lift
+from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.vehicle_ability import ability_of
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+VEHICLES_MAX = 20  # with legs of their own: each costs some seconds
+SLACK_S = 5.0  # a stop costs up to two, being late may cost two more
+LEAD_MAX_S = 3.0
+_GATE_LEAD_S = 1.0  # of the start and of every gate, where gates must lie whole seconds apart
+_GATES_EVERY_S = 20.0  # or more
+_SAMPLE_S = 0.1
+_SLOWEST_MPS = 0.3
+_LEAST_PATH_M, _TIME_M = 0.3, 1.0  # no autopilot holds corners or a constant speed better
+_PLACEMENTS = (
+    (1.0, 1.0),
+    (1.5, 1.3),
+    (0.5, 0.8),
+)  # times the path's tolerance; share of a speed that legs must sustain
+_GOOD_S, _GOOD_OWN_S = 1.0, 2.0  # no other placement is tried; where vehicles have legs of their own it takes long
+_TROUBLE_SPM = 100.0  # s of lateness that a metre inside a closed area is worth
+_MADE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # what was worked out: it takes seconds
+_MADE_MAX = 16
+
+
+def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
+    """How this autopilot flies the plan's vehicles."""
+    return by_name(firmware.key).within(ability_of(plan.quadrotor, plan.scenario.limits))
+
+
+def climb_s(plan: Plan, firmware: Autopilot) -> float:
+    """How long the highest vehicle takes to its hover: autopilots climb at a speed of their own."""
+    hover_ned_m = plan.motion(np.array([plan.airborne_s]))[0][:, 0, POSITION]
+    return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.climb_mps[0]
+
+
+def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs:
+    """Waypoints, speeds and gates with which the autopilot keeps the plan's times as well as it can.
+
+    Raises `VerificationError` where it cannot be told: too many vehicles with legs of their own, or speeds that lead
+    nowhere; and `ScenarioError` for more gates than the flight has room for.
+    """
+    key = plan.hash, firmware, gates
+    if key in _MADE:
+        return _MADE[key]
+    rows = rows_with_own_legs(plan)
+    if rows == slice(None) and len(plan.sysids) > VEHICLES_MAX:
+        raise VerificationError(
+            f"{len(plan.sysids)} vehicles with legs of their own are too many to correct the speeds of: "
+            f"up to {VEHICLES_MAX} are.",
+            hint="fly the setpoint stream (--format setpoints), which keeps path and time",
+        )
+    sampled = _Samples.of(plan, rows)
+    stops = _gate_samples(sampled.t_s, gates)
+    best: _Attempt | None = None
+    for tolerances, share in _PLACEMENTS:
+        attempt = _attempt(plan, firmware, sampled, stops, (tolerances, share))
+        if best is None or attempt.off_s < best.off_s:
+            best = attempt
+        if best.off_s <= (_GOOD_S if len(sampled.position_ned_m) == 1 else _GOOD_OWN_S):
+            break
+    assert best is not None
+    while len(_MADE) >= _MADE_MAX:
+        del _MADE[next(iter(_MADE))]
+    _MADE[key] = best.legs
+    return best.legs
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """The planned flight of those whose legs are made: times (M,) and positions (R, M, 3)."""
+
+    t_s: Array
+    position_ned_m: Array
+
+    @classmethod
+    def of(cls, plan: Plan, rows: slice) -> _Samples:
+        begin = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
+        # Whole tenths, so that there is a sample at every second after the start.
+        samples = math.ceil((plan.flight_s - begin) / _SAMPLE_S) + 1
+        t_s = np.asarray(begin + _SAMPLE_S * np.arange(samples), dtype=np.float64)
+        t_s[-1] = plan.flight_s
+        return cls(t_s, plan.motion(t_s, rows)[0][..., POSITION])
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """One placement; `off_s` is the largest lateness of any waypoint and vehicle, and what closed areas add to it."""
+
+    legs: TimedLegs
+    off_s: float
+
+
+def _attempt(
+    plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int], placement: tuple[float, float]
+) -> _Attempt:
+    """Waypoints between the stops, then speeds; the leader's start decides when everybody leaves."""
+    tolerances, share = placement
+    navigator = navigator_of(plan, firmware)
+    path_m = tolerances * max(plan.scenario.mission.tolerance_m, _LEAST_PATH_M)
+    t_s, position = sampled.t_s, sampled.position_ned_m
+    rows = len(position)
+    leader = plan.leader if rows > 1 else 0
+    waypoints = [0]
+    speeds: list[Array] = []
+    lifts = np.zeros(1)
+    gates: list[Gate] = []
+    takeoff = plan.phase("takeoff")
+    hover_s = float(t_s[0]) - takeoff.end_s
+    lead_s = (_GATE_LEAD_S,) * 2 if len(stops) > 2 else (0.0, min(LEAD_MAX_S, hover_s))
+    leaves_s = math.nan
+    off_s = 0.0
+    for first, last in pairwise(stops):
+        part = Flown(t_s[first : last + 1], position[:, first : last + 1])
+        kept = [first + i for i in gentle_indices(part, Deviation(path_m, _TIME_M), navigator.sustained_mps, share)]
+        gate = last != stops[-1]
+        lift = Lift(plan, sampled.t_s[kept])
+        early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0
+        part_speeds = np.full((rows, len(kept) - 1), np.nan)
+        for row in (leader, *(r for r in range(rows) if r != leader)):
+            course, legs = _course(plan, firmware, sampled, row, kept, early_s)
+            found = correct(navigator, course, lead_s)
+            inside_m = lift.raise_over_ground(navigator, course, legs, found, row if rows > 1 else None)
+            off_s = max(off_s, _worst_s(found, gate) + _TROUBLE_SPM * inside_m)
+            part_speeds[row, legs] = found.speeds_mps
+            if row == leader:
+                lead_s = (found.lead_s, found.lead_s)
+        if math.isnan(leaves_s):
+            leaves_s = float(t_s[0]) - lead_s[0]
+        speeds.append(part_speeds)
+        waypoints += kept[1:]
+        lifts = np.concatenate([lifts, lift.by_waypoint_m[1:]])
+        if gate:
+            gates.append(Gate(len(waypoints) - 1, float(t_s[last]) - _GATE_LEAD_S, SLACK_S))
+            lead_s = (_GATE_LEAD_S,) * 2
+    everything = Flown(t_s, position)
+    timed = TimedLegs(
+        t_s[waypoints], deviation(everything, waypoints), np.concatenate(speeds, axis=1), leaves_s, tuple(gates), lifts
+    )
+    return _Attempt(timed, off_s)
+
+
+def _worst_s(found: Corrected, gate: bool) -> float:
+    late = found.late_s[:-1] if gate and len(found.late_s) > 1 else found.late_s
+    return float(np.abs(late).max())
+
+
+def _course(
+    plan: Plan, firmware: Autopilot, sampled: _Samples, row: int, kept: list[int], early_s: float
+) -> tuple[Course, list[int]]:
+    """Legs of one vehicle between two stops; the latter half is flown faster where the second is due early."""
+    limits, takeoff = plan.scenario.limits, plan.phase("takeoff")
+    begin_s = float(sampled.t_s[kept[0]])
+    half_s = 0.5 * (float(sampled.t_s[kept[-1]]) - begin_s)
+    course, legs = course_of(
+        sampled.t_s - early_s * np.maximum((sampled.t_s - begin_s) / half_s - 1.0, 0.0),
+        sampled.position_ned_m[row],
+        kept,
+        np.array(limits.speed_ned_mps),
+        slowest_mps=max(_SLOWEST_MPS, firmware.speed_mps[0]),
+        fastest_mps=firmware.speed_mps[1],
+        airborne_s=climb_s(plan, firmware) + begin_s - takeoff.end_s,
+    )
+    return course, legs
+
+
+def _gate_samples(t_s: Array, gates: int) -> list[int]:
+    """Samples at which the formation stops, first and last included: whole seconds after the start, evenly spread."""
+    duration_s = float(t_s[-1] - t_s[0])
+    if gates < 0 or (gates and duration_s / (gates + 1) < _GATES_EVERY_S):
+        most = max(int(duration_s / _GATES_EVERY_S) - 1, 0)
+        raise ScenarioError(
+            f"{gates} gates do not fit a flight of {duration_s:.0f} s: there may be {most}.",
+            hint=f"gates lie {_GATES_EVERY_S:g} s apart or more",
+        )
+    seconds = [round(duration_s * number / (gates + 1)) for number in range(1, gates + 1)]
+    return [0, *(round(second / _SAMPLE_S) for second in seconds), len(t_s) - 1]

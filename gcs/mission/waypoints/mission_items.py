@@ -1,0 +1,261 @@
+"""From a plan to one waypoint mission per vehicle.
+
+Knows: which items make a vehicle take off, keep the plan's times leg by leg, and land. Does not know: files, links.
+Timed legs: neither ArduPilot nor PX4 has waypoints with an arrival time, so before every leg DO_CHANGE_SPEED asks
+for leg length / leg time, or for a speed that is corrected for the autopilot (`timed`). All vehicles share the times of
+their waypoints.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import ScenarioError
+from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
+from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
+from gcs.mission.waypoints.placement import Deviation, Flown, deviation, waypoint_indices
+from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.environment.terrain import ground_height_m
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+# degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards; ArduPilot's centimetres by 5 mm more.
+ROUNDING_M = 0.0095
+# Speeds ArduCopter 4.5 ignores (WPNAV_WP_SPEED_MIN): slower legs are flown at this one and waited out.
+SPEED_MIN_MPS = 0.2
+# How far a constant-speed leg may be from the plan at the same time, in units of the path tolerance.
+TIME_SHARE = 1.5
+
+_SAMPLE_S = 0.1
+_STILL_M = 0.01
+_SPEED_DECIMALS = 4
+_TIME_DECIMALS = 3
+_YAW_DECIMALS = 2
+
+
+def timed_legs(plan: Plan) -> TimedLegs:
+    """Choose the waypoints' instants for all vehicles of a plan at once, for whoever flies at the speeds asked for.
+
+    The start of the run-up, T0 and the arrival are always among them. Raises `ScenarioError` for a tolerance that
+    rounding alone would break.
+    """
+    tolerance_m = plan.scenario.mission.tolerance_m
+    path_m = tolerance_m - ROUNDING_M
+    if path_m <= 0:
+        raise ScenarioError(
+            f"mission.tolerance_m is {tolerance_m} m, but waypoints are rounded by up to {ROUNDING_M} m.",
+            hint="ask for 0.02 m or more",
+        )
+    rows = rows_with_own_legs(plan)
+    kept: list[Array] = []
+    errors: list[Deviation] = []
+    for phase in plan.phases:
+        if phase.name not in ("run-up", "mission"):
+            continue
+        t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
+        flown = Flown(t_s, plan.motion(t_s, rows)[0][..., POSITION], SPEED_MIN_MPS)
+        indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
+        errors.append(deviation(flown, indices))
+        kept.append(t_s[indices])
+    return TimedLegs(
+        np.unique(np.concatenate(kept)),
+        Deviation(max(e.path_m for e in errors), max(e.time_m for e in errors)),
+    )
+
+
+def build_missions(
+    plan: Plan,
+    legs: TimedLegs | None = None,
+    *,
+    firmware: Autopilot | None = None,
+    altitude: Altitude = Altitude.RELATIVE,
+) -> tuple[VehicleMission, ...]:
+    """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
+
+    For the scenario's autopilot unless `firmware` says another. Relative altitudes count from the vehicle's own home,
+    the ground under its pad. Raises `ScenarioError` when a mission has more items than the autopilot stores, or
+    altitudes that it refuses.
+    """
+    firmware = firmware or Autopilot.named(plan.scenario.mission.autopilot)
+    if altitude.frame not in firmware.frames:
+        raise ScenarioError(
+            f"{firmware.title} refuses altitudes above the ground in missions.",
+            hint="choose relative altitudes or altitudes above mean sea level",
+        )
+    legs = legs or timed_legs(plan)
+    missions = tuple(_vehicle_mission(plan, row, legs, firmware, altitude) for row in range(len(plan.sysids)))
+    longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
+    if longest > firmware.items_max:
+        raise ScenarioError(
+            f"A mission of {longest} items does not fit the {firmware.items_max} that {firmware.title} stores.",
+            hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
+        )
+    return missions
+
+
+def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:
+    """Items of the vehicle in this row."""
+    landing, up_s = plan.phase("landing"), plan.airborne_s
+    t_s = legs.t_s
+    origin = Origin(**plan.scenario.origin.model_dump())
+    states = plan.motion(t_s, slice(row, row + 1))[0][0]
+    yaw_ned_rad = states[:, 8]
+    if legs.lift_m is not None:
+        states[:, 2] -= legs.lift_m
+    ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
+    points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
+    places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
+    home = Home(*places[-1].tolist())
+    below_m = np.full(len(places), home.alt_amsl_m if altitude is Altitude.RELATIVE else 0.0)
+    if altitude is Altitude.TERRAIN:
+        ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
+        below_m = places[:, 2] + points_ned_m[:, 2] + ground_m
+    places[:, 2] = [written_alt_m(alt_m, firmware) for alt_m in (places[:, 2] - below_m).tolist()]
+    # Lengths as kept, not as planned: the time of a slow leg depends on its last centimetre.
+    kept = _as_kept(places, firmware)[:-2]
+    length_m = np.linalg.norm(
+        np.diff(geodetic_to_ned(kept[:, 0], kept[:, 1], kept[:, 2] + below_m[:-2], origin), axis=0), axis=-1
+    )
+
+    draft = _Draft(altitude.frame, [], [])
+    first = Command.NAV_TAKEOFF if plan.begin_state is None else Command.NAV_WAYPOINT
+    draft.fly_to(first, places[0], yaw_ned_rad[0], up_s)
+    draft.wait(legs.left_s - up_s)
+    rest_s = landing.start_s - t_s[-1]
+    if legs.speeds_mps is None:
+        _fly_planned(draft, t_s, length_m, (places, yaw_ned_rad), rest_s)
+        gates: tuple[tuple[int, float], ...] = ()
+    else:
+        speeds = legs.speeds_mps[min(row, len(legs.speeds_mps) - 1)]
+        gates = _fly_corrected(draft, legs, speeds, (places, yaw_ned_rad), rest_s)
+    draft.fly_to(Command.NAV_LAND, places[-2], yaw_ned_rad[-1], landing.end_s)
+    return VehicleMission(plan.sysids[row], home, tuple(draft.items), tuple(draft.arrival_s), legs.left_s, gates)
+
+
+def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, Array], rest_s: float) -> None:
+    """Every leg at its length over its time; slower ones than autopilots fly are waited out."""
+    places, yaw_ned_rad = ends
+    last = len(length_m) - 1
+    for leg, length in enumerate(length_m):
+        duration_s = t_s[leg + 1] - t_s[leg]
+        speed_mps = max(length / duration_s, SPEED_MIN_MPS)
+        moving_s = length / speed_mps if length > _STILL_M else 0.0
+        if moving_s or leg == last:
+            draft.ask(speed_mps)
+            hold_s = rest_s if leg == last else 0.0
+            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], t_s[leg] + moving_s, hold_s)
+        draft.wait(duration_s - moving_s)
+
+
+def _fly_corrected(
+    draft: _Draft, legs: TimedLegs, speeds_mps: Array, ends: tuple[Array, Array], rest_s: float
+) -> tuple[tuple[int, float], ...]:
+    """Every leg at the speed that was found for it (W - 1,); returns the delays at gates."""
+    places, yaw_ned_rad = ends
+    gates = {gate.waypoint: gate for gate in legs.gates}
+    delays = []
+    last = len(speeds_mps) - 1
+    for leg, speed in enumerate(speeds_mps.tolist()):
+        if math.isnan(speed):
+            draft.wait(legs.t_s[leg + 1] - legs.t_s[leg])
+        else:
+            draft.ask(speed)
+            hold_s = rest_s if leg == last else 0.0
+            at_s = float(legs.t_s[leg + 1])
+            draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], at_s, hold_s)
+        if gate := gates.get(leg + 1):
+            draft.wait(gate.slack_s)
+            delays.append((len(draft.items) - 1, gate.leaves_s))
+    return tuple(delays)
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A mission being written, item by item."""
+
+    frame: Frame
+    items: list[MissionItem]
+    arrival_s: list[float | None]
+
+    def fly_to(self, command: Command, place: Array, yaw_ned_rad: float, at_s: float, hold_s: float = 0.0) -> None:
+        """An item at (lat_deg, lon_deg, altitude in the mission's frame)."""
+        lat_deg, lon_deg, alt_m = place.tolist()
+        self.items.append(
+            MissionItem(
+                command,
+                self.frame,
+                (round(float(hold_s), _TIME_DECIMALS), 0.0, 0.0, _compass_deg(yaw_ned_rad)),
+                to_degE7(lat_deg),
+                to_degE7(lon_deg),
+                alt_m,
+            )
+        )
+        self.arrival_s.append(float(at_s))
+
+    def do(self, command: Command, p1: float, p2: float, p3: float, p4: float) -> None:
+        """An item without a position."""
+        self.items.append(MissionItem(command, Frame.MISSION, (p1, p2, p3, p4), 0, 0, 0.0))
+        self.arrival_s.append(None)
+
+    def ask(self, speed_mps: float) -> None:
+        """A ground speed from now on."""
+        self.do(Command.DO_CHANGE_SPEED, 1.0, round(float(speed_mps), _SPEED_DECIMALS), -1.0, 0.0)
+
+    def wait(self, duration_s: float) -> None:
+        """A delay from now on (-1: not a time of day); none where it rounds to nothing."""
+        delay_s = round(float(duration_s), _TIME_DECIMALS)
+        if delay_s > 0:
+            self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
+
+
+def _as_kept(places: Array, firmware: Autopilot) -> Array:
+    """Places (N, 3) of lat_deg, lon_deg, alt_m as the vehicle will hold them."""
+    return np.array(
+        [
+            (from_degE7(to_degE7(lat_deg)), from_degE7(to_degE7(lon_deg)), kept_alt_m(alt_m, firmware))
+            for lat_deg, lon_deg, alt_m in places.tolist()
+        ]
+    )
+
+
+def _compass_deg(yaw_ned_rad: float) -> float:
+    return round(float(np.degrees(yaw_ned_rad)), _YAW_DECIMALS) % 360.0
+
+
+_DAY_S = 86400
+
+
+def starting_at(mission: VehicleMission, unix_s: int) -> VehicleMission:
+    """The mission with its wait after the take-off ending at `unix_s` (whole seconds of GNSS unix time).
+
+    ArduPilot reads NAV_DELAY without seconds as "until hour, minute, second UTC"; within a day that is one instant.
+    Gates are left as many whole seconds after that as they are planned to be.
+    """
+    first = mission.items[0]
+    if first.command != Command.NAV_TAKEOFF:
+        raise ValueError(f"a mission that starts together begins with a take-off, not with command {first.command}")
+    begins = 1 if mission.items[1].command == Command.NAV_DELAY else 0  # index of a delay to take the place of
+    items, arrivals = list(mission.items), mission.arrival_s
+    for index, leaves_s in mission.gates:
+        items[index] = _until(unix_s + round(leaves_s - mission.leaves_s))
+    shift = 1 - begins
+    return replace(
+        mission,
+        items=(first, _until(unix_s), *items[1 + begins :]),
+        arrival_s=(arrivals[0], None, *arrivals[1 + begins :]),
+        gates=tuple((index + shift, leaves_s) for index, leaves_s in mission.gates),
+    )
+
+
+def _until(unix_s: int) -> MissionItem:
+    minutes, second = divmod(unix_s % _DAY_S, 60)
+    hour, minute = divmod(minutes, 60)
+    return MissionItem(Command.NAV_DELAY, Frame.MISSION, (-1.0, float(hour), float(minute), float(second)), 0, 0, 0.0)

@@ -1,0 +1,86 @@
+"""Waypoints raised over ground that long legs would come too near to.
+
+Knows: the ground under every vehicle, how a navigator flies a course. Does not know: how waypoints and speeds are
+chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.navigation.predict import Prediction, predict
+from gcs.mission.check.flight_limits import limits_of
+from gcs.mission.waypoints.leg_profile import Course
+from gcs.mission.waypoints.speed_correction import Corrected
+from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.terrain import ground_height_m
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+
+_OVER_M = 0.02  # beyond the clearance asked: rounding takes some of it
+_LIFTS = 4
+_EVERY = 4  # steps of a flight: about half a metre
+
+
+class Lift:
+    """How far waypoints are raised so that what is flown between them clears the ground.
+
+    All vehicles are raised alike: the formation keeps its shape. The ends are not.
+    """
+
+    def __init__(self, plan: Plan, t_s: Array) -> None:
+        """For waypoints due at t_s (W,)."""
+        self._plan, self._t_s = plan, t_s
+        self._clearance_m = limits_of(plan.scenario).clearance_m + _OVER_M
+        self.by_waypoint_m = np.zeros(len(t_s))
+
+    def raise_over_ground(
+        self, navigator: Navigator, course: Course, legs: list[int], found: Corrected, row: int | None
+    ) -> float:
+        """Raise waypoints (W,) for one vehicle, or (None) for all that fly the leader's legs, at the speeds found.
+
+        Returns how deep in a closed area any of them would be, in metres.
+        """
+        flown = found.flown
+        for _ in range(_LIFTS):
+            low = self._short_m(flown, row)
+            number = np.minimum(np.searchsorted(flown.completed_s, flown.t_s), len(legs) - 1)
+            if not np.any(low > 0.0):
+                break
+            more_m = np.zeros(len(self.by_waypoint_m))
+            for leg, which in enumerate(legs):
+                ends = slice(which, which + 2)
+                more_m[ends] = np.maximum(more_m[ends], low[number == leg].max(initial=0.0))
+            more_m[[0, -1]] = 0.0
+            self.by_waypoint_m += more_m
+            raised = course.points_ned_m.copy()
+            raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
+            flown = predict(navigator, replace(course, points_ned_m=raised).orders(found.speeds_mps))
+        return max(self._inside_m(flown, row), 0.0)
+
+    def _inside_m(self, flown: Prediction, row: int | None) -> float:
+        places, scenario = self._places(flown, row), self._plan.scenario
+        t_s = np.broadcast_to(float(self._t_s[0]) + flown.t_s[::_EVERY], places.shape[:2])
+        deep_m = [-float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in scenario.no_fly]
+        return max(deep_m, default=0.0) - scenario.mission.tolerance_m
+
+    def _short_m(self, flown: Prediction, row: int | None) -> Array:
+        """By how much any of the vehicles is too near to the ground at each step (M,)."""
+        places = self._places(flown, row)
+        ground_m = ground_height_m(self._plan.scenario.terrain, places[..., 0], places[..., 1])
+        short_m = (self._clearance_m + ground_m + places[..., 2]).max(axis=0)
+        return np.asarray(np.repeat(short_m, _EVERY)[: len(flown.t_s)])
+
+    def _places(self, flown: Prediction, row: int | None) -> Array:
+        """Where the vehicles are, (V, M / _EVERY, 3)."""
+        plan = self._plan
+        t_s = np.clip(float(self._t_s[0]) + flown.t_s[::_EVERY], None, plan.flight_s)
+        offsets = plan.offsets(t_s)
+        offsets = np.zeros((1, 1, 3)) if row is not None else offsets - offsets[plan.leader]
+        return np.asarray(flown.position_ned_m[None, ::_EVERY] + offsets)

@@ -1,0 +1,143 @@
+"""Items one by one: every rule with a mission that breaks it, and none for missions that are right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+
+from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
+from gcs.autopilots.traits import Autopilot
+from gcs.mission.check.findings import Finding, Level, Rule, worst
+from gcs.mission.check.item_checks import check_items
+from gcs.mission.formats.any_mission import read_mission
+from gcs.mission.model import MissionItem
+from tests.unit.mission.fleets import at, do, mission, out_and_land, speed
+
+ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
+GOOD = out_and_land(50.0)
+
+
+def findings(items: Iterable[MissionItem], firmware: Autopilot = ARDUPILOT) -> list[Finding]:
+    return list(check_items(mission(items, firmware=firmware)))
+
+
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_a_good_mission_has_nothing(firmware: Autopilot) -> None:
+    assert findings(GOOD, firmware) == []
+    loop = (*GOOD[:3], at(16, 0, 0, 10), do(177, 3.0, 2.0), GOOD[3])
+    assert findings(loop, firmware) == []
+
+
+def with_item(item: MissionItem, index: int = 2) -> list[MissionItem]:
+    return [*GOOD[:index], item, *GOOD[index:]]
+
+
+@pytest.mark.parametrize(
+    ("items", "firmware", "rule", "level", "message", "number"),
+    [
+        ([], ARDUPILOT, Rule.ITEMS, Level.ERROR, "no item", None),
+        (
+            [*GOOD[:3], *[do(115)] * 650, GOOD[3]],
+            ARDUPILOT,
+            Rule.ITEMS,
+            Level.ERROR,
+            "655 items do not fit the 650",
+            None,
+        ),
+        ([*GOOD[:3], *[speed(5)] * 497, GOOD[3]], PX4, Rule.ITEMS, Level.ERROR, "501 items do not fit the 500", None),
+        (GOOD[1:], ARDUPILOT, Rule.ORDER, Level.WARNING, "not a take-off", 2),
+        (GOOD[:3], ARDUPILOT, Rule.ORDER, Level.WARNING, "ends in the air, with NAV_WAYPOINT", 3),
+        (with_item(at(22, 0, 0, 20), 3), ARDUPILOT, Rule.ORDER, Level.WARNING, "take-off in the air", 4),
+        (with_item(at(17, 0, 0, 10)), ARDUPILOT, Rule.ORDER, Level.WARNING, "nothing after this", 3),
+        (with_item(replace(speed(4), autocontinue=False)), PX4, Rule.ORDER, Level.WARNING, "autocontinue", 2),
+        (with_item(do(9999)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "command 9999: no manual", 3),
+        (with_item(at(82, 9, 0, 10)), PX4, Rule.COMMAND, Level.ERROR, "NAV_SPLINE_WAYPOINT: a recorded vehicle", 2),
+        (with_item(do(115)), PX4, Rule.COMMAND, Level.ERROR, "CONDITION_YAW: a recorded vehicle refused", 2),
+        (with_item(do(176)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "DO_SET_MODE: it is taken and never", 3),
+        (with_item(do(211)), PX4, Rule.COMMAND, Level.WARNING, "DO_GRIPPER: its manual does not list it", 2),
+        (with_item(at(31, 9, 0, 10)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "NAV_LOITER_TO_ALT", 3),
+        (with_item(at(16, 9, 0, 10, frame=2)), ARDUPILOT, Rule.FRAME, Level.ERROR, "names a place, but", 3),
+        (with_item(at(16, 9, 0, 10, frame=10)), PX4, Rule.FRAME, Level.ERROR, "PX4 refuses altitudes in frame 10", 2),
+        (with_item(at(16, 9, 0, 10, frame=1)), ARDUPILOT, Rule.FRAME, Level.ERROR, "refuses altitudes in frame 1", 3),
+        (with_item(at(16, 9, 0, math.nan)), PX4, Rule.VALUE, Level.ERROR, "an altitude of nan m", 2),
+        (with_item(at(16, 9, 0, 2e5)), PX4, Rule.VALUE, Level.ERROR, "an altitude of 200000 m", 2),
+        (with_item(at(16, 9, 0, 10, p1=math.nan)), ARDUPILOT, Rule.VALUE, Level.ERROR, "time to stay", 3),
+        (with_item(do(93, -1.0, 12, 0, 0)), PX4, Rule.VALUE, Level.ERROR, "not for a time of day", 2),
+        (with_item(do(93, -1.0, 12, 0, 0)), ARDUPILOT, Rule.ASSUMED, Level.NOTE, "common start", 3),
+        (with_item(do(178, 7.0, 3.0)), ARDUPILOT, Rule.VALUE, Level.ERROR, "no kind of speed 7", 3),
+        (with_item(speed(math.nan)), ARDUPILOT, Rule.SPEED, Level.ERROR, "not a number", 3),
+        (with_item(speed(0.1)), ARDUPILOT, Rule.SPEED, Level.ERROR, "0.1 m/s is ignored", 3),
+        (with_item(speed(21.0)), ARDUPILOT, Rule.SPEED, Level.ERROR, "more than the 20 m/s", 3),
+        (with_item(speed(13.0)), PX4, Rule.SPEED, Level.ERROR, "more than the 12 m/s", 2),
+        (with_item(do(177, 9.0, 1.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "item 9, but there are items 1 to 5", 3),
+        (with_item(do(177, 0.0, 1.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "item 0, but there are items 1 to 5", 3),
+        (with_item(do(177, 1.5, 1.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "item 1.5", 3),
+        (with_item(do(177, math.nan, 1.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "item nan", 3),
+        (with_item(do(177, 3.0, 1.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "jumps to itself", 3),
+        (with_item(do(177, 1.0, math.nan)), ARDUPILOT, Rule.JUMP, Level.ERROR, "number of jumps", 3),
+        (with_item(do(177, 1.0, -1.0)), ARDUPILOT, Rule.JUMP, Level.WARNING, "for ever", 3),
+        (with_item(do(177, 2.0, 5.0)), ARDUPILOT, Rule.JUMP, Level.ERROR, "over nothing that is flown", 3),
+        ([*GOOD[:3], *[do(177, 3.0, 1.0)] * 16, GOOD[3]], ARDUPILOT, Rule.JUMP, Level.WARNING, "16 jumps", None),
+    ],
+)
+def test_a_rule_and_who_breaks_it(
+    items: list[MissionItem], firmware: Autopilot, rule: Rule, level: Level, message: str, number: int | None
+) -> None:
+    found = [f for f in findings(items, firmware) if message in f.message]
+    assert [(f.rule, f.level, f.item) for f in found] == [(rule, level, number)]
+    assert found[0].source == "a.plan"
+
+
+def test_the_speed_that_float32_makes_of_the_slowest_is_fast_enough() -> None:
+    assert findings(with_item(speed(0.2 - 1e-9))) == []
+
+
+def test_nothing_else_is_said_of_a_single_mistake() -> None:
+    assert len(findings(with_item(speed(21.0)))) == 1
+    assert len(findings(with_item(do(9999)))) == 1
+
+
+def test_commands_the_exporter_writes_are_carried_out_by_both() -> None:
+    for command in (16, 21, 22, 93, 178):
+        for firmware in Autopilot:
+            assert COMMANDS[command].source(firmware) is Source.RECORDED
+            assert refusal(command, firmware) == ""
+    assert name_of(16) == "NAV_WAYPOINT"
+    assert name_of(4711) == "command 4711"
+
+
+def test_names_agree_with_the_dialect() -> None:
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    names = ardupilotmega.enums["MAV_CMD"]
+    for number, command in COMMANDS.items():
+        assert names[number].name == f"MAV_CMD_{command.name}"
+
+
+def test_findings_read_like_a_compilers() -> None:
+    finding = Finding(Rule.SPEED, Level.ERROR, "too fast", "a.plan", 12, 3, 4.56)
+    assert str(finding) == "a.plan:12: error [speed] item 3: too fast (at 4.6 s)"
+    assert str(Finding(Rule.ITEMS, Level.NOTE, "few", "a.plan")) == "a.plan: note [items] few"
+    assert finding.data() == {
+        "rule": "speed",
+        "level": "error",
+        "message": "too fast",
+        "file": "a.plan",
+        "line": 12,
+        "item": 3,
+        "t_s": 4.56,
+    }
+    assert set(Finding(Rule.ITEMS, Level.NOTE, "few", "a.plan").data()) == {"rule", "level", "message", "file"}
+    note = Finding(Rule.ITEMS, Level.NOTE, "few", "a.plan")
+    assert worst([]) is None
+    assert worst([note]) is Level.NOTE
+    assert worst([note, finding]) is Level.ERROR
+
+
+def test_items_are_numbered_as_ground_stations_do() -> None:
+    text = b"QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t500\t1\n# x\n1\t0\t3\t16\t0\t0\t0\t0\t47\t8\t10\t1\n"
+    first = next(iter(check_items(read_mission(text, "a.waypoints"))))
+    assert (first.line, first.item) == (4, 1)

@@ -1,0 +1,188 @@
+"""Export folders: complete, consistent, and replaced whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import FileFormatError, UsageError
+from gcs.frames import Origin, geodetic_to_ned
+from gcs.mission.export.atomic_folder import INDEX
+from gcs.mission.export.export import export
+from gcs.mission.formats.maps.geojson import read_geojson
+from gcs.mission.formats.maps.kml import read_kml, read_kmz
+from gcs.mission.formats.param import read_parameters
+from gcs.mission.formats.qgc_plan import read_plan_file
+from gcs.mission.formats.qgc_wpl import read_fence, read_rally, read_waypoints
+from gcs.mission.formats.registry import DEFAULT, Format, formats_named
+from gcs.mission.formats.tables.history_csv import read_history
+from gcs.mission.formats.tables.setpoints_csv import read_setpoints
+from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
+from gcs.mission.model import Altitude
+from gcs.mission.waypoints.mission_items import build_missions
+from gcs.physics.quadrotor import POSITION
+from gcs.plan.trajectory.trajectory import Plan
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {p.name: p.read_bytes() for p in folder.iterdir()}
+
+
+def test_everything_is_there_and_says_the_same(simulation1_plan: Plan, tmp_path: Path) -> None:
+    index = export(simulation1_plan, tmp_path / "out", setpoint_rate_hz=2)
+    written = contents(tmp_path / "out")
+    document = json.loads(written.pop(INDEX))
+    assert document["plan_hash"] == simulation1_plan.hash
+    assert document["sha256"] == index.sha256
+    assert {name: hashlib.sha256(data).hexdigest() for name, data in written.items()} == index.sha256
+    for mission in index.missions:
+        waypoints = read_waypoints(written[f"uav{mission.sysid}.waypoints"], "w")
+        plan = read_plan_file(written[f"uav{mission.sysid}.plan"], "p")
+        assert waypoints.items == plan.items == mission.items
+        assert waypoints.home == plan.home == mission.home
+        assert index.items == len(mission.items)
+        setpoints = read_setpoints(written[f"uav{mission.sysid}.setpoints"], "s")
+        assert (setpoints.stream.sysids, setpoints.plan_hash) == ((mission.sysid,), simulation1_plan.hash)
+    assert len(written) == 3 * 6
+
+
+def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
+    plan = simulation1_plan
+    export(plan, tmp_path, formats=Format, setpoint_rate_hz=2)
+    written = contents(tmp_path)
+    for sysid in plan.sysids:
+        csv = read_setpoints(written[f"uav{sysid}.setpoints"], "s")
+        parquet = read_setpoints_parquet(written[f"uav{sysid}.parquet"], "s")
+        assert (parquet.plan_hash, parquet.origin) == (csv.plan_hash, csv.origin)
+        assert np.array_equal(parquet.stream.position_ned_m, csv.stream.position_ned_m)
+        plan_file = read_plan_file(written[f"uav{sysid}.plan"], "p")
+        assert read_fence(written[f"uav{sysid}.fence"], "f") == plan_file.geofence
+        assert read_rally(written[f"uav{sysid}.rally"], "r") == plan_file.rally
+        parameters = read_parameters(written[f"uav{sysid}.param"], "p", Autopilot.ARDUPILOT)
+        assert dict(parameters.values) == json.loads(written[INDEX])["parameters"][str(sysid)]
+        assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
+        history = read_history(written[f"uav{sysid}.history.csv"], "h")
+        assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
+        assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
+        states, controls = plan.motion(history.t_s[1:-1])
+        assert np.array_equal(history.states[1:-1], states[plan.sysids.index(sysid)])
+        assert np.array_equal(history.controls[1:-1], controls[plan.sysids.index(sysid)])
+    maps = [read(written[f"formation.{suffix}"], "m") for suffix, read in MAPS]
+    assert maps[0].geofence == plan_file.geofence
+    for drawn in maps:
+        assert (drawn.title, drawn.plan_hash, drawn.geofence) == (maps[0].title, plan.hash, maps[0].geofence)
+        assert [track.sysid for track in drawn.tracks] == list(plan.sysids)
+        origin = Origin(**plan.scenario.origin.model_dump())
+        for row, track in enumerate(drawn.tracks):
+            flown = geodetic_to_ned(track.lat_deg, track.lon_deg, track.alt_amsl_m, origin)
+            wanted = plan.states(track.t_s[:-1])[row, :, POSITION]
+            assert np.allclose(flown[:-1], wanted, atol=2e-3)
+
+
+MAPS = (("kml", read_kml), ("kmz", read_kmz), ("geojson", read_geojson))
+
+
+def test_formats_by_name() -> None:
+    assert formats_named([]) == DEFAULT
+    assert formats_named(["kml", "plan", "kml"]) == (Format.PLAN, Format.KML)
+    assert formats_named(["all"]) == tuple(Format)
+    with pytest.raises(UsageError, match="no format 'skyc'"):
+        formats_named(["plan", "skyc"])
+
+
+def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Path) -> None:
+    export(
+        simulation1_plan, tmp_path, formats=[Format.PLAN], firmware=Autopilot.PX4, altitude=Altitude.AMSL, timed=False
+    )
+    plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
+    assert plan.firmware is Autopilot.PX4
+    assert {i.frame for i in plan.items} == {0, 2}
+    index = json.loads((tmp_path / INDEX).read_text())
+    assert (index["firmware"], index["altitude"]) == ("px4", "amsl")
+    assert set(index["sha256"]) == {f"uav{sysid}.plan" for sysid in simulation1_plan.sysids}
+
+
+def test_px4_counts_no_home(simulation1_plan: Plan, tmp_path: Path) -> None:
+    options = simulation1_plan.scenario.mission.model_copy(update={"autopilot": "px4"})
+    plan = replace(simulation1_plan, scenario=simulation1_plan.scenario.model_copy(update={"mission": options}))
+    export(plan, tmp_path, setpoint_rate_hz=2, timed=False)
+    file = read_waypoints((tmp_path / "uav1.waypoints").read_bytes(), "w", home_first=False)
+    assert file.items == build_missions(plan)[0].items
+    assert json.loads((tmp_path / "uav1.plan").read_text())["mission"]["firmwareType"] == 12
+
+
+def test_the_same_plan_gives_the_same_bytes_and_replaces_the_old(simulation1_plan: Plan, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    export(simulation1_plan, out, setpoint_rate_hz=2)
+    before = contents(out)
+    (out / "uav3.plan").write_text("damaged")
+    export(simulation1_plan, out, setpoint_rate_hz=2)
+    assert contents(out) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_failure_on_the_way_leaves_the_old_export(
+    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    export(simulation1_plan, out, setpoint_rate_hz=2)
+    before = contents(out)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        export(simulation1_plan, out, setpoint_rate_hz=5)
+    assert contents(out) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_that_cannot_be_swapped_in_is_put_back(
+    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    export(simulation1_plan, out, setpoint_rate_hz=2)
+    before = contents(out)
+    rename = Path.rename
+
+    def refuse_new(self: Path, target: Path) -> Path:
+        if self.name == "new":
+            raise PermissionError(13, "Permission denied")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refuse_new)
+    with pytest.raises(PermissionError):
+        export(simulation1_plan, out, setpoint_rate_hz=5)
+    assert contents(out) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_no_export_made_is_never_replaced(simulation1_plan: Plan, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    export(simulation1_plan, out, setpoint_rate_hz=2)
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(UsageError, match=r"notes\.txt"):
+        export(simulation1_plan, out, setpoint_rate_hz=2)
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "cat.jpg").write_bytes(b"")
+    with pytest.raises(UsageError, match=r"cat\.jpg"):
+        export(simulation1_plan, tmp_path / "photos", setpoint_rate_hz=2)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="is a file"):
+        export(simulation1_plan, tmp_path / "file", setpoint_rate_hz=2)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other", "sha256": {}}'])
+def test_somebody_elses_index(simulation1_plan: Plan, tmp_path: Path, text: str) -> None:
+    (tmp_path / INDEX).write_text(text)
+    with pytest.raises(FileFormatError, match="not the index of an export"):
+        export(simulation1_plan, tmp_path, setpoint_rate_hz=2)
+    assert (tmp_path / INDEX).read_text() == text

@@ -1,0 +1,131 @@
+"""What is checked is what is written: files that differ from the plan do not leave the exporter."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import VerificationError
+from gcs.mission.export import mission_files as module
+from gcs.mission.export.atomic_folder import INDEX
+from gcs.mission.export.export import export
+from gcs.mission.export.verify_export import verify_box
+from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
+from gcs.mission.formats.registry import Format
+from gcs.mission.model import Altitude
+from gcs.mission.waypoints.mission_items import build_missions
+from gcs.plan.trajectory.trajectory import Plan
+
+Tamper = Callable[[PlanFile], PlanFile]
+
+
+def tampered(monkeypatch: pytest.MonkeyPatch, change: Tamper) -> None:
+    """A writer of `.plan` files that writes something else."""
+    monkeypatch.setattr(module, "write_plan_file", lambda file: write_plan_file(change(file)))
+
+
+def moved(file: PlanFile, index: int, **changes: object) -> PlanFile:
+    items = list(file.items)
+    items[index] = replace(items[index], **changes)  # type: ignore[arg-type]
+    return replace(file, items=tuple(items))
+
+
+def sunk(file: PlanFile) -> PlanFile:
+    return moved(file, 40, alt_m=file.items[40].alt_m - 30.0)
+
+
+def strayed(file: PlanFile) -> PlanFile:
+    return moved(file, 40, lat_degE7=file.items[40].lat_degE7 + 100_000)
+
+
+def raced(file: PlanFile) -> PlanFile:
+    speeds = [n for n, item in enumerate(file.items) if item.command == 178]
+    return moved(file, speeds[20], params=(1.0, 9.0, -1.0, 0.0))
+
+
+def gathered(file: PlanFile) -> PlanFile:
+    """Everybody's first waypoint in one place."""
+    return moved(file, 3, lat_degE7=473976200, lon_degE7=85453900)
+
+
+def unknown(file: PlanFile) -> PlanFile:
+    return moved(file, 1, command=9999)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (sunk, r"\[terrain\] item 41: flies into the ground"),
+        (strayed, r"\[fence\] item \d+: leaves the fence"),
+        (raced, r"\[speed\] .* m/s"),
+        (gathered, r"\[separation\] .* m from the vehicle of uav\d.plan; at least 0.3 m"),
+        (unknown, r"\[command\] item 2: ArduCopter does not carry out command 9999"),
+    ],
+)
+def test_a_file_that_does_not_hold_is_not_written(
+    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Tamper, reason: str
+) -> None:
+    export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
+    before = (tmp_path / "out" / "uav1.plan").read_bytes()
+    tampered(monkeypatch, change)
+    with pytest.raises(VerificationError, match=reason) as caught:
+        export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
+    assert "setpoint stream" in caught.value.hint
+    assert (tmp_path / "out" / "uav1.plan").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_two_formats_must_hold_one_mission(
+    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other(file: WaypointFile) -> str:
+        first, *rest = file.items
+        return write_waypoints(replace(file, items=(replace(first, autocontinue=False), *rest)))
+
+    monkeypatch.setattr(module, "write_waypoints", other)
+    with pytest.raises(VerificationError, match=r"uav1\.plan and uav1\.waypoints do not hold the same mission"):
+        export(simulation1_plan, tmp_path / "out")
+
+
+@pytest.mark.parametrize("firmware", list(Autopilot))
+@pytest.mark.parametrize("altitude", [Altitude.RELATIVE, Altitude.AMSL])
+def test_what_is_written_holds_for_both_autopilots(
+    simulation1_plan: Plan, tmp_path: Path, firmware: Autopilot, altitude: Altitude
+) -> None:
+    formats = [Format.PLAN, Format.WAYPOINTS]
+    index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)
+    report = index.report
+    assert report is not None
+    assert {f.level.value for f in report.findings} <= {"note"}
+    assert report.closest is not None
+    assert report.closest.distance_m >= simulation1_plan.scenario.judge.separation_min_m
+    verified = json.loads((tmp_path / INDEX).read_text())["verified"]
+    assert verified["separation_min_m"] == report.closest.distance_m
+    assert verified["clearance_min_m"] == report.clearance_min_m
+
+
+def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan, tmp_path: Path) -> None:
+    """Between waypoints a vehicle that keeps its height above ground rises and falls with every ripple."""
+    with pytest.raises(VerificationError, match="vertically"):
+        export(simulation1_plan, tmp_path, formats=[Format.PLAN], altitude=Altitude.TERRAIN)
+
+
+def test_waypoints_outside_the_box(simulation1_plan: Plan) -> None:
+    missions = build_missions(simulation1_plan)
+    verify_box(simulation1_plan, missions, Altitude.RELATIVE)
+    limits = simulation1_plan.scenario.limits.model_copy(update={"north_m": (0.0, 700.0)})
+    narrow = replace(simulation1_plan, scenario=simulation1_plan.scenario.model_copy(update={"limits": limits}))
+    with pytest.raises(VerificationError, match=r"waypoint \d+ of vehicle 1 is .* m outside the north limits"):
+        verify_box(narrow, missions, Altitude.RELATIVE)
+
+
+def test_streams_alone_need_no_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
+    index = export(simulation1_plan, tmp_path, formats=[Format.SETPOINTS], setpoint_rate_hz=2)
+    assert index.report is None
+    assert json.loads((tmp_path / INDEX).read_text())["verified"] is None

@@ -1,0 +1,154 @@
+"""Missions as their autopilots are expected to fly them: how late, how near, where everybody waits, what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import ScenarioError, UsageError, VerificationError
+from gcs.flight.loading import build_loads
+from gcs.mission.export.atomic_folder import INDEX
+from gcs.mission.export.export import export
+from gcs.mission.export.mission_files import MissionOrder, make_missions
+from gcs.mission.failsafe.fence_rally import build_safety
+from gcs.mission.formats.registry import Format
+from gcs.mission.model import Altitude, Command
+from gcs.mission.waypoints.arrival_times import corrected_legs
+from gcs.plan.trajectory.trajectory import Plan
+
+Plans = Callable[[str], Plan]
+LATE_S, SPREAD_S = 2.0, 0.2
+DAY_START_S = 10 * 3600 + 30 * 60
+
+
+@pytest.fixture(scope="module")
+def field(plan_of: Plans) -> Plan:
+    return plan_of("field/scenario.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "firmware"),
+    [
+        ("field", Autopilot.ARDUPILOT),
+        ("field", Autopilot.PX4),
+        pytest.param("simulation1", Autopilot.ARDUPILOT, marks=pytest.mark.slow),
+        pytest.param("simulation1", Autopilot.PX4, marks=pytest.mark.slow),
+        pytest.param("simulation2", Autopilot.ARDUPILOT, marks=pytest.mark.slow),
+        pytest.param("simulation2", Autopilot.PX4, marks=pytest.mark.slow),
+    ],
+)
+def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot) -> None:
+    plan = plan_of(f"{name}/scenario.toml")
+    made = make_missions(plan, MissionOrder(firmware), build_safety(plan, firmware), [Format.PLAN])
+    assert made.timing is not None
+    assert abs(made.timing.late_s) <= LATE_S
+    assert made.timing.spread_s <= SPREAD_S
+    assert [vehicle.sysid for vehicle in made.timing.vehicles] == list(plan.sysids)
+    limit_mps = np.linalg.norm(plan.scenario.limits.speed_ned_mps)
+    for mission in made.missions:
+        speeds = [item.params[1] for item in mission.items if item.command == Command.DO_CHANGE_SPEED]
+        assert firmware.speed_mps[0] <= min(speeds)
+        assert max(speeds) <= min(limit_mps, firmware.speed_mps[1])
+
+
+def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
+    legs = corrected_legs(field, Autopilot.ARDUPILOT)
+    assert legs.speeds_mps is not None
+    assert legs.speeds_mps.shape == (1, len(legs.t_s) - 1)
+    assert field.phase("takeoff").end_s <= legs.left_s <= legs.t_s[0]
+    assert corrected_legs(field, Autopilot.ARDUPILOT) is legs  # worked out once
+
+
+def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
+    with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m .* at .* s") as caught:
+        export(field, tmp_path / "asked", formats=[Format.PLAN], firmware=Autopilot.PX4)
+    assert "setpoint stream" in caught.value.hint
+    assert not (tmp_path / "asked").exists()
+    index = export(field, tmp_path / "unasked", firmware=Autopilot.PX4, setpoint_rate_hz=1)
+    assert index.refused == caught.value.message
+    names = {p.name for p in (tmp_path / "unasked").iterdir()}
+    assert names == {INDEX, *(f"uav{sysid}.setpoints" for sysid in field.sysids)}
+    document = json.loads((tmp_path / "unasked" / INDEX).read_text())
+    assert document["refused"] == index.refused
+    assert document["timing"]["nearest"]["distance_m"] < field.scenario.judge.separation_min_m
+    assert document["verified"] is None
+
+
+def test_nor_are_such_missions_uploaded(field: Plan) -> None:
+    autopilots = dict.fromkeys(field.sysids, int(Autopilot.PX4))
+    with pytest.raises(VerificationError, match="not fit for mission mode"):
+        build_loads(field, autopilots, timed=True)
+    heard: list[str] = []
+    loads = build_loads(field, autopilots, timed=False, warn=heard.append)
+    assert [load.sysid for load in loads] == list(field.sysids)
+    # What an export says of its returns, whoever only uploads must hear as well.
+    assert any(re.search(r"returns are up to [\d.]+ m high, above the plan's ceiling of 40 m", text) for text in heard)
+    assert any("leads through no-fly zone" in text for text in heard)
+    heard.clear()
+    build_loads(field, autopilots, timed=False, safety=False, warn=heard.append)
+    assert heard == []
+
+
+def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
+    index = export(field, tmp_path, formats=[Format.PLAN], firmware=Autopilot.PX4, timed=False)
+    assert (index.timing, index.refused) == (None, "")
+    assert (tmp_path / "uav1.plan").exists()
+
+
+def test_everybody_waits_at_gates(field: Plan) -> None:
+    order = MissionOrder(Autopilot.ARDUPILOT, gates=2, start_s=DAY_START_S)
+    made = make_missions(field, order, build_safety(field, Autopilot.ARDUPILOT), [Format.PLAN])
+    assert made.refusal is None
+    assert made.timing is not None
+    assert len(made.timing.gates_early_s) == 2
+    assert min(made.timing.gates_early_s) >= 1.0
+    for mission in made.missions:
+        delays = [i.params for i in mission.items if i.command == Command.NAV_DELAY]
+        assert delays[0] == (-1.0, 10.0, 30.0, 0.0)
+        clock_s = [h * 3600 + m * 60 + s for seconds, h, m, s in delays if seconds < 0]
+        assert len(clock_s) == len(delays) == 3
+        for (index, leaves_s), clock in zip(mission.gates, clock_s[1:], strict=True):
+            assert mission.items[index].command == Command.NAV_DELAY
+            assert clock - DAY_START_S == pytest.approx(leaves_s - mission.leaves_s)
+
+
+@pytest.mark.parametrize(
+    ("order", "reason"),
+    [
+        (MissionOrder(Autopilot.PX4, gates=1, start_s=0), "not until a time of day"),
+        (MissionOrder(Autopilot.ARDUPILOT, gates=1), "say when"),
+        (MissionOrder(Autopilot.ARDUPILOT, gates=1, start_s=0, timed=False), "corrected"),
+        (MissionOrder(Autopilot.ARDUPILOT, Altitude.TERRAIN, gates=1, start_s=0), "corrected"),
+        (MissionOrder(Autopilot.ARDUPILOT, start_s=86_400), "a day has no second"),
+    ],
+)
+def test_gates_that_nobody_has(order: MissionOrder, reason: str) -> None:
+    with pytest.raises(UsageError, match=reason):
+        order.refuse_impossible()
+
+
+def test_too_many_gates(field: Plan) -> None:
+    with pytest.raises(ScenarioError, match="30 gates do not fit"):
+        corrected_legs(field, Autopilot.ARDUPILOT, 30)
+
+
+def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
+    plan_of: Plans, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changes = plan_of("changes/scenario.toml")
+    monkeypatch.setattr("gcs.mission.waypoints.arrival_times.VEHICLES_MAX", 3)
+    with pytest.raises(VerificationError, match="7 vehicles with legs of their own"):
+        corrected_legs(changes, Autopilot.ARDUPILOT)
+
+
+def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
+    legs = corrected_legs(simulation1_plan, Autopilot.ARDUPILOT)
+    assert legs.lift_m is not None
+    assert legs.lift_m[0] == legs.lift_m[-1] == 0.0
+    assert 0.0 < legs.lift_m.max() < 1.0

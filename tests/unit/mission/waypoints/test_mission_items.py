@@ -1,0 +1,221 @@
+"""Missions, flown here by a clock and straight lines as an ideal autopilot would, against the plan they came from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import ScenarioError
+from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
+from gcs.mission.waypoints.mission_items import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
+from gcs.mission.waypoints.placement import Flown, deviation
+from gcs.physics.quadrotor import POSITION
+from gcs.plan.formation.shape import rigid
+from gcs.plan.trajectory.trajectory import Phase, Plan, Trajectory
+from gcs.scenario.environment.terrain import ground_height_m
+
+
+def ned(item: MissionItem, mission: VehicleMission, plan: Plan) -> np.ndarray:
+    alt = mission.home.alt_amsl_m + item.alt_m
+    origin = Origin(**plan.scenario.origin.model_dump())
+    return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt, origin)
+
+
+def fly(mission: VehicleMission, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+    """Knots (K,), (K, 3) of the motion from the end of the takeoff to the last waypoint, by the items alone."""
+    knots_s, knots_m = [plan.phase("takeoff").end_s], [ned(mission.items[0], mission, plan)]
+    speed = np.nan
+    for item, arrival_s in zip(mission.items[1:-1], mission.arrival_s[1:-1], strict=True):
+        if item.command == Command.DO_CHANGE_SPEED:
+            speed = item.params[1]
+        elif item.command == Command.NAV_DELAY:
+            knots_s.append(knots_s[-1] + item.params[0])
+            knots_m.append(knots_m[-1])
+        else:
+            there = ned(item, mission, plan)
+            knots_s.append(knots_s[-1] + float(np.linalg.norm(there - knots_m[-1])) / speed)
+            knots_m.append(there)
+            assert knots_s[-1] == pytest.approx(arrival_s, abs=0.1)
+    return np.array(knots_s), np.array(knots_m)
+
+
+def test_an_ideal_autopilot_keeps_path_and_time(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    tolerance_m = plan.scenario.mission.tolerance_m
+    t_s = np.linspace(plan.phase("takeoff").end_s, plan.flight_s, 20_001)
+    wanted = plan.states(t_s)[..., POSITION]
+    for row, mission in enumerate(build_missions(plan)):
+        knots_s, knots_m = fly(mission, plan)
+        assert knots_s[-1] == pytest.approx(plan.flight_s, abs=0.1)
+        flown = np.stack([np.interp(t_s, knots_s, knots_m[:, axis]) for axis in range(3)], axis=-1)
+        # Rounded lengths and speeds shift the clock by some 10 ms in 300 s.
+        assert np.linalg.norm(flown - wanted[row], axis=-1).max() < TIME_SHARE * tolerance_m + 0.1
+        starts, legs = knots_m[:-1], np.diff(knots_m, axis=0)
+        legs, starts = legs[np.any(legs != 0, axis=1)], starts[np.any(legs != 0, axis=1)]
+        from_starts = wanted[row, ::20, None] - starts
+        share = np.clip(np.sum(from_starts * legs, axis=-1) / np.sum(legs * legs, axis=-1), 0, 1)
+        nearest = np.linalg.norm(from_starts - share[..., None] * legs, axis=-1).min(axis=1)
+        assert nearest.max() < tolerance_m
+
+
+def test_the_stated_error_is_the_measured_one(simulation1_plan: Plan) -> None:
+    legs = timed_legs(simulation1_plan)
+    tolerance_m = simulation1_plan.scenario.mission.tolerance_m
+    assert legs.error.path_m <= tolerance_m - ROUNDING_M
+    assert legs.error.time_m <= TIME_SHARE * tolerance_m
+    fine_s = np.union1d(np.linspace(legs.t_s[0], legs.t_s[-1], 30_001), legs.t_s)
+    fine = Flown(fine_s, simulation1_plan.states(fine_s)[..., POSITION], 0.2)
+    measured = deviation(fine, np.searchsorted(fine_s, legs.t_s).tolist())
+    assert measured.path_m == pytest.approx(legs.error.path_m, abs=1e-3)
+    assert measured.time_m == pytest.approx(legs.error.time_m, abs=1e-3)
+    assert 30 <= len(legs.t_s) <= 80
+
+
+def test_all_vehicles_pass_at_the_same_times_T0_and_arrival_among_them(simulation1_plan: Plan) -> None:
+    missions = build_missions(simulation1_plan)
+    arrivals = [[a for a in m.arrival_s if a is not None] for m in missions]
+    for mission, arrival in zip(missions, arrivals, strict=True):
+        # The slowest legs, waited out, end when the centimetres left by rounding have been flown at 0.2 m/s.
+        assert arrival == pytest.approx(arrivals[0], abs=2 * ROUNDING_M / 0.2)
+        assert arrival == sorted(arrival)
+        assert arrival[-1] == simulation1_plan.t_end_s
+        at_T0 = mission.items[mission.arrival_s.index(0.0)]
+        row = simulation1_plan.sysids.index(mission.sysid)
+        position = simulation1_plan.states(np.array([0.0]))[row, 0, POSITION]
+        assert np.allclose(ned(at_T0, mission, simulation1_plan), position, atol=ROUNDING_M)
+
+
+def test_items_come_in_the_order_autopilots_need(simulation1_plan: Plan) -> None:
+    for mission in build_missions(simulation1_plan):
+        commands = [i.command for i in mission.items]
+        assert commands[0] == Command.NAV_TAKEOFF
+        assert commands[-2:] == [Command.NAV_WAYPOINT, Command.NAV_LAND]
+        assert commands.count(Command.NAV_TAKEOFF) == commands.count(Command.NAV_LAND) == 1
+        assert mission.items[1].params == (simulation1_plan.scenario.ground_phases.hover_s, -1, -1, -1)
+        assert mission.items[-2].params[0] == simulation1_plan.scenario.ground_phases.hover_s
+        top_speed = np.linalg.norm(simulation1_plan.scenario.limits.speed_ned_mps)
+        for before, item in zip(mission.items, mission.items[1:], strict=False):
+            if item.command == Command.NAV_WAYPOINT:
+                assert before.command == Command.DO_CHANGE_SPEED
+                kind, speed, throttle, _ = before.params
+                assert (kind, throttle) == (1, -1)
+                assert 0.2 <= speed <= top_speed
+            positioned = item.command in (Command.NAV_WAYPOINT, Command.NAV_LAND)
+            assert item.frame == (Frame.GLOBAL_RELATIVE_ALT if positioned else Frame.MISSION)
+
+
+def test_each_vehicle_starts_above_its_own_pad_and_lands_on_its_own_ground(simulation1_plan: Plan) -> None:
+    for row, mission in enumerate(build_missions(simulation1_plan)):
+        home = geodetic_to_ned(
+            mission.home.lat_deg,
+            mission.home.lon_deg,
+            mission.home.alt_amsl_m,
+            Origin(**simulation1_plan.scenario.origin.model_dump()),
+        )
+        assert np.allclose(home, simulation1_plan.pads_ned_m[row], atol=1e-6)
+        takeoff, land = mission.items[0], mission.items[-1]
+        hover = simulation1_plan.states(np.array([simulation1_plan.phase("takeoff").end_s]))[row, 0]
+        assert takeoff.alt_m == pytest.approx(simulation1_plan.pads_ned_m[row, 2] - hover[2], abs=0.0051)
+        assert takeoff.params[3] == pytest.approx(np.degrees(hover[8]), abs=0.01)
+        assert np.allclose(
+            ned(land, mission, simulation1_plan), simulation1_plan.landing_points_ned_m[row], atol=ROUNDING_M
+        )
+
+
+def with_tolerance(plan: Plan, tolerance_m: float) -> Plan:
+    mission = plan.scenario.mission.model_copy(update={"tolerance_m": tolerance_m})
+    return replace(plan, scenario=plan.scenario.model_copy(update={"mission": mission}))
+
+
+def test_more_items_than_the_autopilot_stores(simulation1_plan: Plan) -> None:
+    for firmware, stores in (
+        (Autopilot.ARDUPILOT, "650 that ArduCopter stores"),
+        (Autopilot.PX4, "500 that PX4 stores"),
+    ):
+        with pytest.raises(ScenarioError, match=stores) as caught:
+            build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4), firmware=firmware)
+        assert "mission.tolerance_m" in caught.value.hint
+
+
+def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan) -> None:
+    """One place, three ways to say how high: above home, above the sea, above the ground under it."""
+    plan = simulation1_plan
+    relative, amsl, terrain = (build_missions(plan, altitude=altitude) for altitude in Altitude)
+    origin = Origin(**plan.scenario.origin.model_dump())
+    for above_home, above_sea, above_ground in zip(relative, amsl, terrain, strict=True):
+        for a, b, c in zip(above_home.items, above_sea.items, above_ground.items, strict=True):
+            assert (a.command, a.lat_degE7, a.lon_degE7) == (b.command, b.lat_degE7, b.lon_degE7)
+            assert (a.command, a.lat_degE7, a.lon_degE7) == (c.command, c.lat_degE7, c.lon_degE7)
+            assert a.params == pytest.approx(b.params, abs=2 * ROUNDING_M / 0.2)  # other centimetres, other lengths
+            assert a.params == pytest.approx(c.params, abs=2 * ROUNDING_M / 0.2)
+            if a.frame == Frame.MISSION:
+                continue
+            assert (a.frame, b.frame, c.frame) == (3, 0, 10)
+            assert b.alt_m == pytest.approx(a.alt_m + above_home.home.alt_amsl_m, abs=0.0111)
+            place = geodetic_to_ned(from_degE7(a.lat_degE7), from_degE7(a.lon_degE7), b.alt_m, origin)
+            ground_m = float(ground_height_m(plan.scenario.terrain, place[:1], place[1:2])[0])
+            assert c.alt_m == pytest.approx(-place[2] - ground_m, abs=0.03)  # the ground slopes where degrees round
+        assert above_ground.items[-1].alt_m == 0.0
+
+
+def test_heights_above_ground_are_refused_where_the_autopilot_refuses_them(simulation1_plan: Plan) -> None:
+    with pytest.raises(ScenarioError, match="PX4 refuses altitudes above the ground"):
+        build_missions(simulation1_plan, firmware=Autopilot.PX4, altitude=Altitude.TERRAIN)
+
+
+def test_a_tolerance_below_the_rounding_of_waypoints(simulation1_plan: Plan) -> None:
+    with pytest.raises(ScenarioError, match="rounded"):
+        build_missions(with_tolerance(simulation1_plan, 0.005))
+
+
+def stop_and_go(plan: Plan, yaw_ned_rad: float) -> Plan:
+    """South at 2 m/s for 10 s, 20 s standing, north at 4 m/s for 5 s; 5 m above the origin's height."""
+    joints = np.array([-10.0, 0.0, 10.0, 30.0, 35.0, 45.0])
+    speed = np.array([0.0, -2.0, 0.0, 4.0, 0.0])
+    state = np.zeros((2, 5, 12))
+    state[0, :, 0] = speed
+    state[1, :, 0] = np.concatenate([[0.0], np.cumsum(speed * np.diff(joints))[:-1]])
+    state[1, :, 2] = -5.0
+    state[1, :, 3] = speed
+    state[1, :, 8] = yaw_ned_rad
+    names = ("takeoff", "mission", "landing")
+    phases = tuple(map(Phase, names, (-10.0, 0.0, 35.0), (0.0, 35.0, 45.0)))
+    shape = rigid(np.zeros((len(plan.sysids), 3)), -10.0, 45.0)
+    scenario = plan.scenario.model_copy(
+        update={
+            "origin": plan.scenario.origin.model_copy(update={"lat_deg": -35.0, "lon_deg": -71.0}),
+            "time": plan.scenario.time.model_copy(update={"flight_s": 35.0}),
+        }
+    )
+    motion = Trajectory(PPoly(state, joints), PPoly(np.zeros((1, 5, 4)), joints))
+    return Plan(scenario, motion, shape, phases, 0.0)
+
+
+def test_standing_still_on_the_way_is_a_delay_and_no_speed_of_zero(simulation1_plan: Plan) -> None:
+    mission = build_missions(stop_and_go(simulation1_plan, -np.pi / 2))[0]
+    assert [i.command for i in mission.items] == [
+        Command.NAV_TAKEOFF,
+        Command.DO_CHANGE_SPEED,
+        Command.NAV_WAYPOINT,
+        Command.NAV_DELAY,
+        Command.DO_CHANGE_SPEED,
+        Command.NAV_WAYPOINT,
+        Command.NAV_LAND,
+    ]
+    assert mission.arrival_s == pytest.approx((0.0, None, 10.0, None, None, 35.0, 45.0))
+    assert [mission.items[i].params[1] for i in (1, 4)] == pytest.approx([2.0, 4.0], abs=1e-3)
+    assert mission.items[3].params[0] == pytest.approx(20.0)
+    assert {i.params[3] for i in mission.items if i.frame == Frame.GLOBAL_RELATIVE_ALT} == {270.0}
+
+
+def test_south_of_the_equator_and_west_of_greenwich(simulation1_plan: Plan) -> None:
+    mission = build_missions(stop_and_go(simulation1_plan, 0.0))[0]
+    first, second, third = (mission.items[i] for i in (0, 2, 5))
+    assert (first.lat_degE7, first.lon_degE7) == (-350000000, -710000000)
+    assert second.lat_degE7 < first.lat_degE7 == third.lat_degE7
+    assert first.lon_degE7 == second.lon_degE7

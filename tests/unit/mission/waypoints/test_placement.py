@@ -1,0 +1,75 @@
+"""Waypoints from samples: closed forms for the longest leg, both limits held, evenness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs.mission.waypoints.placement import Deviation, Flown, deviation, waypoint_indices
+
+T = np.linspace(0.0, 20.0, 2001)
+
+
+def along_north(s_m: np.ndarray) -> Flown:
+    return Flown(T, np.stack([s_m, 0 * s_m, 0 * s_m], axis=-1)[None])
+
+
+def test_straight_and_steady_needs_no_waypoint_between() -> None:
+    assert waypoint_indices(along_north(3.0 * T), Deviation(1e-6, 1e-6)) == [0, 2000]
+
+
+def test_constant_acceleration_splits_by_time_although_the_path_is_straight() -> None:
+    # s = a t^2 / 2: a constant-speed leg of duration T is a T^2 / 8 behind halfway.
+    a, limit = 0.2, 0.11
+    flown = along_north(0.5 * a * T**2)
+    indices = waypoint_indices(flown, Deviation(1e-3, limit))
+    longest_s = np.sqrt(8 * limit / a)
+    assert len(indices) - 1 == np.ceil(20.0 / longest_s)
+    error = deviation(flown, indices)
+    assert error.path_m < 1e-9
+    assert 0.8 * limit < error.time_m <= limit
+
+
+def test_circle_splits_by_sagitta() -> None:
+    # A chord over an angle w leaves a circle by R (1 - cos(w / 2)).
+    radius, limit = 50.0, 0.5
+    angle = 2 * np.pi * T / T[-1]
+    circle = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * T], axis=-1)[None]
+    indices = waypoint_indices(Flown(T, circle), Deviation(limit, 100.0))
+    widest = 2 * np.arccos(1 - limit / radius)
+    assert len(indices) - 1 == np.ceil(2 * np.pi / widest)
+    assert deviation(Flown(T, circle), indices).path_m <= limit
+
+
+def test_the_last_leg_is_no_splinter() -> None:
+    flown = along_north(0.5 * 0.2 * T**2)
+    durations = np.diff(T[waypoint_indices(flown, Deviation(1.0, 0.1))])
+    assert durations.min() > 0.5 * durations.max()
+
+
+def test_every_vehicle_counts() -> None:
+    straight = np.stack([T, 0 * T, 0 * T], axis=-1)
+    weaving = np.stack([T, np.sin(T), 0 * T], axis=-1)
+    both = Flown(T, np.stack([straight, weaving]))
+    indices = waypoint_indices(both, Deviation(0.1, 0.5))
+    assert len(indices) > 10
+    error = deviation(both, indices)
+    assert error.path_m <= 0.1
+    assert error.time_m <= 0.5
+
+
+def test_deviation_is_measured_from_the_middle_of_a_bend() -> None:
+    t = np.array([0.0, 1.0, 2.0])
+    bend = np.array([[[0.0, 0, 0], [3, 4, 0], [6, 0, 0]]])
+    assert deviation(Flown(t, bend), [0, 2]) == Deviation(4.0, 4.0)
+
+
+def test_a_leg_too_slow_to_fly_is_flown_faster_and_waited_out() -> None:
+    # 1 m in 20 s at no less than 0.2 m/s: there after 5 s, then 0.75 m ahead of the plan.
+    slow = Flown(T, np.stack([0.05 * T, 0 * T, 0 * T], axis=-1)[None], speed_min_mps=0.2)
+    assert deviation(slow, [0, 2000]).time_m == pytest.approx(0.75)
+    assert deviation(slow, waypoint_indices(slow, Deviation(0.1, 0.1))).time_m <= 0.1
+
+
+def test_standing_still_is_one_leg() -> None:
+    assert waypoint_indices(along_north(0 * T), Deviation(0.01, 0.01)) == [0, 2000]

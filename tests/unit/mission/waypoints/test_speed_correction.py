@@ -1,0 +1,66 @@
+"""Speeds that bring a vehicle to its waypoints when they are due."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.navigation.calibration import by_name
+from gcs.autopilots.navigation.predict import predict
+from gcs.mission.waypoints.leg_profile import SHARES, course_of
+from gcs.mission.waypoints.speed_correction import correct
+
+NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
+SPEED_NED_MPS = np.array([6.0, 6.0, 2.0])
+
+
+def bend() -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """From rest along a bend of 300 m, slower and slower towards its end, in samples of 0.1 s."""
+    t_s = np.arange(0.0, 90.05, 0.1)
+    speed = np.interp(t_s, [0.0, 8.0, 50.0, 60.0, 82.0, 90.0], [0.0, 4.5, 4.5, 3.0, 3.0, 0.0])
+    course = np.interp(t_s, [0.0, 30.0, 60.0, 90.0], [0.0, 0.0, 0.8, 0.8])
+    north, east = (np.cumsum(speed * part) * 0.1 for part in (np.cos(course), np.sin(course)))
+    down = -20.0 - np.interp(t_s, [0.0, 40.0, 60.0], [0.0, 0.0, 4.0])
+    return t_s, np.stack([north, east, down], axis=1), [0, 100, 250, 350, 450, 550, 700, 800, 900]
+
+
+def late_s(name: str, speeds_mps: np.ndarray, course: object) -> np.ndarray:
+    flown = predict(by_name(name), course.orders(speeds_mps))  # type: ignore[attr-defined]
+    return (course.passed_s(flown) - course.due_s)[:, -1]  # type: ignore[attr-defined,no-any-return]
+
+
+@NAMES
+def test_late_waypoints_are_passed_in_time(name: str) -> None:
+    course, legs = course_of(*bend(), SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    assert legs == list(range(8))
+    before = late_s(name, course.planned_mps, course)
+    found = correct(by_name(name), course, (0.0, 3.0))
+    assert np.abs(before).max() > 1.0
+    assert np.abs(found.late_s).max() < 0.5
+    assert np.allclose(late_s(name, found.speeds_mps, course) - found.lead_s, found.late_s)
+    assert 0.0 <= found.lead_s <= 3.0
+    assert (found.speeds_mps >= 0.3).all()
+    assert (found.speeds_mps <= course.fastest_mps + 1e-9).all()
+
+
+def test_speeds_keep_to_the_limits_of_every_axis() -> None:
+    course, _ = course_of(*bend(), np.array([4.0, 4.0, 0.1]), slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    ways = np.diff(course.points_ned_m, axis=0)
+    found = correct(by_name("ardupilot"), course)
+    asked = np.abs(ways) / course.lengths_m[:, None] * found.speeds_mps[:, None]
+    assert (asked <= np.array([4.0, 4.0, 0.1]) + np.abs(ways) * 0.3 / course.lengths_m[:, None] + 1e-9).all()
+    assert found.lead_s == 0.0
+
+
+def test_a_rest_is_a_hold_and_not_a_leg() -> None:
+    t_s = np.arange(0.0, 60.05, 0.1)
+    north = np.interp(t_s, [0.0, 20.0, 30.0, 60.0], [0.0, 80.0, 80.0, 200.0])
+    position = np.stack([north, 0.0 * north, 0.0 * north - 10.0], axis=1)
+    course, legs = course_of(
+        t_s, position, [0, 200, 300, 600], SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=0.0
+    )
+    assert legs == [0, 2]
+    assert course.holds_s.tolist() == pytest.approx([10.0, 0.0])
+    assert course.due_s[0].tolist() == pytest.approx([20.0 * share for share in SHARES])
+    found = correct(by_name("ardupilot"), course)
+    assert found.flown.completed_s[0] - found.flown.passed_s[0] >= 10.0
