@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gcs.frames import from_degE7, geodetic_to_ned
-from gcs.link.command import CommandMemory, command_ack
-from gcs.link.message import Message
+from gcs.link.microservices.command import CommandMemory, command_ack
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot import Autopilot

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gcs.errors import UsageError
-from gcs.link.command import command_ack
-from gcs.link.message import Message
+from gcs.link.microservices.command import command_ack
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from sim_bridge import faults as f
 from sim_bridge.faults import Direction, Fault, Kind, When, make_fault

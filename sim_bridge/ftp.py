@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gcs.link.ftp import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
-from gcs.link.message import Message, Station
+from gcs.link.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
+from gcs.link.wire.message import Message, Station
 from sim_bridge.missions.files import WRITTEN_MAX, MissionFiles
 
 _IDLE_S = 3.0

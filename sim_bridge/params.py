@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections.abc import Iterable
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from sim_bridge.personality import Personality, Setting
 
 BY_NAME = 0xFFFF  # param_index of an answer to a question by name

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from gcs.frames import from_degE7, geodetic_to_ned
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.guidance.stream import Setpoint

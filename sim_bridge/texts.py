@@ -5,7 +5,7 @@ Knows: the length of a chunk, and whether every text is numbered. Does not know:
 
 from __future__ import annotations
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 
 _CHUNK_BYTES = 50
 _HIGHEST_ID = 0xFFFF

@@ -15,9 +15,9 @@ import os
 import time
 from collections.abc import Iterable, Sequence
 
-from gcs.link.codec import Codec
-from gcs.link.ftp import NAME as FTP
-from gcs.link.message import Message
+from gcs.link.ftp.payload import NAME as FTP
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from sim_bridge.endpoints.switchboard import Switchboard
 from sim_bridge.fault_commands import answer, is_fault_command, read_order
 from sim_bridge.fault_desk import FaultDesk

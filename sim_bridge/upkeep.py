@@ -6,8 +6,8 @@ Two clocks, as everywhere: `t_ns` is the vehicle's own time since boot, `now_s` 
 
 from __future__ import annotations
 
-from gcs.link.message import Message, Station
-from gcs.link.signing import KEY_BYTES, Signature, Signing
+from gcs.link.wire.message import Message, Station
+from gcs.link.wire.signing import KEY_BYTES, Signature, Signing
 from sim_bridge.personality.link import LinkHabits
 
 _NS_PER_S = 1_000_000_000

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from gcs.link.command import command_ack
-from gcs.link.ftp import NAME as FTP
-from gcs.link.message import Message, Station
-from gcs.link.signing import Signature
+from gcs.link.ftp.payload import NAME as FTP
+from gcs.link.microservices.command import command_ack
+from gcs.link.wire.message import Message, Station
+from gcs.link.wire.signing import Signature
 from gcs.mavlink import MavType, MessageId, MissionType, Severity
 from gcs.mission.model import MissionItem
 from sim_bridge.autopilot import Autopilot

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.world import World, WorldOptions
 

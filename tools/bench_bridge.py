@@ -29,8 +29,8 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.items import with_home
-from gcs.link.message import GROUND, Message
+from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavCommand, MessageId
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.airframes import CONTROL_PERIOD_S

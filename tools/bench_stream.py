@@ -3,10 +3,11 @@
 ./tools/run python tools/bench_stream.py [--seconds 60] [--case 6x50 200x10 mavsdk6x50] [--json FILE]
 
 A process of its own plays the vehicles: heartbeats, clocks, positions at 10 Hz each, and a socket each whose datagrams
-the kernel stamps as they arrive. The ground station is `gcs.link.fleet` with the schedule and the messages of
-`gcs fly`, in another process, whose processor time is what is told. `late` is arrival minus the deadline on the
-vehicle's own clock (its estimate on the ground included), `interval` how far the time between two arrivals is from the
-period; MAVSDK's offboard has no deadlines, its setpoints are set in time by a loop of ours. Per vehicle, all together.
+the kernel stamps as they arrive. The ground station is `gcs.link.session.linked_fleet` with the schedule and the
+messages of `gcs fly`, in another process, whose processor time is what is told. `late` is arrival minus the deadline
+on the vehicle's own clock (its estimate on the ground included), `interval` how far the time between two arrivals is
+from the period; MAVSDK's offboard has no deadlines, its setpoints are set in time by a loop of ours. Per vehicle, all
+together.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ from gcs.aio import sleep_sharply
 from gcs.flight.courses import TimedCourse
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, send_due, wait_s
-from gcs.link.codec import Codec
-from gcs.link.fleet import Fleet
-from gcs.link.message import Message
+from gcs.link.session.linked_fleet import Fleet
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 
 CASES = {"6x50": (6, 50.0), "200x10": (200, 10.0), "mavsdk6x50": (6, 50.0)}

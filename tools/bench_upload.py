@@ -31,7 +31,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.transfer import Transfer
+from gcs.link.mission_protocol.strategy import Transfer
 from tools.upload.air import Air, Weather, mission_of
 
 ROUND_TRIPS_S = (0.0, 0.05, 0.2)

@@ -14,7 +14,7 @@ from gcs.errors import PeerError, PeerTimeout
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
-    from gcs.link.held import Held
+    from gcs.link.fleet_upload.onboard import Held
     from gcs.plan.trajectory.trajectory import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and it is not the same
@@ -89,7 +89,7 @@ def diff(
 async def _read_all(known: Connection, backend: str, listen_s: float) -> list[Held]:
     import asyncio
 
-    from gcs.link.held import read_held
+    from gcs.link.fleet_upload.onboard import read_held
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
@@ -109,7 +109,7 @@ async def _differences(
     import asyncio
 
     from gcs.flight.loading import build_loads
-    from gcs.link.held import read_held
+    from gcs.link.fleet_upload.onboard import read_held
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)

@@ -63,8 +63,8 @@ def connection(
 ) -> Connection:
     """What the options ask for. Raises `UsageError`."""
     from gcs.link.connection import TRANSFERS, Connection
-    from gcs.link.endpoint import parse_link_spec
-    from gcs.link.keys import load_key
+    from gcs.link.endpoints.base import parse_link_spec
+    from gcs.link.wire.signing_keys import load_key
 
     chosen = tuple(links or (DEFAULT_LINK,))
     for number, link in enumerate(chosen):

@@ -94,7 +94,7 @@ def _rate(speed: str | None, to_link: str | None) -> float:
     if not 0.0 < rate < float("inf"):
         raise UsageError(f"--speed {speed}: give a number above 0, or max")
     if to_link is not None:
-        from gcs.link.endpoint import LinkMode, parse_link_spec
+        from gcs.link.endpoints.base import LinkMode, parse_link_spec
 
         if parse_link_spec(to_link).mode is not LinkMode.CALL:
             raise UsageError(

@@ -21,8 +21,8 @@ from gcs.cli.console import Screen
 from gcs.flight.events import Event
 from gcs.flight.recall import Recalled
 from gcs.flight.recording import SILENCE_S, Recording, VehicleTrack, nearest_m
-from gcs.link.endpoint import Endpoint
-from gcs.link.endpoints import make_endpoint
+from gcs.link.endpoints.base import Endpoint
+from gcs.link.endpoints.factory import make_endpoint
 
 _TICK_S, _SENDING_S = 0.1, 0.005
 _LINE_EVERY_S = 5.0  # of the wall's clock

@@ -12,9 +12,9 @@ from gcs.cli.options import DebugOption, JsonOption
 from gcs.errors import PeerError, PeerTimeout, UsageError
 
 if TYPE_CHECKING:
-    from gcs.link.backend_mavsdk import MavsdkVehicle
     from gcs.link.connection import Connection
-    from gcs.link.session import VehicleSession
+    from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
+    from gcs.link.session.vehicle_session import VehicleSession
 
 _PATIENCE_S = 10.0
 _DONE = {"hold": "holds", "land": "lands", "return": "returns"}

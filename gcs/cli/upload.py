@@ -15,7 +15,7 @@ from gcs.cli.options import DebugOption, JsonOption, MissionArgument, UntimedOpt
 if TYPE_CHECKING:
     from gcs.cli.planning import Stopwatch
     from gcs.link.connection import Connection
-    from gcs.link.upload import Change, Holdings
+    from gcs.link.fleet_upload.upload_fleet import Change, Holdings
     from gcs.plan.trajectory.trajectory import Plan
 
 FIND_S = 15.0
@@ -98,7 +98,7 @@ def restore(
     known = connection(link, systems, signing_key_file)
 
     async def put_back() -> None:
-        from gcs.link.upload import restore as put
+        from gcs.link.fleet_upload.upload_fleet import restore as put
 
         async with known.open() as fleet:
             sysids = {change.sysid for change in changes}
@@ -122,7 +122,7 @@ async def _upload(
     watch: Stopwatch,
 ) -> tuple[Holdings | None, tuple[Change, ...]]:
     from gcs.flight.loading import build_loads
-    from gcs.link.upload import preview, upload_fleet
+    from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
@@ -185,8 +185,8 @@ def read_record(path: Path) -> tuple[Change, ...]:
     import json
 
     from gcs.errors import FileFormatError
-    from gcs.link.parameter import Parameter
-    from gcs.link.upload import Change
+    from gcs.link.fleet_upload.upload_fleet import Change
+    from gcs.link.microservices.parameter import Parameter
 
     try:
         data = json.loads(path.read_bytes())

@@ -13,7 +13,7 @@ from gcs.errors import PeerTimeout, UsageError
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
-    from gcs.link.survey import VehicleReport
+    from gcs.link.session.status_report import VehicleReport
     from gcs.mission.model import Home
 
 
@@ -49,8 +49,8 @@ def vehicles(
 async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[VehicleReport]:
     import asyncio
 
-    from gcs.link.fleet import Fleet
-    from gcs.link.survey import survey
+    from gcs.link.session.linked_fleet import Fleet
+    from gcs.link.session.status_report import survey
 
     async with known.open_backend(backend) as fleet:
         heard = await fleet.listen(listen_s)

@@ -27,7 +27,7 @@ from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.rules import IN_FORMATION, SPREAD_M, Action, Choices, Director, Order, State
 from gcs.flight.separation import SeparationWatch
 from gcs.flight.watch import Incident, Kind, VehicleWatch
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.trajectory import Plan
 

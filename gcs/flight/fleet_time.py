@@ -9,7 +9,7 @@ import asyncio
 from collections.abc import Mapping
 
 from gcs.errors import FlightError
-from gcs.link.session import VehicleSession
+from gcs.link.session.vehicle_session import VehicleSession
 
 _PUMP_S = 0.002
 

@@ -1,9 +1,9 @@
 """One flight, from silent vehicles to landed ones: upload, read back, arm, take off, keep time together, land.
 
 Knows: the order of things and what must be true before each. Does not know: sockets, screens, files, how vehicles
-are found (`gcs.link.fleet`) or judged (`gcs.flight.judge`), how each step is done (`prologue`, `pilot`). Nothing arms
-before every vehicle holds its own mission of this plan, read back equal. Whatever ends the flight early, vehicles in
-the air are told to land.
+are found (`gcs.link.session.linked_fleet`) or judged (`gcs.flight.judge`), how each step is done (`prologue`,
+`pilot`). Nothing arms before every vehicle holds its own mission of this plan, read back equal. Whatever ends the
+flight early, vehicles in the air are told to land.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from gcs.flight.prologue import (
 from gcs.flight.rules import State
 from gcs.flight.stages import FlightTimes, Snapshot, Step
 from gcs.flight.takeup import FADE_S, NEAR_M, TakeUp, where_in_plan
-from gcs.link.command import CommandSender
-from gcs.link.load import VehicleLoad
-from gcs.link.message import Message
-from gcs.link.session import VehicleSession
-from gcs.link.upload import Holdings, upload_fleet
+from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
+from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.link.microservices.command import CommandSender
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream, VehicleMission

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 
 from gcs.errors import GcsError
 from gcs.flight.preflight import Check, PreflightLimits, preflight, refuse_no_go
-from gcs.link.fleet import Fleet
-from gcs.link.session import VehicleSession
-from gcs.link.survey import survey
-from gcs.link.upload import Change, restore
+from gcs.link.fleet_upload.upload_fleet import Change, restore
+from gcs.link.session.linked_fleet import Fleet
+from gcs.link.session.status_report import survey
+from gcs.link.session.vehicle_session import VehicleSession
 from gcs.plan.trajectory.trajectory import Plan
 
 

@@ -1,4 +1,4 @@
-"""Our own way to ask a vehicle for what `gcs.link.flyable` names.
+"""Our own way to ask a vehicle for what `gcs.link.session.vehicle_api` names.
 
 Knows: autopilots' manners, commands, setpoints. Does not know: plans, formations, MAVSDK.
 """
@@ -14,12 +14,12 @@ from gcs.aio import ended
 from gcs.autopilots.flight_modes import Manners, manners_of
 from gcs.errors import PeerError
 from gcs.flight.stream import setpoint_message
-from gcs.link.flyable import Flyable, Setpoint
-from gcs.link.session import VehicleSession
+from gcs.link.session.vehicle_api import Flyable, Setpoint
+from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand, ModeFlag
 
 if TYPE_CHECKING:
-    from gcs.link.backend_mavsdk import MavsdkVehicle
+    from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
 
 _REPEAT_S = 0.04
 _TIMEOUT_S = 10.0

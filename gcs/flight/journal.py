@@ -19,7 +19,7 @@ from gcs.files import atomic_write
 from gcs.flight.events import Event
 from gcs.flight.judge import Criterion, Verdict
 from gcs.flight.stages import FlightTimes
-from gcs.link.fleet import Direction
+from gcs.link.session.linked_fleet import Direction
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
-from gcs.link.load import VehicleLoad
+from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.failsafe.rtl_altitudes import return_warnings

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from gcs.flight.lateness import Lateness
-from gcs.link.clock import VehicleClock
-from gcs.link.message import Message
+from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory.trajectory import Plan

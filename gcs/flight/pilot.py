@@ -22,8 +22,8 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.prologue import Crew, set_mode
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, numbered_message, send_due, wait_s
-from gcs.link.command import CommandRefused
-from gcs.link.message import Message
+from gcs.link.microservices.command import CommandRefused
+from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.trajectory import Plan
 

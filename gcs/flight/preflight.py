@@ -1,7 +1,7 @@
 """Go or no-go: what every vehicle tells of itself against what the plan takes for granted.
 
-Knows: plan, reports of vehicles, how much each may differ. Does not know: links (reports come from `gcs.link.survey`),
-screens. Nothing is sent; a vehicle that does not tell what is asked is a no-go.
+Knows: plan, reports of vehicles, how much each may differ. Does not know: links (reports come from
+`gcs.link.session.status_report`), screens. Nothing is sent; a vehicle that does not tell what is asked is a no-go.
 
 Battery: a flight needs what its plan takes (`gcs.plan.trajectory.energy`), where the scenario has battery and
 propellers; else a full battery is taken to hover for `endurance_s`, and the flight to need its own duration of that,
@@ -17,7 +17,7 @@ import numpy as np
 
 from gcs.errors import FlightError
 from gcs.frames import Origin, geodetic_to_ned
-from gcs.link.survey import VehicleReport
+from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh

@@ -16,8 +16,8 @@ from gcs.errors import PeerTimeout
 from gcs.flight.hands import until_mode
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.link.message import Message
-from gcs.link.session import VehicleSession
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId, ModeFlag
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.trajectory import Plan

@@ -22,7 +22,7 @@ from gcs.flight.record import build_record, telemetry_logs
 from gcs.flight.recording import Recording, VehicleTrack
 from gcs.flight.retrace import is_ground, retrace
 from gcs.flight.tlog import LoggedFrame, Tlog, load_tlog
-from gcs.link.message import GROUND, Message
+from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan_file import load_plan
 

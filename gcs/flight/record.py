@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gcs.flight.tlog import read_messages
-from gcs.link.clock import VehicleClock
-from gcs.link.message import Message
+from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.trajectory import Plan

@@ -17,8 +17,8 @@ from gcs.autopilots.flight_modes import mode_name
 from gcs.flight.events import Event
 from gcs.flight.recording import VehicleTrack
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
-from gcs.link.message import GROUND, Message
-from gcs.link.statustext import StatusTextJoiner
+from gcs.link.microservices.statustext import StatusTextJoiner
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.quadrotor import Array
 

@@ -36,8 +36,8 @@ from gcs.flight.stages import FlightTimes, Step
 from gcs.flight.truth import Truth, load_truth
 from gcs.flight.watcher import Watcher
 from gcs.link.connection import Connection
-from gcs.link.fleet import Fleet
-from gcs.link.session import VehicleSession
+from gcs.link.session.linked_fleet import Fleet
+from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from gcs.flight.courses import Course, Values
 from gcs.flight.schedule import Scheduler
-from gcs.link.clock import VehicleClock
-from gcs.link.message import Message, Station
+from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.message import Message, Station
 from gcs.mavlink import SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
 

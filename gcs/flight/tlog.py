@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.link.codec import Codec, frame_length
-from gcs.link.message import GROUND, Message
+from gcs.link.wire.codec import Codec, frame_length
+from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 
 _STAMP = 8

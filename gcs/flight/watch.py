@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.autopilots.flight_modes import Manners
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 
 
 class Kind(StrEnum):

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gcs.errors import UsageError
-from gcs.link.fleet import Fleet, FrameHook
-from gcs.link.keys import signing_with
-from gcs.link.transfer import Transfer
+from gcs.link.mission_protocol.strategy import Transfer
+from gcs.link.session.linked_fleet import Fleet, FrameHook
+from gcs.link.wire.signing_keys import signing_with
 
 if TYPE_CHECKING:
-    from gcs.link.backend_mavsdk import MavsdkFleet
+    from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet
 
 BACKENDS = ("skein", "mavsdk")
 TRANSFERS = tuple(str(way) for way in Transfer)
@@ -45,7 +45,7 @@ class Connection:
             raise UsageError("MAVSDK cannot sign", hint="leave the key away, or use --backend skein")
         if self.transfer == "file":
             raise UsageError("MAVSDK sends missions item by item", hint="leave --transfer away, or use --backend skein")
-        from gcs.link.backend_mavsdk import MavsdkFleet  # noqa: PLC0415 (loading MAVSDK takes long, and few need it)
+        from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet  # noqa: PLC0415 (loading MAVSDK takes long, and few need it)
 
         async with MavsdkFleet.open(self.links) as foreign:
             yield foreign

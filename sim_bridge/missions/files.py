@@ -1,17 +1,17 @@
 """Missions, fence and rally points as ArduPilot's files: @MISSION/mission.dat, fence.dat and rally.dat.
 
-Knows: the layout (`gcs.link.mission_file`), what makes a file invalid: another magic, a number of items that is not its
-length's, an item that is all zeros, which is a piece that never came. Does not know: how files travel, which items
-please (`shelf`).
+Knows: the layout (`gcs.link.mission_protocol.mission_dat`), what makes a file invalid: another magic, a number of
+items that is not its length's, an item that is all zeros, which is a piece that never came. Does not know: how files
+travel, which items please (`shelf`).
 """
 
 from __future__ import annotations
 
 from gcs.errors import PeerError
-from gcs.link.ftp import FtpOpcode, read_payload
-from gcs.link.items import item_from_message
-from gcs.link.message import Message
-from gcs.link.mission_file import FIELDS, HEADER, ITEM, MAGIC, path_of
+from gcs.link.ftp.payload import FtpOpcode, read_payload
+from gcs.link.mission_protocol.item_messages import item_from_message
+from gcs.link.mission_protocol.mission_dat import FIELDS, HEADER, ITEM, MAGIC, path_of
+from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
 from sim_bridge.missions.shelf import MissionShelf
 

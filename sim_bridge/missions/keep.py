@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.link.message import Message
-from gcs.link.mission_compare import has_position
+from gcs.link.mission_protocol.read_back import has_position
+from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.missions.fence import POLYGONS

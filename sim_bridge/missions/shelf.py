@@ -21,9 +21,9 @@ from collections.abc import Callable
 
 from gcs.errors import PeerError
 from gcs.frames import Origin
-from gcs.link.items import home_item, item_from_message, item_to_message
-from gcs.link.message import Message, Station
-from gcs.link.mission import mission_ack, mission_type_of
+from gcs.link.mission_protocol.item_messages import home_item, item_from_message, item_to_message
+from gcs.link.mission_protocol.rules import mission_ack, mission_type_of
+from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult, MissionType, Severity
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.missions.fence import count_shapes, encloses, what_is_wrong

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from gcs.frames import to_degE7
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId, SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.personality import Intent, Milestone

@@ -9,7 +9,7 @@ import math
 import zlib
 
 from gcs.frames import to_degE7
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId
 from sim_bridge.personality import Milestone
 from sim_bridge.telemetry.motion import quaternion

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from sim_bridge.autopilot import Autopilot
 from sim_bridge.failsafe import Failsafe
 from sim_bridge.personality import Milestone, Personality

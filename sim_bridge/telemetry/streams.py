@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from sim_bridge.telemetry import motion, places, vitals
 from sim_bridge.telemetry.sources import Builder, Sources
 

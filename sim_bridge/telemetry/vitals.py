@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from gcs.frames import to_degE7
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
 from sim_bridge.telemetry.sources import Builder, Sources

@@ -20,8 +20,8 @@ from gcs.flight.journal import TelemetryLog
 from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.stages import FlightTimes, Step
-from gcs.link.fleet import Fleet
-from gcs.link.message import Message
+from gcs.link.session.linked_fleet import Fleet
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions

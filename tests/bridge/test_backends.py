@@ -15,12 +15,11 @@ from gcs.cli import main
 from gcs.errors import UsageError
 from gcs.flight.hands import hands_of
 from gcs.flight.loading import build_loads
-from gcs.link.backend_mavsdk import mavsdk_url
 from gcs.link.connection import BACKENDS, Connection
-from gcs.link.flyable import Setpoint
-from gcs.link.held import read_held
-from gcs.link.loadable import Loadable
-from gcs.link.upload import UploadFailed, preview, restore, upload_fleet
+from gcs.link.fleet_upload.onboard import read_held
+from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet
+from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
+from gcs.link.session.vehicle_api import Loadable, Setpoint
 from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoint_udp import UdpEndpoint
+from gcs.link.endpoints.udp import UdpEndpoint
 
 
 class Inbox:

@@ -11,13 +11,13 @@ import pytest
 
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError
-from gcs.link.delivery import Delivery
-from gcs.link.file_delivery import FileDelivery
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.ftp import FtpError, FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.mission import GROUND_TIMERS, Timers
-from gcs.link.mission_compare import compare_missions
-from gcs.link.transfer import Transfer
+from gcs.link.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
+from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
+from gcs.link.mission_protocol.strategy import Transfer
+from gcs.link.mission_protocol.verified_upload import Delivery
+from gcs.link.session.linked_fleet import Fleet as Ground
 from sim_bridge import Fleet
 from sim_bridge.ftp import _nak
 from tools.upload.air import mission_of

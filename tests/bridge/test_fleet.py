@@ -8,15 +8,15 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
-from gcs.link.addressbook import DuplicateSystemId
-from gcs.link.codec import Codec, Message
-from gcs.link.command import CommandRefused, CommandTimers, command_ack
-from gcs.link.endpoint_udp import UdpEndpoint
-from gcs.link.fleet import Direction, Fleet
-from gcs.link.message import GROUND, Station
-from gcs.link.mission import MissionRefused, Timers
-from gcs.link.mission_receiver import MissionReceiver
-from gcs.link.mission_sender import MissionSender
+from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.microservices.command import CommandRefused, CommandTimers, command_ack
+from gcs.link.mission_protocol.receiver import MissionReceiver
+from gcs.link.mission_protocol.rules import MissionRefused, Timers
+from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.session.linked_fleet import Direction, Fleet
+from gcs.link.session.routing import DuplicateSystemId
+from gcs.link.wire.codec import Codec, Message
+from gcs.link.wire.message import GROUND, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
 

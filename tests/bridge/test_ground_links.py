@@ -8,12 +8,12 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from gcs.errors import LinkError, PeerTimeout, UsageError
-from gcs.link.addressbook import DuplicateSystemId
-from gcs.link.codec import Codec
-from gcs.link.endpoint import parse_link_spec
-from gcs.link.endpoint_udp import UdpEndpoint
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.message import Message
+from gcs.link.endpoints.base import parse_link_spec
+from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.routing import DuplicateSystemId
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pytest
 
-from gcs.link.codec import Codec
-from gcs.link.items import with_home
-from gcs.link.message import GROUND, Message
+from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MissionType
 from gcs.mission.model import Home, MissionItem
 from gcs.scenario.load import load_scenario

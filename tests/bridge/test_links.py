@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from gcs.errors import UsageError
-from gcs.link.codec import Codec
-from gcs.link.message import GROUND, Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.cli import parse_links

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from gcs.errors import PeerTimeout
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.message import Message
-from gcs.link.mission import Timers
-from gcs.link.mission_sender import MissionSender
+from gcs.link.mission_protocol.rules import Timers
+from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.wire.message import Message
 from gcs.mavlink import CopterMode
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.schema.scenario import Scenario

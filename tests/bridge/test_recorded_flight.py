@@ -25,9 +25,9 @@ from gcs.flight.events import Event
 from gcs.flight.journal import EventLog, TelemetryLog
 from gcs.flight.logbook import Logbook, write_logbook
 from gcs.flight.recall import recall
-from gcs.link.fleet import Direction
-from gcs.link.fleet import Fleet as GroundFleet
-from gcs.link.session import VehicleSession
+from gcs.link.session.linked_fleet import Direction
+from gcs.link.session.linked_fleet import Fleet as GroundFleet
+from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan_file import save_plan

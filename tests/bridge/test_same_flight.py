@@ -9,8 +9,8 @@ import threading
 import numpy as np
 import pytest
 
-from gcs.link.codec import Codec
-from gcs.link.message import GROUND, Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavResult
 from sim_bridge.endpoints.spec import Kind, LinkSpec, call
 from sim_bridge.plain import plain_scenario

@@ -11,12 +11,12 @@ import pytest
 
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerTimeout
-from gcs.link.codec import Codec
-from gcs.link.fleet import Direction
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.keys import signing_with
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.session import VehicleSession
+from gcs.link.session.linked_fleet import Direction
+from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message, Station
+from gcs.link.wire.signing_keys import signing_with
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from sim_bridge.fleet import Fleet
 

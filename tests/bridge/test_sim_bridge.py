@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.mission import MissionRefused
+from gcs.link.mission_protocol.rules import MissionRefused
+from gcs.link.session.linked_fleet import Fleet as Ground
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si

@@ -14,10 +14,10 @@ from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
 from gcs.flight.loading import build_loads, missions_only
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.load import VehicleLoad
-from gcs.link.mission_compare import compare_missions
-from gcs.link.upload import UploadFailed, restore, upload_fleet
+from gcs.link.fleet_upload.upload_fleet import UploadFailed, restore, upload_fleet
+from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.session.linked_fleet import Fleet as Ground
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.formats.any_mission import load_missions
 from gcs.plan.trajectory.plan_file import save_plan

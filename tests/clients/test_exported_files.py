@@ -16,7 +16,7 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.items import home_item
+from gcs.link.mission_protocol.item_messages import home_item
 from gcs.mission.export.export import export
 from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file

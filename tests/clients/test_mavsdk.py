@@ -9,9 +9,9 @@ import pytest
 from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.items import with_home
-from gcs.link.mission_compare import compare_missions
+from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.session.linked_fleet import Fleet as Ground
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
 from sim_bridge.endpoints.spec import call

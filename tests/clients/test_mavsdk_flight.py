@@ -12,8 +12,8 @@ from mavsdk.plugins.offboard import Offboard, PositionNedYaw, VelocityNedYaw
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
-from gcs.link.items import with_home
-from gcs.link.mission_compare import compare_missions
+from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.mission.model import Home, MissionItem
 from sim_bridge import Fleet
 from sim_bridge.plain import plain_scenario

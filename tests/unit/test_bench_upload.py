@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.transfer import Transfer
+from gcs.link.mission_protocol.strategy import Transfer
 from tools.bench_upload import cell, compared, middle
 from tools.upload.air import Air, Weather, mission_of
 

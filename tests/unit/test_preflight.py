@@ -11,8 +11,8 @@ from gcs.cli.main import run
 from gcs.errors import FlightError
 from gcs.flight.preflight import PreflightLimits, battery_needed, preflight, refuse_no_go
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.survey import VehicleReport
-from gcs.link.timesync import TimeSample
+from gcs.link.microservices.timesync import TimeSample
+from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.scenario.schema.scenario import Power

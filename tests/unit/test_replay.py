@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs.link.codec import Codec
-from gcs.link.message import Message, Station
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message, Station
 from tools.replay import meant
 from tools.replay.compare import compare
 from tools.replay.player import Begun, Played

@@ -9,7 +9,7 @@ import pytest
 
 MISHAPS = "tests/bridge/test_mishaps.py"
 NEAR = "tests/bridge/test_giving_way.py"
-DELIVERY = "tests/unit/link/test_delivery.py"
+DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
 MACHINES = "tests/unit/link/test_mission_machines.py"
 PARAMETERS = "tests/unit/link/test_parameters.py"
 PROLOGUE = "tests/unit/flight/test_prologue.py"
@@ -55,7 +55,7 @@ HABITS = {
         ("tests/unit/autopilots/test_flight_modes.py", "test_heights_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
-    "uid 0": [("tests/unit/link/test_addressbook.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
+    "uid 0": [("tests/unit/link/session/test_routing.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
     "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
     "answers by name": [
         (PARAMETERS, "test_parameters_are_read_and_set_and_put_back"),
@@ -66,8 +66,8 @@ HABITS = {
     "NaN as a parameter": [(PARAMETERS, "test_what_a_type_cannot_hold_is_refused_before_it_is_sent")],
     "requests of both kinds": [(MACHINES, "test_both_kinds_of_request_get_integer_items_as_often_as_they_come")],
     "read-back differs": [
-        ("tests/unit/link/test_mission_compare.py", "test_changes_that_mean_nothing"),
-        ("tests/unit/link/test_mission_compare.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
+        ("tests/unit/link/mission_protocol/test_read_back.py", "test_changes_that_mean_nothing"),
+        ("tests/unit/link/mission_protocol/test_read_back.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
     ],
     "wrong item": [(MACHINES, "test_invalid_sequence_is_not_fatal")],
     "stalled upload": [(DELIVERY, "test_a_mixed_mission_after_a_stall_is_found_and_mended")],
@@ -91,8 +91,8 @@ HABITS = {
     "clearing": [(DELIVERY, "test_an_empty_delivery_clears")],
     "reasons": [(PROLOGUE, "test_reasons_come_before_or_after_a_refusal_and_in_pieces")],
     "lost chunks": [
-        ("tests/unit/link/test_statustext.py", "test_chunks_are_joined_in_any_order_and_per_source"),
-        ("tests/unit/link/test_statustext.py", "test_a_missing_chunk_is_shown_as_missing"),
+        ("tests/unit/link/microservices/test_statustext.py", "test_chunks_are_joined_in_any_order_and_per_source"),
+        ("tests/unit/link/microservices/test_statustext.py", "test_a_missing_chunk_is_shown_as_missing"),
     ],
     "modes acknowledged": [(PROLOGUE, "test_a_mode_is_believed_when_the_heartbeat_shows_it")],
     "MISSION_START": [(PROLOGUE, "test_a_mission_has_begun_when_the_heartbeat_shows_its_mode")],
@@ -107,12 +107,12 @@ HABITS = {
     "Offboard": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
     "mode after landing": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
     "time": [
-        ("tests/unit/link/test_clock.py", "test_unset_gnss_time_says_nothing"),
-        ("tests/unit/link/test_clock.py", "test_prediction_follows_a_vehicle_at_any_rate_through_jitter"),
+        ("tests/unit/link/microservices/test_clock.py", "test_unset_gnss_time_says_nothing"),
+        ("tests/unit/link/microservices/test_clock.py", "test_prediction_follows_a_vehicle_at_any_rate_through_jitter"),
     ],
     "signatures": [
         ("tests/bridge/test_signing.py", "test_a_vehicle_that_does_not_sign_is_not_believed"),
-        ("tests/unit/link/test_signing.py", "test_with_a_key_only_it_is_believed"),
+        ("tests/unit/link/wire/test_signing.py", "test_with_a_key_only_it_is_believed"),
     ],
     "stray bytes": [
         ("tests/property/link/test_codec_fuzz.py", "test_garbage_never_raises_and_a_good_frame_after_it_is_heard")

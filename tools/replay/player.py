@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from gcs.frames import Origin, from_degE7
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.airframes import CONTROL_PERIOD_S

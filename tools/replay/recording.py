@@ -17,8 +17,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from gcs.link.codec import Codec
-from gcs.link.message import Message, Station
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message, Station
 
 TRACES = Path(__file__).resolve().parents[3] / "shared" / "traces"
 SCENES = (

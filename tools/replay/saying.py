@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 
 # Talk is compared one by one, in order; all else is telemetry and is compared by kind and rate.
 TALK = frozenset(

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.codec import Codec
-from gcs.link.message import Message, Station
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MavCommand, MessageId
 from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario, Terrain

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId
 from tools.replay.recording import Step
 from tools.replay.saying import REPEATED, STANDING, TALK, Saying, equal, saying

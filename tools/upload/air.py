@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
-from gcs.link.delivery import Delivery
-from gcs.link.file_delivery import FileDelivery
-from gcs.link.machine import Machine
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission_compare import compare_missions
-from gcs.link.roundtrip import RoundTrip
-from gcs.link.transfer import Preferred, Transfer, goes_as_file
+from gcs.link.microservices.machine import Machine
+from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.strategy import Preferred, Transfer, goes_as_file
+from gcs.link.mission_protocol.verified_upload import Delivery
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.ftp import FileServer

@@ -24,12 +24,12 @@ from mavsdk.plugins.mission_raw import MissionRaw
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
-from gcs.link.fleet import Direction
-from gcs.link.fleet import Fleet as Ground
-from gcs.link.message import Message
-from gcs.link.mission_compare import compare_missions
-from gcs.link.session import VehicleSession
-from gcs.link.transfer import Transfer
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.strategy import Transfer
+from gcs.link.session.linked_fleet import Direction
+from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
 from gcs.mission.model import MissionItem
 from tools.upload.air import Weather, mission_of
 

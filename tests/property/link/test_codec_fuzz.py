@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.link.codec import Codec, Message
+from gcs.link.wire.codec import Codec, Message
 
 NUMBER = st.floats(width=32, allow_nan=False)
 MESSAGES = st.one_of(

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.errors import PeerError
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import GROUND_TIMERS, Timers
-from gcs.link.mission_receiver import MissionReceiver
-from gcs.link.mission_sender import MissionSender
+from gcs.link.mission_protocol.receiver import MissionReceiver
+from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
+from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mission.model import MissionItem
 
 VEHICLE = Station(1, 1)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from gcs.errors import PeerError
 from gcs.frames import Origin
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission_compare import compare_missions
-from gcs.link.mission_receiver import MissionReceiver
-from gcs.link.mission_sender import MissionSender
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.receiver import MissionReceiver
+from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.missions.shelf import MissionShelf

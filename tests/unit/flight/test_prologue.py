@@ -16,9 +16,9 @@ from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.prologue import Crew, ask_for_telemetry, set_mode, start_mission, take_off, until_landed
-from gcs.link.command import CommandRefused
-from gcs.link.message import GROUND, Message
-from gcs.link.session import VehicleSession
+from gcs.link.microservices.command import CommandRefused
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.plan.trajectory.trajectory import Plan
 

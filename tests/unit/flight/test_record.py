@@ -14,8 +14,8 @@ from gcs.flight.lateness import Lateness, skew_s
 from gcs.flight.record import build_record
 from gcs.flight.tlog import read_messages
 from gcs.flight.truth import Truth
-from gcs.link.codec import Codec
-from gcs.link.message import Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.trajectory import Plan
 

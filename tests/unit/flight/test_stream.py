@@ -10,8 +10,8 @@ import pytest
 from gcs.flight.courses import HoldCourse, TimedCourse
 from gcs.flight.schedule import Grid, Scheduler
 from gcs.flight.stream import Streamed, due_messages, wait_s
-from gcs.link.clock import VehicleClock
-from gcs.link.message import Message, Station
+from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.message import Message, Station
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.plan.trajectory.trajectory import Plan
 

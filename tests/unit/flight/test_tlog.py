@@ -14,8 +14,8 @@ from gcs.flight.recall import recall
 from gcs.flight.retrace import retrace, steady_times
 from gcs.flight.tlog import load_tlog, mend_times
 from gcs.frames import Origin, ned_to_geodetic
-from gcs.link.codec import Codec
-from gcs.link.message import Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from tools.replay.recording import find, read
 
 START_S = 1_700_000_000.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gcs.autopilots.flight_modes import ARDUPILOT
 from gcs.flight.watch import Incident, Kind, Limits, VehicleWatch
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 
 PLACE = Message("LOCAL_POSITION_NED", {"time_boot_ms": 1})
 

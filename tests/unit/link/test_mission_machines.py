@@ -1,11 +1,11 @@
 import pytest
 
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.items import item_to_message
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission import MissionRefused, Timers, mission_ack
-from gcs.link.mission_receiver import MissionReceiver, ReceiverState
-from gcs.link.mission_sender import MissionSender, SenderState
+from gcs.link.mission_protocol.item_messages import item_to_message
+from gcs.link.mission_protocol.receiver import MissionReceiver, ReceiverState
+from gcs.link.mission_protocol.rules import MissionRefused, Timers, mission_ack
+from gcs.link.mission_protocol.sender import MissionSender, SenderState
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 

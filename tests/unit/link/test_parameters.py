@@ -10,9 +10,9 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
-from gcs.link.parameter_machine import ParameterReader, ParameterWriter
+from gcs.link.microservices.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
+from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.wire.message import GROUND, Message, Station
 from sim_bridge.params import Params
 from sim_bridge.personality import by_name
 

@@ -5,10 +5,10 @@ import random
 import pytest
 
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
-from gcs.link.codec import Codec
-from gcs.link.message import Message
-from gcs.link.quality import LinkQuality
-from gcs.link.survey import estimate_is_good, version_text
+from gcs.link.session.quality import LinkQuality
+from gcs.link.session.status_report import estimate_is_good, version_text
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 
 
 @pytest.mark.parametrize(

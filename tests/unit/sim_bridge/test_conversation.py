@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from gcs.link.codec import Codec
-from gcs.link.items import item_to_message
-from gcs.link.message import Message
-from gcs.link.signing import Signature, Signing, is_signed
+from gcs.link.mission_protocol.item_messages import item_to_message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
+from gcs.link.wire.signing import Signature, Signing, is_signed
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 from gcs.scenario.load import load_scenario

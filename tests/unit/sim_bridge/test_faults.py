@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gcs.errors import UsageError
-from gcs.link.message import Message
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from sim_bridge import faults as f
 from sim_bridge.agenda import Agenda

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.link.codec import Codec
-from gcs.link.message import Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from sim_bridge.faulty_link import OVERTAKEN_S, FaultyLink, Trouble, break_bits, content
 
 FRAMES = 4000

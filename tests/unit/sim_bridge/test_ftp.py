@@ -9,10 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.ftp import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
-from gcs.link.message import GROUND, Message, Station
-from gcs.link.mission_compare import compare_missions
-from gcs.link.mission_file import HEADER, ITEM, MAGIC, path_of, pieces_of, read_mission_file, write_mission_file
+from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
+from gcs.link.mission_protocol.mission_dat import (
+    HEADER,
+    ITEM,
+    MAGIC,
+    path_of,
+    pieces_of,
+    read_mission_file,
+    write_mission_file,
+)
+from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MissionType
 from gcs.mission.geofence import FenceCommand
 from gcs.mission.model import MissionItem

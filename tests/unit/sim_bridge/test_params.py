@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.link.codec import Codec
-from gcs.link.message import Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from sim_bridge.params import BY_NAME, Params, stored
 from sim_bridge.personality import ARDUPILOT, PX4, Personality, Setting
 

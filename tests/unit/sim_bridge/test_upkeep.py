@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.link.codec import Codec
-from gcs.link.message import Message, Station
-from gcs.link.signing import TICKS_PER_S, Signature
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message, Station
+from gcs.link.wire.signing import TICKS_PER_S, Signature
 from sim_bridge.personality import ARDUPILOT, PX4
 from sim_bridge.upkeep import TimeKeeper, Trust
 

@@ -1,0 +1,87 @@
+"""A TCP connection to a vehicle, a router or a simulator, made again when it breaks.
+
+Knows: one connection and the event loop. Does not know: messages; where frames begin is the codec's business.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+
+from gcs.errors import LinkError, ProtocolMisuse
+from gcs.link.endpoints.base import Address, LinkSpec, Receive
+
+_CONNECT_S = 5.0
+_AGAIN_S = 1.0
+_LARGEST = 65_536
+_MOST_WAITING = 1 << 18  # bytes: a peer that does not read loses what comes on top
+
+
+class TcpEndpoint:
+    """Calls `spec`. A connection that breaks is made again once a second; what is sent meanwhile is lost."""
+
+    def __init__(self, spec: LinkSpec) -> None:
+        self.spec = spec
+        self.lost = 0  # frames
+        self._reader: asyncio.StreamReader | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._reading: asyncio.Task[None] | None = None
+
+    @property
+    def local_address(self) -> Address:
+        """This end of the connection. Raises `ProtocolMisuse` before `open`."""
+        if self._writer is None:
+            raise ProtocolMisuse(f"{self.spec} is not open.")
+        host, port = self._writer.get_extra_info("sockname")[:2]
+        return host, port
+
+    async def open(self, receive: Receive) -> None:
+        """Connects; `receive` is called for whatever arrives. Raises `LinkError` when nobody listens there."""
+        if self._reading is not None:
+            raise ProtocolMisuse(f"{self.spec} was opened twice.")
+        host, port = self.spec.address
+        try:
+            await self._connect()
+        except TimeoutError:
+            raise LinkError(
+                f"{host}:{port} did not answer within {_CONNECT_S:g} s.", hint="check host, port and network"
+            ) from None
+        except OSError as error:
+            raise LinkError(
+                f"no TCP connection to {host}:{port}: {error.strerror or error}.",
+                hint="start the vehicle or simulator first, or check host and port",
+            ) from error
+        self._reading = asyncio.ensure_future(self._read(receive))
+
+    def send(self, data: bytes, address: Address | None = None) -> None:
+        """Sends a frame to whoever is connected."""
+        del address  # there is one peer
+        writer = self._writer
+        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > _MOST_WAITING:
+            self.lost += 1
+            return
+        writer.write(data)
+
+    def close(self) -> None:
+        """Hangs up. Harmless the second time."""
+        if self._reading is not None:
+            self._reading.cancel()
+        if self._writer is not None:
+            self._writer.close()
+
+    async def _connect(self) -> None:
+        async with asyncio.timeout(_CONNECT_S):
+            self._reader, self._writer = await asyncio.open_connection(*self.spec.address)
+
+    async def _read(self, receive: Receive) -> None:
+        while True:
+            if self._reader is not None:
+                with suppress(OSError):
+                    while data := await self._reader.read(_LARGEST):
+                        receive(data, self.spec.address)
+            if self._writer is not None:
+                self._writer.close()
+            self._reader = self._writer = None
+            await asyncio.sleep(_AGAIN_S)
+            with suppress(OSError, TimeoutError):
+                await self._connect()

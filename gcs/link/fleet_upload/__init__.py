@@ -1,0 +1,1 @@
+"""A fleet is loaded together, or not at all."""

@@ -1,0 +1,1 @@
+"""MAVLink FTP, the ground station's side."""

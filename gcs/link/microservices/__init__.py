@@ -1,0 +1,1 @@
+"""MAVLink's smaller services: commands, parameters, time synchronisation, STATUSTEXT."""

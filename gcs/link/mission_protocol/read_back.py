@@ -1,0 +1,120 @@
+"""Is the mission that was read back the mission that was sent, by meaning?
+
+Knows: what the wire and the autopilots change without changing the meaning. Does not know: transfers, home.
+
+Allowed everywhere: float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones
+and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points, which do not go on anywhere. Latitude and
+longitude must agree to the last 1e-7 degree.
+Allowed on ArduPilot, which keeps an item in 15 bytes: altitudes in whole centimetres; LAND's parameter 4 (0 -> 1); of a
+waypoint whole seconds of its hold alone, of a take-off its pitch alone (yaw and radii read back as 0: there it is
+WP_YAW_BEHAVIOR that turns the vehicle). The recordings have no such values; its published sources say so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import PeerError
+from gcs.link.wire.message import Station
+from gcs.mission.model import Command, MissionItem
+
+_TOLD_MAX = 5
+_ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
+_FILE_FRAMES = {5: 0, 6: 3, 11: 10}
+_LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
+_DO_WITH_POSITION = frozenset({179, 189, 192, 195, 201})  # SET_HOME, LAND_START, REPOSITION, ROI_LOCATION, ROI
+_FENCE_AND_RALLY = range(5000, 5101)
+_NAV_WITHOUT_POSITION = frozenset({20, int(Command.NAV_DELAY)})  # RETURN_TO_LAUNCH
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not the same. `item` counts from 0 in the lists compared."""
+
+    item: int
+    what: str
+    sent: object
+    read_back: object
+
+    def __str__(self) -> str:
+        return f"item {self.item}: {self.what} sent {self.sent}, read back {self.read_back}"
+
+
+def compare_missions(
+    sent: Sequence[MissionItem], read_back: Sequence[MissionItem], *, autopilot: int = Autopilot.ARDUPILOT
+) -> list[Difference]:
+    """All differences in meaning; empty means that the vehicle holds what it was sent.
+
+    `autopilot` is MAV_AUTOPILOT. On ArduPilot leave item 0 out on both sides: whatever is sent, it reads back as home.
+    """
+    exact = autopilot != Autopilot.ARDUPILOT
+    differences = []
+    if len(sent) != len(read_back):
+        shorter = min(len(sent), len(read_back))
+        differences.append(Difference(shorter, "number of items", len(sent), len(read_back)))
+    for index, (ours, theirs) in enumerate(zip(sent, read_back, strict=False)):
+        differences += [Difference(index, *d) for d in _item_differences(ours, theirs, exact=exact)]
+    return differences
+
+
+def not_held(peer: Station, name: str, differences: Sequence[Difference]) -> PeerError:
+    """The error of a vehicle that does not hold what it was sent."""
+    listed = "; ".join(str(d) for d in differences[:_TOLD_MAX])
+    more = f"; and {len(differences) - _TOLD_MAX} more" if len(differences) > _TOLD_MAX else ""
+    return PeerError(
+        f"{peer} does not hold the {name} it was sent: {listed}{more}.",
+        hint="upload again; if it persists, the autopilot does not store these items as they are",
+    )
+
+
+def has_position(command: int) -> bool:
+    """Whether an item of this command names a place; frames mean nothing on items that do not."""
+    if command > _LAST_NAV_COMMAND:
+        return command in _FENCE_AND_RALLY or command in _DO_WITH_POSITION
+    return command not in _NAV_WITHOUT_POSITION
+
+
+def _item_differences(ours: MissionItem, theirs: MissionItem, *, exact: bool) -> list[tuple[str, object, object]]:
+    found: list[tuple[str, object, object]] = []
+    if ours.command != theirs.command:
+        return [("command", ours.command, theirs.command)]
+    if has_position(ours.command) and _file_frame(ours.frame) != _file_frame(theirs.frame):
+        found.append(("frame", ours.frame, theirs.frame))
+    for number, (a, b) in enumerate(zip(ours.params, theirs.params, strict=True), start=1):
+        if not (_same_float(a, b) or (not exact and _cut(ours.command, number, a, b))):
+            found.append((f"parameter {number}", a, b))
+    if ours.lat_degE7 != theirs.lat_degE7:
+        found.append(("latitude (1e-7 deg)", ours.lat_degE7, theirs.lat_degE7))
+    if ours.lon_degE7 != theirs.lon_degE7:
+        found.append(("longitude (1e-7 deg)", ours.lon_degE7, theirs.lon_degE7))
+    if not _same_float(ours.alt_m, theirs.alt_m, absolute=0.0 if exact else _ALTITUDE_STEP_M):
+        found.append(("altitude (m)", ours.alt_m, theirs.alt_m))
+    if ours.autocontinue != theirs.autocontinue and ours.command not in _FENCE_AND_RALLY:
+        found.append(("autocontinue", ours.autocontinue, theirs.autocontinue))
+    return found
+
+
+def _cut(command: int, number: int, sent: float, read_back: float) -> bool:
+    """Whether ArduPilot makes this of a parameter, and goes by it."""
+    if number == 4 and command == Command.NAV_LAND:
+        return True
+    if command == Command.NAV_WAYPOINT and number == 1:
+        return 0.0 <= sent < 0xFFFF and read_back == math.floor(sent)
+    return command in (Command.NAV_WAYPOINT, Command.NAV_TAKEOFF) and number > 1 and read_back == 0.0
+
+
+def _file_frame(frame: int) -> int:
+    return _FILE_FRAMES.get(frame, frame)
+
+
+def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:
+    if math.isnan(ours) or math.isnan(theirs):
+        return math.isnan(ours) and math.isnan(theirs)
+    if np.float32(ours) == np.float32(theirs):
+        return True
+    return abs(ours - theirs) <= absolute

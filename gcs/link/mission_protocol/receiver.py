@@ -1,0 +1,319 @@
+"""MissionReceiver: asks the peer for its mission, item by item, and acknowledges the whole.
+
+Knows and does not know: see `gcs.link.mission_protocol.rules`, whose rules the numbers below refer to.
+
+    state      event                                       next       sends
+    IDLE       start (ground station: a download)          LISTED     MISSION_REQUEST_LIST
+    IDLE       receive MISSION_COUNT (vehicle: an upload)  PULLING    request 0
+    LISTED     MISSION_COUNT                               PULLING    request 0
+    LISTED     reply_s passed                              LISTED     MISSION_REQUEST_LIST            (5)
+    PULLING    the item asked for                          PULLING    request for the next            (1, 4)
+    PULLING    ... and it was the last                     DONE       MISSION_ACK ACCEPTED            (7)
+    PULLING    ... and `check` or `capacity` refuses it    FAILED     MISSION_ACK of refusal
+    PULLING    MISSION_COUNT, other than we asked for      PULLING    request 0                       (6)
+    PULLING    item_s passed                               PULLING    the same request                (5)
+    PULLING    an item of the window, not the next one     PULLING    request for one more            (10)
+    DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
+    any        MISSION_ACK of refusal                      FAILED                                     (8)
+    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until answered                (8)
+    any        retries used up, or give_up_s               FAILED     MISSION_ACK OPERATION_CANCELLED (9)
+    any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
+
+MISSION_COUNT 0 leads straight to DONE. Items that were not asked for, or came before, are ignored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum, auto
+
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.mission_protocol.item_messages import item_from_message
+from gcs.link.mission_protocol.rules import (
+    DOUBTFUL,
+    GROUND_TIMERS,
+    MissionRefused,
+    Timers,
+    doubt_s,
+    mission_ack,
+    mission_type_of,
+)
+from gcs.link.wire.message import GROUND, Message, Station
+from gcs.mavlink import MissionResult, MissionType, mission_result_words
+from gcs.mission.model import MissionItem
+
+ItemCheck = Callable[[int, MissionItem], MissionResult]
+_WINDOW = 8
+_LATE_S = 0.15  # by so much a copy may come late
+_ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
+
+
+class ReceiverState(Enum):
+    """See the table above."""
+
+    IDLE = auto()
+    LISTED = auto()
+    PULLING = auto()
+    DONE = auto()
+    FAILED = auto()
+
+
+def _accept_any(_seq: int, _item: MissionItem) -> MissionResult:
+    return MissionResult.ACCEPTED
+
+
+class MissionReceiver:
+    """One transfer of a mission from `peer` to `me`.
+
+    A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it
+    that message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
+    `int_requests=False` asks the way ArduPilot does. With a `round_trip` it is quick to ask again, and learns how
+    quick, but not before `least_wait_s`; `window` items are asked for at a time. `items` is the mission once `done` and
+    `error` is None.
+    """
+
+    def __init__(
+        self,
+        peer: Station,
+        *,
+        me: Station = GROUND,
+        mission_type: int = MissionType.MISSION,
+        timers: Timers = GROUND_TIMERS,
+        capacity: int = 0xFFFF,
+        check: ItemCheck = _accept_any,
+        int_requests: bool = True,
+        round_trip: RoundTrip | None = None,
+        window: int = 1,
+        least_wait_s: float = 0.0,
+    ) -> None:
+        self.peer = peer
+        self.me = me
+        self.mission_type = mission_type
+        self.state = ReceiverState.IDLE
+        self.error: GcsError | None = None
+        self.count: int | None = None
+        self._timers = timers
+        self._capacity = capacity
+        self._check = check
+        self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
+        self._round_trip = round_trip
+        self._window = window
+        self._least_wait_s = least_wait_s
+        self._items: list[MissionItem] = []  # in order, up to the first that is missing
+        self._early: dict[int, MissionItem] = {}  # behind it
+        self._asked: dict[int, float | None] = {}  # items under way: when asked for, None if more than once
+        self._listed = False  # we asked for the list; else the peer offered it
+        self._listed_s: float | None = None  # when, if once
+        self._doubt: MissionRefused | None = None
+        self._repeats = 0
+        self._resend_s = 0.0
+        self._give_up_s = 0.0
+        self._end_s: float | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether the transfer ended, well (`error` is None) or badly."""
+        return self.state in (ReceiverState.DONE, ReceiverState.FAILED)
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The whole mission. Raises `ProtocolMisuse` before it is complete: no half is ever believed."""
+        if self.state is not ReceiverState.DONE:
+            raise ProtocolMisuse("a MissionReceiver was asked for its items before the transfer had succeeded.")
+        return tuple(self._items)
+
+    @property
+    def progress(self) -> int:
+        """How many items have arrived, up to the first that is missing."""
+        return len(self._items)
+
+    @property
+    def deadline_s(self) -> float | None:
+        """When `tick` next has something to do; None when nothing is awaited."""
+        if self.done or self._end_s is None:
+            return None
+        return min(self._resend_s, self._give_up_s, self._end_s)
+
+    def start(self, now_s: float) -> list[Message]:
+        """Asks for the peer's mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
+        if self.state is not ReceiverState.IDLE:
+            raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
+        self.state = ReceiverState.LISTED
+        self._end_s = now_s + self._timers.give_up_s * 2
+        self._listed, self._listed_s = True, now_s
+        self._progressed(now_s, self._timers.reply_s)
+        return [self._request_list()]
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """What the message calls for; nothing for messages of other conversations."""
+        if not message.name.startswith("MISSION_") or not self._is_ours(message):
+            return []
+        if self.state is ReceiverState.DONE:
+            repeated = message.name in _ITEMS and message.fields["seq"] == len(self._items) - 1
+            return [self._ack(MissionResult.ACCEPTED)] if repeated else []
+        if self.state is ReceiverState.FAILED:
+            return []
+        if message.name == "MISSION_COUNT":
+            copy = self._listed and self.state is ReceiverState.PULLING and message.fields["count"] == self.count
+            return [] if copy else self._begin(message.fields["count"], now_s)
+        if self.state is ReceiverState.PULLING and message.name in _ITEMS:
+            return self._take(message, now_s)
+        if message.name == "MISSION_ACK" and self.state is not ReceiverState.IDLE:
+            self._acknowledged(message.fields["type"], now_s)
+        return []
+
+    def tick(self, now_s: float) -> list[Message]:
+        """What the passing of time calls for."""
+        deadline_s = self.deadline_s
+        if deadline_s is None or now_s < deadline_s:
+            return []
+        used_up = self._round_trip is None and self._repeats >= self._timers.retries
+        if used_up or self._end_s is None or now_s >= min(self._give_up_s, self._end_s):
+            self._fail(self._doubt or PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
+            return [self._ack(MissionResult.OPERATION_CANCELLED)]
+        self._repeats += 1
+        if self.state is ReceiverState.LISTED:
+            self._listed_s = None
+            self._resend_s = now_s + self._wait_s(self._timers.reply_s)
+            return [self._request_list()]
+        self._resend_s = now_s + self._wait_s(self._timers.item_s)
+        self._asked = dict.fromkeys(self._asked)
+        return [self._request(seq) for seq in sorted(self._asked)]
+
+    def cancel(self) -> list[Message]:
+        """Ends the transfer from our side. The caller knows why; the error says just that."""
+        if self.done:
+            return []
+        self._fail(PeerError(f"the mission transfer from {self.peer} was cancelled."))
+        return [self._ack(MissionResult.OPERATION_CANCELLED)]
+
+    def _is_ours(self, message: Message) -> bool:
+        return (
+            message.comes_from(self.peer) and message.is_for(self.me) and mission_type_of(message) == self.mission_type
+        )
+
+    def _begin(self, count: int, now_s: float) -> list[Message]:
+        if self.state is not ReceiverState.PULLING:  # a restart does not buy the peer more time
+            self._end_s = now_s + self._timers.give_up_s * (count + 2)
+            if self._round_trip is not None and self._listed_s is not None:
+                self._round_trip.learn(now_s - self._listed_s)
+        self.state = ReceiverState.PULLING
+        self.count = count
+        self._items.clear()
+        self._early.clear()
+        self._asked.clear()
+        if count > self._capacity:
+            return self._refuse(MissionResult.NO_SPACE, f"of {count} items, {self._capacity} fit")
+        return self._next(now_s)
+
+    def _take(self, message: Message, now_s: float) -> list[Message]:
+        seq = message.fields["seq"]
+        if seq not in self._asked:
+            return []
+        try:
+            item = item_from_message(message)
+        except PeerError as error:
+            return self._refuse(MissionResult.INVALID_PARAM5_X, error.message)
+        verdict = self._check(seq, item)
+        if verdict != MissionResult.ACCEPTED:
+            return self._refuse(verdict, f"item {seq}: {mission_result_words(verdict)}")
+        asked_s = self._asked.pop(seq)
+        if self._round_trip is not None and asked_s is not None:
+            self._round_trip.learn(now_s - asked_s)
+        self._early[seq] = item
+        while len(self._items) in self._early:
+            self._items.append(self._early.pop(len(self._items)))
+        return self._next(now_s)
+
+    def _next(self, now_s: float) -> list[Message]:
+        if len(self._items) == self.count:
+            self.state = ReceiverState.DONE
+            return [self._ack(MissionResult.ACCEPTED)]
+        self._progressed(now_s, self._timers.item_s)
+        return self._ask_on(now_s)
+
+    def _ask_on(self, now_s: float) -> list[Message]:
+        """Requests for the next items, as many as the window leaves room for."""
+        first, end = len(self._items), min(len(self._items) + self._window, self.count or 0)
+        new = [seq for seq in range(first, end) if seq not in self._asked and seq not in self._early]
+        self._asked |= dict.fromkeys(new, now_s)
+        return [self._request(seq) for seq in new]
+
+    def _wait_s(self, spec_s: float) -> float:
+        if self._round_trip is None:
+            return spec_s
+        return max(self._round_trip.wait_s(self._repeats), self._least_wait_s)
+
+    def _refuse(self, result: MissionResult, reason: str) -> list[Message]:
+        self._fail(PeerError(f"the mission of {self.peer} was refused: {reason}."))
+        return [self._ack(result)]
+
+    def _acknowledged(self, result: int, now_s: float) -> None:
+        if result in (MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE):
+            return
+        refusal = MissionRefused(self.peer, result, len(self._items) if self.state is ReceiverState.PULLING else None)
+        if self._round_trip is not None and result in DOUBTFUL:
+            self._doubt = refusal
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+        else:
+            self._fail(refusal)
+
+    def _progressed(self, now_s: float, answer_s: float) -> None:
+        self._repeats = 0
+        self._doubt = None
+        self._resend_s = now_s + self._wait_s(answer_s)
+        self._give_up_s = now_s + self._timers.give_up_s
+
+    def _fail(self, error: GcsError) -> None:
+        self.error = error
+        self.state = ReceiverState.FAILED
+        self._items.clear()
+
+    def _awaited(self) -> str:
+        if self.state is ReceiverState.LISTED:
+            return "its MISSION_COUNT"
+        return f"its mission item {len(self._items)} of {self.count}"
+
+    def _ack(self, result: MissionResult) -> Message:
+        return mission_ack(self.peer, result, self.mission_type)
+
+    def _target(self) -> dict[str, int]:
+        return {
+            "target_system": self.peer.sysid,
+            "target_component": self.peer.compid,
+            "mission_type": self.mission_type,
+        }
+
+    def _request_list(self) -> Message:
+        return Message("MISSION_REQUEST_LIST", self._target())
+
+    def _request(self, seq: int) -> Message:
+        return Message(self._request_name, {**self._target(), "seq": seq})
+
+
+def reader(
+    peer: Station,
+    autopilot: int,
+    *,
+    me: Station = GROUND,
+    mission_type: int = MissionType.MISSION,
+    timers: Timers = GROUND_TIMERS,
+    round_trip: RoundTrip,
+) -> MissionReceiver:
+    """A receiver that downloads the way this autopilot is quickest, and safest, to read.
+
+    ArduPilot answers requests for items in any order. PX4 follows them one by one, and ends the transfer when it is
+    asked for one before the last: a copy that comes late must not be made lightly.
+    """
+    by_the_way = autopilot == Autopilot.ARDUPILOT
+    return MissionReceiver(
+        peer,
+        me=me,
+        mission_type=mission_type,
+        timers=timers,
+        round_trip=round_trip,
+        window=_WINDOW if by_the_way else 1,
+        least_wait_s=0.0 if by_the_way else _LATE_S,
+    )

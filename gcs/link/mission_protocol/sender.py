@@ -1,0 +1,273 @@
+"""MissionSender: offers a mission and answers the peer's requests for its items.
+
+Knows and does not know: see `gcs.link.mission_protocol.rules`, whose rules the numbers below refer to.
+
+    state      event                                       next       sends
+    IDLE       start                                       OFFERED    MISSION_COUNT
+    OFFERED    MISSION_REQUEST(_INT) seq                   SENDING    item seq                        (1, 3)
+    OFFERED    MISSION_REQUEST_LIST                        OFFERED    MISSION_COUNT
+    OFFERED    reply_s passed                              OFFERED    MISSION_COUNT                   (5)
+    SENDING    MISSION_REQUEST(_INT) seq                   SENDING    item seq                        (1, 3)
+    SENDING    ... and every item has been sent            ALL_SENT   item seq
+    SENDING    its wait passed, with a RoundTrip           SENDING    the same item and the next      (5)
+    ALL_SENT   MISSION_REQUEST(_INT) seq                   ALL_SENT   item seq                        (3)
+    ALL_SENT   reply_s passed                              ALL_SENT   the last item                   (5)
+    ALL_SENT   MISSION_ACK ACCEPTED                        DONE                                       (8)
+    ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 11)
+    ALL_SENT   unheard_s without MISSION_ACK, RoundTrip    FAILED                                     (11)
+    any        MISSION_ACK of refusal                      FAILED                                     (8)
+    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until asked again             (8)
+    any        doubted for some waits                      FAILED                                     (8)
+    any        give_up_s without progress                  FAILED                                     (9)
+    any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
+
+An empty mission (which clears the peer's) starts in ALL_SENT, with MISSION_COUNT in place of the last item.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum, auto
+
+from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
+from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.mission_protocol.item_messages import item_to_message
+from gcs.link.mission_protocol.rules import (
+    DOUBTFUL,
+    GROUND_TIMERS,
+    MissionRefused,
+    Timers,
+    doubt_s,
+    mission_ack,
+    mission_type_of,
+)
+from gcs.link.wire.message import GROUND, Message, Station
+from gcs.mavlink import MissionResult, MissionType
+from gcs.mission.model import MissionItem
+
+_UNHEARD_S = 2.5  # for a MISSION_ACK, or for the receiver to ask again as ArduPilot does once a second
+_REQUESTS = ("MISSION_REQUEST_INT", "MISSION_REQUEST")
+
+
+class SenderState(Enum):
+    """See the table above."""
+
+    IDLE = auto()
+    OFFERED = auto()
+    SENDING = auto()
+    ALL_SENT = auto()
+    DONE = auto()
+    FAILED = auto()
+
+
+class MissionSender:
+    """One transfer of `items` from `me` to `peer`.
+
+    With a `round_trip` it is quick to repeat itself, and learns how quick. `resumes` says that an earlier transfer of
+    the same items may still be under way, so that "busy" is no refusal.
+    """
+
+    def __init__(
+        self,
+        items: Sequence[MissionItem],
+        peer: Station,
+        *,
+        me: Station = GROUND,
+        mission_type: int = MissionType.MISSION,
+        timers: Timers = GROUND_TIMERS,
+        current: int = 0,
+        round_trip: RoundTrip | None = None,
+        resumes: bool = False,
+    ) -> None:
+        self.items = tuple(items)
+        self.peer = peer
+        self.me = me
+        self.mission_type = mission_type
+        self.state = SenderState.IDLE
+        self.error: GcsError | None = None
+        self._timers = timers
+        self._current = current
+        self._sent: set[int] = set()
+        self._last_seq: int | None = None  # the request answered last
+        self._repeats = 0
+        self.heard = False  # whether the peer answered at all
+        self.doubt: MissionRefused | None = None  # a refusal that may be of something else
+        self._counts_repeated = int(resumes)
+        self._round_trip = round_trip
+        self._asked_s: float | None = None  # when what awaits an answer was said, if it was said once
+        self._last_repeated = False
+        self._resend_s = 0.0
+        self._give_up_s = 0.0
+        self._end_s = 0.0
+
+    @property
+    def done(self) -> bool:
+        """Whether the transfer ended, well (`error` is None) or badly."""
+        return self.state in (SenderState.DONE, SenderState.FAILED)
+
+    @property
+    def all_sent(self) -> bool:
+        """Whether every item was sent at least once: with a lost MISSION_ACK the peer may have them all."""
+        return self.state is not SenderState.IDLE and len(self._sent) == len(self.items)
+
+    @property
+    def progress(self) -> int:
+        """How many items have been sent."""
+        return len(self._sent)
+
+    @property
+    def deadline_s(self) -> float | None:
+        """When `tick` next has something to do; None when nothing is awaited."""
+        if self.done or self.state is SenderState.IDLE:
+            return None
+        last = min(self._give_up_s, self._end_s)
+        return min(self._resend_s, last) if self._may_resend else last
+
+    def start(self, now_s: float) -> list[Message]:
+        """Offers the mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
+        if self.state is not SenderState.IDLE:
+            raise ProtocolMisuse("a MissionSender was started twice; make a new one for a new transfer.")
+        self.state = SenderState.OFFERED if self.items else SenderState.ALL_SENT
+        self._end_s = now_s + self._timers.give_up_s * (len(self.items) + 2)
+        self._progressed(now_s)
+        self._asked_s = now_s
+        return [self._count()]
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """What the message calls for; nothing for messages of other conversations."""
+        if self.state is SenderState.IDLE:
+            raise ProtocolMisuse("a MissionSender was given a message before it was started.")
+        if self.done or not message.name.startswith("MISSION_") or not self._is_ours(message):
+            return []
+        self.heard = True
+        if message.name in _REQUESTS:
+            return self._answer(message.fields["seq"], now_s)
+        if message.name == "MISSION_REQUEST_LIST" and self.state is SenderState.OFFERED:
+            return [self._count()]
+        if message.name == "MISSION_ACK":
+            self._acknowledged(message.fields["type"], now_s)
+        return []
+
+    def tick(self, now_s: float) -> list[Message]:
+        """What the passing of time calls for."""
+        if self.done or self.state is SenderState.IDLE:
+            return []
+        if now_s >= min(self._give_up_s, self._end_s):
+            silence = PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come.")
+            self._fail(silence if self.doubt is None or self.all_sent else self.doubt)
+            return []
+        if not self._may_resend or now_s < self._resend_s:
+            return []
+        self._repeats += 1
+        self._resend_s = now_s + self._wait_s()
+        self._asked_s = None
+        if self.state is SenderState.OFFERED or not self.items:
+            self._counts_repeated += 1
+            return [self._count()]
+        if self._round_trip is not None and self._last_seq is not None:
+            return self._say_again(self._last_seq)
+        self._last_repeated = True
+        return [self._item(len(self.items) - 1)]
+
+    def cancel(self) -> list[Message]:
+        """Ends the transfer from our side. The caller knows why; the error says just that."""
+        if self.done:
+            return []
+        self._fail(PeerError(f"the mission transfer to {self.peer} was cancelled."))
+        return [mission_ack(self.peer, MissionResult.OPERATION_CANCELLED, self.mission_type)]
+
+    @property
+    def _may_resend(self) -> bool:
+        if self._round_trip is not None:
+            return True
+        return self.state is not SenderState.SENDING and self._repeats < self._timers.retries
+
+    def _is_ours(self, message: Message) -> bool:
+        return (
+            message.comes_from(self.peer) and message.is_for(self.me) and mission_type_of(message) == self.mission_type
+        )
+
+    def _answer(self, seq: int, now_s: float) -> list[Message]:
+        if seq >= len(self.items):
+            return []
+        self._note_sent(seq)
+        if seq != self._last_seq:
+            if self._round_trip is not None and self._asked_s is not None:
+                self._round_trip.learn(now_s - self._asked_s)
+            self._last_seq = seq
+            self._progressed(now_s)
+            self._asked_s = now_s
+        else:
+            self._asked_s = None
+        self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
+        self._resend_s = now_s + self._wait_s()
+        return [self._item(seq)]
+
+    def _say_again(self, seq: int) -> list[Message]:
+        """The item asked for last, and the next: the one that is awaited is among them."""
+        again = range(seq, min(seq + 2, len(self.items)))
+        before = self.all_sent
+        for one in again:
+            self._note_sent(one)
+        if self.all_sent and not before:  # the receiver may have them all, and its MISSION_ACK be lost
+            self._give_up_s = min(self._give_up_s, self._resend_s + _UNHEARD_S)
+        self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
+        return [self._item(one) for one in again]
+
+    def _note_sent(self, seq: int) -> None:
+        self._last_repeated |= seq == len(self.items) - 1 and seq in self._sent
+        self._sent.add(seq)
+
+    def _wait_s(self) -> float:
+        return self._timers.reply_s if self._round_trip is None else self._round_trip.wait_s(self._repeats)
+
+    def _acknowledged(self, result: int, now_s: float) -> None:
+        if self._round_trip is not None and result in DOUBTFUL:
+            self.doubt = MissionRefused(self.peer, result, self._last_seq)
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+        elif result == MissionResult.ACCEPTED:
+            if self.state is SenderState.ALL_SENT:
+                self.state = SenderState.DONE
+        elif result == MissionResult.INVALID_SEQUENCE:
+            pass
+        elif result == MissionResult.ERROR and self._counts_repeated:
+            self._counts_repeated -= 1
+        elif result == MissionResult.ERROR and self._last_repeated:
+            self._fail(PeerTimeout(f"{self.peer} had ended the transfer, and {self._awaited()} did not come."))
+        else:
+            self._fail(MissionRefused(self.peer, result, self._last_seq))
+
+    def _progressed(self, now_s: float) -> None:
+        self.doubt = None
+        self._repeats = 0
+        self._resend_s = now_s + self._wait_s()
+        at_the_end = self._last_seq is not None and self._last_seq == len(self.items) - 1
+        patience_s = min(self._timers.give_up_s, _UNHEARD_S) if self._round_trip and at_the_end else None
+        self._give_up_s = now_s + (patience_s or self._timers.give_up_s)
+
+    def _fail(self, error: GcsError) -> None:
+        self.error = error
+        self.state = SenderState.FAILED
+
+    def _awaited(self) -> str:
+        if self.state is SenderState.OFFERED:
+            return "its request for the first mission item"
+        if self.state is SenderState.ALL_SENT:
+            return "its MISSION_ACK after the last item"
+        return f"its request after mission item {self._last_seq} of {len(self.items)}"
+
+    def _count(self) -> Message:
+        return Message(
+            "MISSION_COUNT",
+            {
+                "target_system": self.peer.sysid,
+                "target_component": self.peer.compid,
+                "count": len(self.items),
+                "mission_type": self.mission_type,
+            },
+        )
+
+    def _item(self, seq: int) -> Message:
+        return item_to_message(
+            self.items[seq], seq, self.peer, current=seq == self._current, mission_type=self.mission_type
+        )

@@ -1,0 +1,204 @@
+"""What a vehicle tells of itself when it is asked: who it is, how it is, where it is, how well it is heard.
+
+Knows: which messages tell what on either autopilot. Does not know: what is good enough (that is the pre-flight's).
+Nothing is changed on board: every message is asked for once, and what does not come is None.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from dataclasses import dataclass
+
+from gcs.autopilots.flight_modes import autopilot_name, mode_name
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import GcsError
+from gcs.link.microservices.command import CommandTimers
+from gcs.link.microservices.timesync import TimeSample, TimeSync
+from gcs.link.session.routing import identity
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
+from gcs.mavlink import EkfFlag, MavState, MessageId
+from gcs.mission.model import Home
+
+_TIMERS = CommandTimers(reply_s=0.7, retries=3)
+_ANSWER_S = 1.0
+_EXCHANGES = 5
+_EXCHANGE_S = 0.05
+_PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+_GOOD_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_ABS | EkfFlag.POS_VERT_ABS
+_BAD_FLAGS = EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
+_UNKNOWN_mV = 0xFFFF
+_VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
+_SENSORS = {
+    0: "gyro",
+    1: "accelerometer",
+    2: "compass",
+    3: "barometer",
+    5: "GNSS",
+    13: "position control",
+    15: "motors",
+    16: "radio control",
+    20: "geofence",
+    21: "attitude estimate",
+    22: "terrain",
+    24: "logging",
+    25: "battery",
+}
+
+
+@dataclass(frozen=True)
+class VehicleReport:
+    """One vehicle now. Angles in degrees, altitudes above the sea; None is what it did not tell."""
+
+    sysid: int
+    system: int
+    where: str
+    autopilot: str
+    version: str | None
+    uid: str | None
+    mode: str
+    armed: bool
+    state: str  # MAV_STATE
+    prearm_ok: bool | None
+    estimate_ok: bool | None
+    ailing: tuple[str, ...]  # sensors that are switched on and not healthy
+    home: Home | None
+    position: Home | None
+    origin: Home | None  # of its local frame
+    satellites: int | None
+    fix_type: int | None  # GPS_FIX_TYPE: 3 is a fix in space, 6 one to centimetres
+    battery_share: float | None
+    battery_V: float | None
+    loss: float | None  # of its frames
+    timesync: TimeSample | None
+    heartbeat_age_s: float
+
+
+async def survey(session: VehicleSession, where: str = "") -> VehicleReport:
+    """Ask one vehicle for everything; takes some round trips, and at most a few seconds."""
+    clock = asyncio.ensure_future(measure_clock(session))
+    px4 = session.autopilot == Autopilot.PX4
+    filter_id = MessageId.ESTIMATOR_STATUS if px4 else MessageId.EKF_STATUS_REPORT
+    wanted = (
+        MessageId.AUTOPILOT_VERSION,
+        MessageId.SYS_STATUS,
+        filter_id,
+        MessageId.GPS_RAW_INT,
+        MessageId.GLOBAL_POSITION_INT,
+        MessageId.HOME_POSITION,
+        MessageId.GPS_GLOBAL_ORIGIN,
+    )
+    told = {message_id: await _asked(session, message_id) for message_id in wanted}
+    version, status, receiver = (told[i] for i in (wanted[0], wanted[1], wanted[3]))
+    estimate = told[filter_id]
+    return VehicleReport(
+        sysid=session.sysid,
+        system=session.station.sysid,
+        where=where,
+        autopilot=autopilot_name(session.autopilot),
+        version=None if version is None else version_text(version.fields["flight_sw_version"]),
+        uid=None if version is None or not any(identity(version)) else identity(version).rstrip(b"\0").hex(),
+        mode=mode_name(session.autopilot, session.custom_mode),
+        armed=session.armed,
+        state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
+        prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & _PREARM),
+        estimate_ok=None if estimate is None else estimate_is_good(estimate),
+        ailing=() if status is None else _ailing(status),
+        home=_place(told[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
+        position=_place(told[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
+        origin=_place(told[MessageId.GPS_GLOBAL_ORIGIN], "latitude", "longitude", "altitude"),
+        fix_type=None if receiver is None else int(receiver.fields["fix_type"]),
+        satellites=None if receiver is None else int(receiver.fields["satellites_visible"]),
+        battery_share=_battery_share(status),
+        battery_V=_battery_V(status),
+        loss=session.quality.loss,
+        timesync=await clock,
+        heartbeat_age_s=session.heartbeat_age_s(),
+    )
+
+
+async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) -> TimeSample | None:
+    """The offset of the vehicle's boot clock and the round trip, by TIMESYNC; None where it does not answer."""
+    loop = asyncio.get_running_loop()
+    sync = TimeSync(session.station)
+    answered = asyncio.Event()
+    count = 0
+
+    def hear(message: Message) -> None:
+        nonlocal count
+        if message.name == "TIMESYNC" and message.fields["tc1"]:
+            sync.receive(message, loop.time())
+            count += 1
+            if count >= exchanges:
+                answered.set()
+
+    stop = session.subscribe(hear)
+    try:
+        for _ in range(exchanges):
+            session.send(sync.request(loop.time()))
+            await asyncio.sleep(_EXCHANGE_S)
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                await answered.wait()
+        except TimeoutError:
+            pass
+    finally:
+        stop()
+    return sync.best
+
+
+def estimate_is_good(message: Message) -> bool:
+    """Whether a filter's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) say that it knows where it is.
+
+    PX4 sets "constant position" (0x80) when all is well, too: there it means nothing.
+    """
+    flags = int(message.fields["flags"])
+    bad = _BAD_FLAGS if message.name == "EKF_STATUS_REPORT" else 0
+    return flags & _GOOD_FLAGS == _GOOD_FLAGS and not flags & bad
+
+
+def version_text(version: int) -> str:
+    """AUTOPILOT_VERSION.flight_sw_version as people write it: 4.5.6, 1.17.0-alpha."""
+    kind = version & 0xFF
+    return f"{version >> 24 & 0xFF}.{version >> 16 & 0xFF}.{version >> 8 & 0xFF}{_VERSION_TYPES.get(kind, '')}"
+
+
+async def _asked(session: VehicleSession, message_id: MessageId) -> Message | None:
+    try:
+        return await session.request_message(message_id, message_id.name, _ANSWER_S, timers=_TIMERS)
+    except GcsError:
+        return None
+
+
+def _state(status: int) -> str:
+    try:
+        return MavState(status).name.lower()
+    except ValueError:
+        return f"state {status}"
+
+
+def _ailing(status: Message) -> tuple[str, ...]:
+    fields = status.fields
+    bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"] & ~_PREARM
+    return tuple(_SENSORS.get(bit, f"sensor {bit}") for bit in range(32) if bits >> bit & 1)
+
+
+def _place(message: Message | None, lat: str, lon: str, alt: str) -> Home | None:
+    if message is None or not (message.fields[lat] or message.fields[lon]):
+        return None
+    fields = message.fields
+    return Home(fields[lat] / 1e7, fields[lon] / 1e7, fields[alt] / 1e3)
+
+
+def _battery_share(status: Message | None) -> float | None:
+    if status is None or status.fields["battery_remaining"] < 0:
+        return None
+    return float(status.fields["battery_remaining"]) / 100.0
+
+
+def _battery_V(status: Message | None) -> float | None:
+    if status is None or status.fields["voltage_battery"] in (0, _UNKNOWN_mV):
+        return None
+    volt = status.fields["voltage_battery"] / 1e3
+    return volt if math.isfinite(volt) else None

@@ -1,0 +1,56 @@
+"""One MAVLink message as a plain value, and who is who on a link.
+
+Knows: a name, fields, a source. Does not know: bytes (that is `gcs.link.wire.codec`), addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+_GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, what ground stations call themselves
+
+
+class Station(NamedTuple):
+    """One end of a conversation: MAVLink system and component id. Component 0 stands for any component."""
+
+    sysid: int
+    compid: int
+
+    def __str__(self) -> str:
+        kind = "ground station" if self.compid == _GROUND_COMPONENT else "vehicle"
+        return f"{kind} {self.sysid}"
+
+
+GROUND = Station(255, _GROUND_COMPONENT)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message by its MAVLink name; fields are str, int, float or lists of them, in the wire's units.
+
+    `sysid`, `compid` name the source; 0 means whoever encodes it. `raw` is the frame it was decoded from,
+    byte for byte, for logs; it takes no part in comparisons.
+    """
+
+    name: str
+    fields: dict[str, Any]
+    sysid: int = 0
+    compid: int = 0
+    raw: bytes = field(default=b"", compare=False, repr=False)
+
+    @property
+    def source(self) -> Station:
+        """The station it came from."""
+        return Station(self.sysid, self.compid)
+
+    def comes_from(self, station: Station) -> bool:
+        """Whether `station` sent it (any component of it when its component is 0)."""
+        return self.sysid == station.sysid and (station.compid in (0, self.compid))
+
+    def is_for(self, station: Station) -> bool:
+        """Whether it is addressed to `station`: by name, to all, or to nobody in particular."""
+        fields = self.fields
+        return fields.get("target_system", 0) in (0, station.sysid) and (
+            station.compid == 0 or fields.get("target_component", 0) in (0, station.compid)
+        )

@@ -1,0 +1,34 @@
+import pytest
+
+from gcs.errors import UsageError
+from gcs.link.endpoints.base import LinkMode, LinkSpec, parse_link_spec
+
+
+@pytest.mark.parametrize(
+    ("text", "spec"),
+    [
+        ("udpin:0.0.0.0:14550", LinkSpec(LinkMode.LISTEN, "0.0.0.0", 14550)),
+        ("udpout:sim.local:14540", LinkSpec(LinkMode.CALL, "sim.local", 14540)),
+        ("127.0.0.1:14550", LinkSpec(LinkMode.LISTEN, "127.0.0.1", 14550)),
+        ("tcp:127.0.0.1:5760", LinkSpec(LinkMode.TCP, "127.0.0.1", 5760)),
+        ("serial:/dev/ttyUSB0:921600", LinkSpec(LinkMode.SERIAL, "/dev/ttyUSB0", 921600)),
+        ("/dev/ttyACM0", LinkSpec(LinkMode.SERIAL, "/dev/ttyACM0", 57600)),
+        ("/dev/by-path/pci-0:1:1.0-port0", LinkSpec(LinkMode.SERIAL, "/dev/by-path/pci-0:1:1.0-port0", 57600)),
+    ],
+)
+def test_links_by_name(text, spec):
+    assert parse_link_spec(text) == spec
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "14550", "udpin:", "udpin:host", "udpout:h:0", "udpin:h:99999", "tcp:h:1:2", "udpin::5", "h:²"),
+        *("tcp:h:0", "serial:", "/dev/x:0"),
+    ],
+)
+def test_bad_names_are_quoted_with_an_example(text):
+    with pytest.raises(UsageError) as caught:
+        parse_link_spec(text)
+    assert repr(text) in caught.value.message
+    assert "udpin:127.0.0.1:14550" in caught.value.hint
