@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gcs.errors import GcsError as GcsError
-    from gcs.flight.judge import Verdict as Verdict
-    from gcs.flight.sortie import Emulated as Emulated
-    from gcs.flight.sortie import Flown as Flown
-    from gcs.flight.sortie import fly as fly
-    from gcs.flight.watcher import Watcher as Watcher
+    from gcs.flight.assessment.judge import Verdict as Verdict
+    from gcs.flight.progress import Watcher as Watcher
+    from gcs.flight.run import Emulated as Emulated
+    from gcs.flight.run import Flown as Flown
+    from gcs.flight.run import fly as fly
     from gcs.link.connection import Connection as Connection
     from gcs.mission.export.export import export as export
     from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Connection": "gcs.link.connection",
-    "Emulated": "gcs.flight.sortie",
-    "Flown": "gcs.flight.sortie",
+    "Emulated": "gcs.flight.run",
+    "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
     "Plan": "gcs.plan.trajectory.trajectory",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
-    "Verdict": "gcs.flight.judge",
-    "Watcher": "gcs.flight.watcher",
+    "Verdict": "gcs.flight.assessment.judge",
+    "Watcher": "gcs.flight.progress",
     "build_missions": "gcs.mission.waypoints.mission_items",
     "build_stream": "gcs.mission.setpoints.setpoint_stream",
     "export": "gcs.mission.export.export",
-    "fly": "gcs.flight.sortie",
+    "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.trajectory.plan_file",
     "load_scenario": "gcs.scenario.load",
     "make_plan": "gcs.plan.planner",

@@ -31,9 +31,9 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs.aio import sleep_sharply
-from gcs.flight.courses import TimedCourse
-from gcs.flight.schedule import Grid, Scheduler
-from gcs.flight.stream import Streamed, send_due, wait_s
+from gcs.flight.offboard.deadlines import Grid, Scheduler
+from gcs.flight.offboard.reference_trajectory import TimedCourse
+from gcs.flight.offboard.setpoint_messages import Streamed, send_due, wait_s
 from gcs.link.session.linked_fleet import Fleet
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import gcs
-from gcs.flight.pictures import draw_all
+from gcs.flight.assessment.flight_plot import draw_all
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario

@@ -16,23 +16,23 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.attach import attach
-from gcs.cli.check import check
 from gcs.cli.console import Screen
-from gcs.cli.download import diff, download
-from gcs.cli.export import export
-from gcs.cli.fly import fly
-from gcs.cli.new import new
-from gcs.cli.plan import plan
-from gcs.cli.replan import replan
-from gcs.cli.replay import replay
-from gcs.cli.report import report
-from gcs.cli.schema import schema
-from gcs.cli.show import show
-from gcs.cli.tell import tell
-from gcs.cli.upload import restore, upload
-from gcs.cli.vehicles import vehicles
-from gcs.cli.verify import verify
+from gcs.cli.flights.attach import attach
+from gcs.cli.flights.fly import fly
+from gcs.cli.flights.replay import replay
+from gcs.cli.flights.report import report
+from gcs.cli.flights.tell import tell
+from gcs.cli.flights.vehicles import vehicles
+from gcs.cli.missions.check import check
+from gcs.cli.missions.download import diff, download
+from gcs.cli.missions.export import export
+from gcs.cli.missions.upload import restore, upload
+from gcs.cli.planning.new import new
+from gcs.cli.planning.plan import plan
+from gcs.cli.planning.replan import replan
+from gcs.cli.planning.schema import schema
+from gcs.cli.planning.show import show
+from gcs.cli.planning.verify import verify
 from gcs.errors import GcsError
 
 STOPPED = 130

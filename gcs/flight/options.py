@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gcs.flight.rules import OnLeaderLoss, OnLoss
-from gcs.flight.watch import Limits
+from gcs.flight.contingency.detection import Limits
+from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
 
 
 class FlightMode(StrEnum):

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import GcsError
-from gcs.flight.events import Event
-from gcs.flight.fly import Flight
-from gcs.flight.journal import TelemetryLog
-from gcs.flight.loading import build_loads
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.stages import FlightTimes, Step
+from gcs.flight.progress import Event, FlightTimes, Step
+from gcs.flight.recording.flight_folder import TelemetryLog
+from gcs.flight.sequence.flight import Flight
+from gcs.flight.setup.build_loads import build_loads
 from gcs.link.session.linked_fleet import Fleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand

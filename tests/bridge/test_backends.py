@@ -13,8 +13,8 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli import main
 from gcs.errors import UsageError
-from gcs.flight.hands import hands_of
-from gcs.flight.loading import build_loads
+from gcs.flight.sequence.single_vehicle import hands_of
+from gcs.flight.setup.build_loads import build_loads
 from gcs.link.connection import BACKENDS, Connection
 from gcs.link.fleet_upload.onboard import read_held
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from pymavlink import mavutil
 
-from gcs.flight.truth import load_truth
+from gcs.flight.assessment.judge import load_truth
 from gcs.scenario.load import load_scenario
 from sim_bridge.endpoints.spec import call
 from sim_bridge.faults import parse_faults

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.fly import Flight
+from gcs.flight.sequence.flight import Flight
 from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.trajectory import Plan

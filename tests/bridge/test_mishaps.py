@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
+from gcs.flight.contingency.policy import OnLoss
 from gcs.flight.options import FlightMode
-from gcs.flight.rules import OnLoss
 from gcs.plan.trajectory.trajectory import Plan
 from tests.bridge.flying import Flown, fly
 

@@ -21,10 +21,10 @@ from pymavlink import mavutil
 
 from gcs.autopilots.flight_modes import manners_of
 from gcs.cli.main import run
-from gcs.flight.events import Event
-from gcs.flight.journal import EventLog, TelemetryLog
-from gcs.flight.logbook import Logbook, write_logbook
-from gcs.flight.recall import recall
+from gcs.flight.progress import Event
+from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
+from gcs.flight.recording.flight_state import Logbook, write_logbook
+from gcs.flight.recording.load_recording import recall
 from gcs.link.session.linked_fleet import Direction
 from gcs.link.session.linked_fleet import Fleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
@@ -222,7 +222,7 @@ def test_a_flight_is_shown_beside_its_plan(
 
 
 def recalled_start_unix_s(log: Path) -> float:
-    from gcs.flight.tlog import load_tlog
+    from gcs.flight.recording.tlog import load_tlog
 
     return float(load_tlog(log).unix_s[0])
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gcs.flight.stages import Step
+from gcs.flight.progress import Step
 from gcs.plan.trajectory.trajectory import Plan
 from sim_bridge.world import World
 from tests.bridge.flying import fly

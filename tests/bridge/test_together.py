@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.flight.compare import lateness_s
+from gcs.flight.assessment.comparison import lateness_s
 from gcs.flight.lateness import skew_s
-from gcs.flight.record import write_record
+from gcs.flight.recording.record_table import write_record
 from gcs.plan.trajectory.trajectory import Plan
 from tests.bridge.flying import fly
 

@@ -13,7 +13,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
-from gcs.flight.loading import build_loads, missions_only
+from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, restore, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.mission_protocol.read_back import compare_missions

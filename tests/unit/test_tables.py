@@ -12,8 +12,8 @@ NEAR = "tests/bridge/test_giving_way.py"
 DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
 MACHINES = "tests/unit/link/test_mission_machines.py"
 PARAMETERS = "tests/unit/link/test_parameters.py"
-PROLOGUE = "tests/unit/flight/test_prologue.py"
-STREAM = "tests/unit/flight/test_stream.py"
+PROLOGUE = "tests/unit/flight/sequence/test_takeoff_landing.py"
+STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
 
 # Each row of docs/flying.md, "When things fail", and the flight that proves it.
 FLOWN = {
@@ -101,8 +101,8 @@ HABITS = {
     "items reached": [("tests/unit/test_tables.py", "test_items_reached_are_not_read")],
     "the last setpoint": [
         (STREAM, "test_streams_end_at_rest"),
-        ("tests/unit/flight/test_manoeuvres.py", "test_holding_brakes_straight_on"),
-        ("tests/unit/flight/test_schedule.py", "test_after_a_stall_the_newest_point_alone_is_sent"),
+        ("tests/unit/flight/contingency/test_manoeuvres.py", "test_holding_brakes_straight_on"),
+        ("tests/unit/flight/offboard/test_deadlines.py", "test_after_a_stall_the_newest_point_alone_is_sent"),
     ],
     "Offboard": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],
     "mode after landing": [("tests/bridge/test_fly.py", "test_px4_is_flown_as_well")],

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from gcs.flight.pictures import draw_formation, draw_map, draw_tracks
+from gcs.flight.assessment.flight_plot import draw_formation, draw_map, draw_tracks
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario

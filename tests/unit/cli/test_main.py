@@ -14,7 +14,7 @@ import typer
 
 from gcs.cli import main
 from gcs.cli.console import Screen, to_json
-from gcs.cli.options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, JsonOption
 from gcs.errors import PeerTimeout, ScenarioError
 
 # typer brings pydantic itself.

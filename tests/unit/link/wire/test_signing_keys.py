@@ -6,7 +6,7 @@ import hashlib
 
 import pytest
 
-from gcs.cli.link_options import connection
+from gcs.cli.shared_options import connection
 from gcs.errors import UsageError
 from gcs.link.wire.signing_keys import load_key, signing_with
 

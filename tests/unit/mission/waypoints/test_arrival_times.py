@@ -12,7 +12,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, UsageError, VerificationError
-from gcs.flight.loading import build_loads
+from gcs.flight.setup.build_loads import build_loads
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.mission_files import MissionOrder, make_missions

@@ -1,0 +1,131 @@
+"""One flight taken up from the command line: its folder, its link, a table of its vehicles.
+
+Knows: what to open and close. Does not know: how a flight goes on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from gcs.aio import each, until
+from gcs.cli.console import Screen
+from gcs.cli.shared_options import connection
+from gcs.errors import FlightError, UsageError
+from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.progress import Event, Step
+from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
+from gcs.flight.recording.flight_state import Logbook, read_logbook, write_logbook
+from gcs.flight.sequence.flight import Flight
+from gcs.flight.sequence.resume import TakeUp, where_in_plan
+from gcs.flight.sequence.takeoff_landing import ask_for_telemetry
+from gcs.link.connection import Connection
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.waypoints.mission_items import build_missions
+from gcs.plan.trajectory.plan_file import load_plan
+from gcs.plan.trajectory.trajectory import Plan
+
+
+@dataclass(frozen=True)
+class AttachRequest:
+    """What is to be taken up, and how."""
+
+    folder: Path
+    what: TakeUp
+    links: tuple[str, ...]
+    key_file: Path | None
+    screen: Screen
+
+
+def take_up(request: AttachRequest) -> int:
+    """Take it up; raises GcsError."""
+    book = read_logbook(request.folder)
+    if book.flown_by_another:
+        raise UsageError(
+            f"the flight in {request.folder} is still flown by process {book.pid}.",
+            hint="stop that with Ctrl-C: its vehicles land then",
+        )
+    links = request.links or book.links
+    if not links:
+        raise UsageError(f"the vehicles of {request.folder} were emulated, and ended with their flight.")
+    plan, _ = load_plan(request.folder / "plan.skein")
+    if plan.hash != book.plan_hash:
+        raise FlightError(f"{request.folder / 'plan.skein'} is not the plan that was flown.")
+    known = replace(connection(links, key_file=request.key_file), systems=book.systems)
+    found = asyncio.run(_take_up(request, book, plan, known))
+    request.screen.result(found)
+    return 0
+
+
+async def _take_up(request: AttachRequest, book: Logbook, plan: Plan, known: Connection) -> dict[str, Any]:
+    options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow)
+    folder, screen = request.folder, request.screen
+    async with AsyncExitStack() as stack:
+        flight: Flight | None = None
+        log = stack.enter_context(
+            TelemetryLog(
+                folder / f"telemetry-{datetime.now():%H%M%S}.tlog", lambda: flight.time.now_s() if flight else None
+            )
+        )
+        fleet = await stack.enter_async_context(known.open(on_frame=log.write))
+        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
+        events = stack.enter_context(EventLog(folder / "events.jsonl"))
+
+        def tell(event: Event) -> None:
+            events.write(event)
+            screen.say(str(event))
+
+        def log_step(step: Step, t0_unix_s: float | None) -> None:
+            write_logbook(
+                folder,
+                replace(
+                    book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
+                ),
+            )
+
+        stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+        flight = Flight(plan, build_missions(plan), stream, sessions, options, tell, log_step)
+        shown = await _show(flight, book, screen)
+        if request.what is not TakeUp.SHOW:
+            await flight.take_up(request.what, book.t0_unix_s)
+            screen.say("everybody is down")
+        return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
+
+
+async def _show(flight: Flight, book: Logbook, screen: Screen) -> list[dict[str, Any]]:
+    """A table of the vehicles as they are."""
+    stops = [flight.listen(crew) for crew in flight.crews.values()]
+    try:
+        await each(flight.crews.values(), ask_for_telemetry)
+        views = flight.monitor.views
+        await until(
+            lambda: all(np.isfinite(v.position_ned_m).all() for v in views.values()),
+            flight.options.find_timeout_s,
+            "a position of every vehicle",
+        )
+    finally:
+        for stop in stops:
+            stop()
+    where = where_in_plan(flight.plan, np.array([v.position_ned_m for v in views.values()]))
+    table = Table("vehicle", "armed", "mode", "north", "east", "up", "speed", title=f"{book.mission}: was {book.step}")
+    rows = []
+    for sysid, crew in flight.crews.items():
+        north_m, east_m, down_m = views[sysid].position_ned_m.tolist()
+        mode = crew.manners.mode_name(crew.session.custom_mode)
+        speed_mps = float(np.linalg.norm(views[sysid].velocity_ned_mps))
+        place = f"{north_m:.1f} m", f"{east_m:.1f} m", f"{-down_m:.1f} m"
+        table.add_row(str(sysid), "yes" if crew.session.armed else "no", mode, *place, f"{speed_mps:.1f} m/s")
+        rows.append(
+            {"sysid": sysid, "armed": crew.session.armed, "mode": mode, "position_ned_m": [north_m, east_m, down_m]}
+        )
+    screen.show(table)
+    screen.say(f"nearest to the plan at t = {where.t_s:.1f} s, where nobody is more than {where.off_m:.1f} m off")
+    return rows

@@ -1,0 +1,136 @@
+"""`gcs replay`: a recorded flight again, in the terminal, as a picture, or towards another ground station."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.errors import UsageError
+
+if TYPE_CHECKING:
+    from gcs.flight.recording.recording import Recording
+
+
+def replay(
+    flight: Annotated[
+        Path, typer.Argument(metavar="FLIGHT", help="A flight's folder, or any .tlog.", show_default=False)
+    ],
+    speed: Annotated[
+        str | None,
+        typer.Option("--speed", metavar="TIMES", help="Times real time, or max. Default 10; 1 with --to-link."),
+    ] = None,
+    from_s: Annotated[
+        float | None,
+        typer.Option("--from", metavar="SECONDS", help="Begin there: plan time; in bare logs, their own."),
+    ] = None,
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="End there.")] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", "-p", metavar="FILE", help="Draw it (.png, .svg, .pdf) instead of showing it."),
+    ] = None,
+    to_link: Annotated[
+        str | None,
+        typer.Option(
+            "--to-link",
+            metavar="LINK",
+            help="Send what vehicles sent to another ground station, when they did: udpout:127.0.0.1:14550.",
+        ),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Show a recorded flight again: where everyone was, what happened when.
+
+    Examples: gcs replay flights/2026-01-31-120000-simulation1 --speed 20 --from 0
+
+    gcs replay flights/2026-01-31-120000-simulation1 --picture flight.png
+
+    gcs replay somebody.tlog --to-link udpout:127.0.0.1:14550
+    """
+    screen = Screen(json=json)
+    rate = _rate(speed, to_link)
+    if picture is not None and to_link is not None:
+        raise UsageError("--picture draws instead of showing: leave --to-link away, or draw in a command of its own")
+    if picture is not None:
+        from gcs.flight.assessment.flight_plot import refuse_kind
+
+        refuse_kind(picture)
+    from gcs.flight.recording.load_recording import recall
+
+    recalled = recall(flight)
+    recording = recalled.recording
+    for note in recording.notes:
+        screen.say(f"note: {note}")
+    window = _window(recording, from_s, to_s)
+    if picture is not None:
+        from gcs.flight.assessment.replay_plot import save_picture
+
+        save_picture(recording, *window, picture)
+        screen.say(f"picture: {picture}")
+        screen.result({**_data(recording, window), "picture": picture})
+        return 0
+    import asyncio
+
+    from gcs.cli.flights.replay_view import play
+
+    sent = asyncio.run(play(screen, recalled, window, rate, to_link))
+    screen.result({**_data(recording, window), "sent": sent})
+    return 0
+
+
+def _rate(speed: str | None, to_link: str | None) -> float:
+    if speed == "max":
+        if to_link is not None:
+            raise UsageError("--speed max: another ground station gets frames at their times", hint="give a number")
+        return float("inf")
+    try:
+        rate = float(speed) if speed is not None else (10.0 if to_link is None else 1.0)
+    except ValueError:
+        rate = 0.0
+    if not 0.0 < rate < float("inf"):
+        raise UsageError(f"--speed {speed}: give a number above 0, or max")
+    if to_link is not None:
+        from gcs.link.endpoints.base import LinkMode, parse_link_spec
+
+        if parse_link_spec(to_link).mode is not LinkMode.CALL:
+            raise UsageError(
+                f"--to-link {to_link}: a ground station is called", hint="write for example udpout:127.0.0.1:14550"
+            )
+    return rate
+
+
+def _window(recording: Recording, from_s: float | None, to_s: float | None) -> tuple[float, float]:
+    """What of the flight is asked for. Raises `UsageError` where there is nothing."""
+    begin_s, end_s = recording.span_s
+    first = begin_s if from_s is None else max(begin_s, from_s)
+    last = end_s if to_s is None else min(end_s, to_s)
+    if not first < last:
+        asked = " ".join(f"{name} {t:g}" for name, t in (("--from", from_s), ("--to", to_s)) if t is not None)
+        raise UsageError(
+            f"{asked or 'this flight'}: there is nothing to show; its reports are from {begin_s:.1f} s to {end_s:.1f} s"
+        )
+    return first, last
+
+
+def _data(recording: Recording, window: tuple[float, float]) -> dict[str, Any]:
+    from gcs.autopilots.flight_modes import autopilot_name
+
+    def within(t_s: float) -> bool:
+        return window[0] <= t_s <= window[1]
+
+    return {
+        "name": recording.name,
+        "from_s": window[0],
+        "to_s": window[1],
+        "planned": recording.plan is not None,
+        "vehicles": [
+            {"sysid": t.sysid, "autopilot": autopilot_name(t.autopilot), "reports": sum(map(within, t.t_s.tolist()))}
+            for t in recording.tracks
+        ],
+        "events": [vars(event) for event in recording.events if within(event.t_s)],
+        "notes": recording.notes,
+    }

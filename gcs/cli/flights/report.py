@@ -1,0 +1,90 @@
+"""`gcs report`: plan, estimate and truth of a flight beside each other."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.shared_options import DebugOption, JsonOption
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A flight's folder.", show_default=False)],
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Compare what was planned, what vehicles told and, where they were emulated, where they truly were.
+
+    Writes record.parquet (every position told, beside the plan) into the folder, from its telemetry. Works for flights
+    that were cut short.
+
+    Example: gcs report flights/2026-01-31-120000-simulation1
+    """
+    screen = Screen(json=json)
+    from rich.table import Table
+
+    from gcs.errors import FileFormatError
+    from gcs.flight.assessment.comparison import compare
+    from gcs.flight.assessment.judge import load_truth
+    from gcs.flight.lateness import skew_s
+    from gcs.flight.recording.flight_folder import EVENTS, read_events
+    from gcs.flight.recording.flight_state import read_logbook
+    from gcs.flight.recording.record_table import NAME, write_record
+    from gcs.plan.trajectory.plan_file import load_plan
+
+    book = read_logbook(folder)
+    if book.t0_unix_s is None:
+        raise FileFormatError(f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.")
+    plan, _ = load_plan(folder / "plan.skein")
+    record = write_record(folder, plan, book.t0_unix_s, book.systems)
+    truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
+    found = compare(plan, record, book.t0_unix_s, truth)
+    happened = read_events(folder / EVENTS)
+    title = f"{book.mission}: m RMS from T0 to the planned arrival"
+    table = Table("vehicle", "plan - estimate", "estimate - truth", "plan - truth", "late", title=title)
+    for c in found:
+        numbers = (c.plan_estimate_m, c.estimate_truth_m, c.plan_truth_m)
+        late = "–" if math.isnan(c.late_s) else f"{1e3 * c.late_s:+.0f} ms"
+        table.add_row(str(c.sysid), *("–" if math.isnan(n) else f"{n:.3f}" for n in numbers), late)
+    screen.show(table)
+    skew = skew_s(c.late_s for c in found)
+    shape = _formation_error(record, plan.flight_s)
+    if not math.isnan(skew):
+        screen.say(f"vehicles fly the plan within {1e3 * skew:.0f} ms of each other; step reached: {book.step}")
+    if shape is not None:
+        screen.say(f"formation's shape off by at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, as told)")
+    for event in happened:
+        screen.say(str(event))
+    screen.say(f"{record.num_rows} positions in {folder / NAME}")
+    data = [{k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(c).items()} for c in found]
+    screen.result(
+        {
+            "folder": folder,
+            "vehicles": data,
+            "skew_s": None if math.isnan(skew) else skew,
+            "formation_error_max_m": None if shape is None else shape[0],
+            "events": [vars(event) for event in happened],
+            "positions": record.num_rows,
+            "step": book.step,
+        }
+    )
+    return 0
+
+
+def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
+    """The largest one told between T0 and the planned arrival, and its plan time; None where there is none."""
+    import numpy as np
+
+    errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))
+    errors = np.where((t_s >= 0.0) & (t_s <= flight_s), errors, np.nan)
+    if np.isnan(errors).all():
+        return None
+    worst = int(np.nanargmax(errors))
+    return float(errors[worst]), float(t_s[worst])

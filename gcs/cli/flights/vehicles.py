@@ -1,0 +1,128 @@
+"""`gcs vehicles`: who is out there, and how they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.shared_options import BackendOption, DebugOption, JsonOption, KeyOption, LinkOption, connection
+from gcs.errors import PeerTimeout, UsageError
+
+if TYPE_CHECKING:
+    from gcs.link.connection import Connection
+    from gcs.link.session.status_report import VehicleReport
+    from gcs.mission.model import Home
+
+
+def vehicles(
+    link: LinkOption = None,
+    listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
+    signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """List the vehicles on a link: autopilot, version, mode, health, home, battery, quality of the link.
+
+    Nothing is changed on board.
+
+    Examples: gcs vehicles --link udpin:127.0.0.1:14550
+
+    gcs vehicles --link tcp:127.0.0.1:5760 --link serial:/dev/ttyUSB0:57600 --json
+    """
+    screen = Screen(json=json)
+    if not listen > 0:
+        raise UsageError(f"--listen {listen:g}: give some seconds")
+    import asyncio
+
+    known = connection(link, None, signing_key_file)
+    screen.say(f"listening at {known} for {listen:g} s")
+    reports = asyncio.run(_ask_all(known, listen, backend))
+    _show(screen, reports)
+    screen.result({"vehicles": [_data(report) for report in reports]})
+    return 0
+
+
+async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[VehicleReport]:
+    import asyncio
+
+    from gcs.link.session.linked_fleet import Fleet
+    from gcs.link.session.status_report import survey
+
+    async with known.open_backend(backend) as fleet:
+        heard = await fleet.listen(listen_s)
+        if not heard:
+            foreign = fleet.refused_frames if isinstance(fleet, Fleet) else 0
+            refused = f"; {foreign} frames were not signed with our key" if foreign else ""
+            raise PeerTimeout(
+                f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
+                hint="start them, or check the address and port they send to",
+            )
+        if isinstance(fleet, Fleet):
+            asked = [survey(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
+        else:
+            asked = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
+        found = await asyncio.gather(*asked)
+        fleet.check()
+        return list(found)
+
+
+def _show(screen: Screen, reports: list[VehicleReport]) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"{len(reports)} vehicle{'s' * (len(reports) != 1)}")
+    for column in ("system", "autopilot", "mode", "health", "home", "battery", "link"):
+        table.add_column(column, no_wrap=column not in ("health", "link"), overflow="fold")
+    for r in reports:
+        table.add_row(
+            str(r.system),
+            f"{r.autopilot}\n{r.version or '?'}",
+            r.mode + (" (armed)" if r.armed else ""),
+            health(r),
+            _place(r.home),
+            battery(r),
+            f"{quality(r)}\n{r.where}",
+        )
+    screen.show(table)
+
+
+def health(report: VehicleReport) -> str:
+    """What is wrong with a vehicle in a few words, "ready" if nothing is."""
+    wrong = [f"{name} not healthy" for name in report.ailing]
+    if report.estimate_ok is False:
+        wrong.append("position not known")
+    if report.prearm_ok is False:
+        wrong.append("cannot be armed")
+    if report.estimate_ok is None and report.prearm_ok is None:
+        wrong.append("does not tell")
+    return ", ".join(wrong) or "ready"
+
+
+def battery(report: VehicleReport) -> str:
+    """Charge and voltage."""
+    share = "?" if report.battery_share is None else f"{report.battery_share:.0%}"
+    return share if report.battery_V is None else f"{share} {report.battery_V:.1f} V"
+
+
+def quality(report: VehicleReport) -> str:
+    """Lost frames and round trip."""
+    loss = "?" if report.loss is None else f"{report.loss:.0%}"
+    sync = report.timesync
+    return f"{loss} lost" + ("" if sync is None else f", {1e3 * sync.round_trip_s:.0f} ms")
+
+
+def _place(place: Home | None) -> str:
+    if place is None:
+        return "not set"
+    return f"{place.lat_deg:.6f}\n{place.lon_deg:.6f}\n{place.alt_amsl_m:.1f} m"
+
+
+def _data(report: VehicleReport) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    data = asdict(report)
+    if report.timesync is not None:
+        data["timesync"] = report.timesync._asdict()
+    return data

@@ -1,0 +1,1 @@
+"""Commands about missions: as files, and on vehicles."""

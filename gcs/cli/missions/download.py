@@ -1,0 +1,156 @@
+"""`gcs download` and `gcs diff`: what vehicles hold, as files, and against a plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared_options import (
+    BackendOption,
+    DebugOption,
+    JsonOption,
+    KeyOption,
+    LinkOption,
+    MapOption,
+    MissionArgument,
+    UntimedOption,
+    UnverifiedOption,
+    connection,
+)
+from gcs.errors import PeerError, PeerTimeout
+
+if TYPE_CHECKING:
+    from gcs.link.connection import Connection
+    from gcs.link.fleet_upload.onboard import Held
+    from gcs.plan.trajectory.trajectory import Plan
+
+DIFFERENT = 11  # exit code: everything was read, and it is not the same
+FIND_S = 15.0
+_TOLD_MAX = 20
+
+
+def download(
+    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder to write; an older one is replaced whole.")],
+    link: LinkOption = None,
+    listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
+    signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Read missions, fences and rally points of every vehicle on a link into files, uavN.plan.
+
+    Examples: gcs download --to held --link udpin:127.0.0.1:14550
+    """
+    import asyncio
+
+    screen = Screen(json=json)
+    known = connection(link, None, signing_key_file)
+    every = asyncio.run(_read_all(known, backend, listen))
+    files = _write(to, every)
+    for held, name in zip(every, files, strict=True):
+        counts = f"{len(held.mission)} mission items, {len(held.fence)} of a fence, {len(held.rally)} rally points"
+        screen.say(f"  {to / name}: {counts}")
+    screen.result({"folder": to, "files": files})
+    return 0
+
+
+def diff(
+    mission: MissionArgument,
+    link: LinkOption = None,
+    systems: MapOption = None,
+    missions_only: Annotated[bool, typer.Option("--missions-only", help="Look at missions alone.")] = False,
+    signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
+    untimed: UntimedOption = False,
+    unverified: UnverifiedOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Compare what vehicles hold with a plan. Nothing is changed on board.
+
+    Exit status 0 when every vehicle holds what the plan gives it, 11 when one does not.
+
+    Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
+    """
+    import asyncio
+
+    from gcs.cli.plan_argument import Stopwatch, plan_for
+
+    screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
+    known = connection(link, systems, signing_key_file)
+    watch.lap("start")
+    plan, _ = plan_for(mission, screen, watch, unverified=unverified)
+    found = asyncio.run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
+    for sysid, lines in found.items():
+        screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
+        for line in lines[:_TOLD_MAX]:
+            screen.say(f"  {line}")
+        if len(lines) > _TOLD_MAX:
+            screen.say(f"  and {len(lines) - _TOLD_MAX} more")
+    ok = not any(found.values())
+    screen.result({"ok": ok, "plan_hash": plan.hash, "differences": {str(k): v for k, v in found.items()}})
+    return 0 if ok else DIFFERENT
+
+
+async def _read_all(known: Connection, backend: str, listen_s: float) -> list[Held]:
+    import asyncio
+
+    from gcs.link.fleet_upload.onboard import read_held
+
+    async with known.open_backend(backend) as fleet:
+        sessions = await fleet.listen(listen_s)
+        if not sessions:
+            raise PeerTimeout(
+                f"no vehicle was heard at {known} within {listen_s:g} s.",
+                hint="start them, or check the address and port they send to",
+            )
+        every = await asyncio.gather(*(read_held(session) for session in sessions.values()))
+        fleet.check()
+        return list(every)
+
+
+async def _differences(
+    plan: Plan, known: Connection, backend: str, *, timed: bool, safety: bool
+) -> dict[int, list[str]]:
+    import asyncio
+
+    from gcs.flight.setup.build_loads import build_loads
+    from gcs.link.fleet_upload.onboard import read_held
+
+    async with known.open_backend(backend) as fleet:
+        sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
+        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
+        every = await asyncio.gather(*(read_held(sessions[load.sysid]) for load in loads))
+        fleet.check()
+    return {held.sysid: held.differences(load) for held, load in zip(every, loads, strict=True)}
+
+
+def _write(to: Path, every: list[Held]) -> list[str]:
+    from gcs.autopilots.traits import Autopilot
+    from gcs.mission.export.atomic_folder import replaced
+    from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
+    from gcs.mission.formats.registry import vehicle_name
+
+    texts: dict[str, str] = {}
+    for held in every:
+        try:
+            firmware = Autopilot(held.autopilot)
+        except ValueError:
+            raise PeerError(
+                f"vehicle {held.sysid} runs autopilot number {held.autopilot}, for which no file is."
+            ) from None
+        if held.home is None:
+            raise PeerError(
+                f"vehicle {held.sysid} has no home yet, and a .plan needs one.", hint="wait for its GNSS fix"
+            )
+        file = PlanFile(firmware, held.home, held.mission, geofence=held.geofence(), rally=held.rally_points())
+        texts[f"{vehicle_name(held.sysid)}.plan"] = write_plan_file(file)
+    with replaced(to) as folder:
+        for name, text in texts.items():
+            folder.write(name, text)
+        folder.write_index({"version": 2, "downloaded": True, "sha256": folder.sha256})
+    return list(texts)

@@ -1,0 +1,217 @@
+"""`gcs upload` and `gcs restore`: every vehicle gets its mission or none does; parameters get old values back."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.shared_options import (
+    BackendOption,
+    DebugOption,
+    JsonOption,
+    KeyOption,
+    LinkOption,
+    MapOption,
+    MissionArgument,
+    TransferOption,
+    UntimedOption,
+    UnverifiedOption,
+    connection,
+)
+
+if TYPE_CHECKING:
+    from gcs.cli.plan_argument import Stopwatch
+    from gcs.link.connection import Connection
+    from gcs.link.fleet_upload.upload_fleet import Change, Holdings
+    from gcs.plan.trajectory.trajectory import Plan
+
+FIND_S = 15.0
+
+
+def upload(
+    mission: MissionArgument,
+    link: LinkOption = None,
+    systems: MapOption = None,
+    missions_only: Annotated[
+        bool, typer.Option("--missions-only", help="Leave fences, rally points and parameters as they are.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show which parameters would change, and change nothing.")
+    ] = False,
+    to: Annotated[Path, typer.Option("--to", help="Folder for the record that `gcs restore` reads.")] = Path("uploads"),
+    signing_key_file: KeyOption = None,
+    backend: BackendOption = "skein",
+    transfer: TransferOption = "auto",
+    untimed: UntimedOption = False,
+    unverified: UnverifiedOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Upload missions, fences, rally points and a few parameters to all vehicles at once, read back and compared.
+
+    All or nothing: if one vehicle fails, everything sent is cleared again, and each vehicle's state is told.
+
+    Examples: gcs upload missions/field --link udpin:127.0.0.1:14550
+
+    gcs upload plans/field.skein --link tcp:10.0.0.5:5760 --map 1=7,2=8 --dry-run
+    """
+    import asyncio
+
+    from gcs.cli.plan_argument import Stopwatch, plan_for
+
+    screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
+    known = connection(link, systems, signing_key_file, transfer)
+    watch.lap("start")
+    plan, _ = plan_for(mission, screen, watch, unverified=unverified)
+    loading = _upload(
+        screen, plan, known, backend, timed=not untimed, safety=not missions_only, dry_run=dry_run, watch=watch
+    )
+    held, changes = asyncio.run(loading)
+    record = None
+    if held is not None:
+        record = _keep(to, plan.scenario.name, held)
+        screen.say(f"all {len(held.digests)} vehicles hold their mission of plan {plan.hash[:12]}, read back equal")
+        if held.changes:
+            screen.say(f"their old parameters come back with: gcs restore {record}")
+    screen.say(f"time: {watch}")
+    screen.result(
+        {
+            "plan_hash": plan.hash,
+            "uploaded": held is not None,
+            "digests": {} if held is None else {str(k): v for k, v in held.digests.items()},
+            "parameters": [_change_data(change) for change in changes],
+            "record": record,
+        }
+    )
+    return 0
+
+
+def restore(
+    record: Annotated[Path, typer.Argument(metavar="RECORD", help="What `gcs upload` left.", show_default=False)],
+    link: LinkOption = None,
+    systems: MapOption = None,
+    signing_key_file: KeyOption = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Give parameters the values that they had before an upload.
+
+    Examples: gcs restore uploads/2026-11-21-161530-field.json --link udpin:127.0.0.1:14550
+    """
+    import asyncio
+
+    screen = Screen(json=json)
+    changes = read_record(record)
+    known = connection(link, systems, signing_key_file)
+
+    async def put_back() -> None:
+        from gcs.link.fleet_upload.upload_fleet import restore as put
+
+        async with known.open() as fleet:
+            sysids = {change.sysid for change in changes}
+            await put(await fleet.vehicles(sysids, FIND_S, systems=known.systems), changes)
+
+    asyncio.run(put_back())
+    screen.say(f"{len(changes)} parameters are as they were")
+    screen.result({"restored": len(changes)})
+    return 0
+
+
+async def _upload(
+    screen: Screen,
+    plan: Plan,
+    known: Connection,
+    backend: str,
+    *,
+    timed: bool,
+    safety: bool,
+    dry_run: bool,
+    watch: Stopwatch,
+) -> tuple[Holdings | None, tuple[Change, ...]]:
+    from gcs.flight.setup.build_loads import build_loads
+    from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
+
+    async with known.open_backend(backend) as fleet:
+        sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
+        watch.lap("find")
+        autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
+        loads = build_loads(
+            plan, autopilots, timed=timed, safety=safety, warn=lambda text: screen.say(f"WARNING: {text}")
+        )
+        watch.lap("missions")
+        changes = await preview(sessions, loads)
+        _show(screen, changes)
+        watch.lap("parameters")
+        if dry_run:
+            return None, changes
+        held = await upload_fleet(
+            sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} holds its {what}")
+        )
+        fleet.check()
+        watch.lap("upload")
+        return held, held.changes
+
+
+def _show(screen: Screen, changes: tuple[Change, ...]) -> None:
+    if not changes:
+        return
+    from rich.table import Table
+
+    table = Table("vehicle", "parameter", "now", "then", title="parameters that change")
+    for change in changes:
+        before, after = f"{change.before.value:g}", f"{change.after.value:g}"
+        table.add_row(str(change.sysid), change.before.name, before, after)
+    screen.show(table)
+
+
+def _change_data(change: Change) -> dict[str, Any]:
+    before, after = change.before, change.after
+    return {
+        "vehicle": change.sysid,
+        "name": before.name,
+        "before": before.value,
+        "after": after.value,
+        "type": before.kind,
+    }
+
+
+def _keep(folder: Path, name: str, held: Holdings) -> Path:
+    from gcs.cli.console import to_json
+    from gcs.files import atomic_write
+
+    path = folder / f"{datetime.now():%Y-%m-%d-%H%M%S}-{name}.json"
+    digests = {str(sysid): digest for sysid, digest in held.digests.items()}
+    changes = [_change_data(change) for change in held.changes]
+    record = {"format": "skein-upload", "plan_hash": held.plan_hash, "digests": digests, "parameters": changes}
+    atomic_write(path, to_json(record) + "\n")
+    return path
+
+
+def read_record(path: Path) -> tuple[Change, ...]:
+    """The parameters that an upload changed. Raises `FileFormatError`."""
+    import json
+
+    from gcs.errors import FileFormatError
+    from gcs.link.fleet_upload.upload_fleet import Change
+    from gcs.link.microservices.parameter import Parameter
+
+    try:
+        data = json.loads(path.read_bytes())
+        if data["format"] != "skein-upload":
+            raise ValueError(data["format"])
+        found = []
+        for row in data["parameters"]:
+            name, kind = str(row["name"]), int(row["type"])
+            before, after = (Parameter(name, row[key], kind) for key in ("before", "after"))
+            if not all(isinstance(p.value, int | float) for p in (before, after)):
+                raise TypeError(name)
+            found.append(Change(int(row["vehicle"]), before, after))
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{path}: not the record of an upload.", hint="name what `gcs upload` left") from error
+    return tuple(found)

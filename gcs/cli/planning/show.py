@@ -1,0 +1,137 @@
+"""`gcs show`: what a scenario or a plan contains, in a page and a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import Screen
+from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.scenario.schema.scenario import Scenario
+
+STEP_S = 0.2
+_SHOWN = 20  # vehicles
+
+
+def show(
+    mission: MissionArgument,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", "-p", metavar="FILE", help="Draw a map with ground, zones, tracks and clearances."),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show what a scenario or plan contains: who flies, where, from what to what, under which limits.
+
+    Example: gcs show plans/simulation1.skein --picture map.png
+    """
+    screen = Screen(json=json)
+    from gcs.plan.trajectory.plan_file import SUFFIX, load_plan
+    from gcs.scenario.load import load_scenario
+
+    plan = load_plan(mission)[0] if mission.suffix == SUFFIX else None
+    scenario = plan.scenario if plan else load_scenario(mission)
+    found = {**_scenario(scenario), **(_plan(plan) if plan else {})}
+    screen.say(scenario.title or scenario.name)
+    width = max(map(len, found))
+    for name, text in found.items():
+        screen.say(f"  {name:<{width}}  {text}")
+    pads = _pads(scenario)
+    _say_pads(screen, pads)
+    if picture is not None:
+        from gcs.flight.assessment.overview_plot import save_overview
+
+        save_overview(scenario, plan, picture)
+        screen.say(f"picture: {picture}")
+    screen.result({"name": scenario.name, **found, "pads": pads, **({"picture": picture} if picture else {})})
+
+
+def _scenario(scenario: Scenario) -> dict[str, Any]:
+    from gcs.scenario.si import quadrotor, sysids
+    from gcs.scenario.validation.vehicle_rules import hover_share
+
+    origin, limits, terrain, body = scenario.origin, scenario.limits, scenario.terrain, quadrotor(scenario)
+    ids = sysids(scenario)
+    ends = (" ".join(f"{x:g}" for x in b.position_m) for b in (scenario.start, scenario.end))
+    ground = "level"
+    if terrain.relief is not None and terrain.dem is not None:
+        ground = f"{terrain.dem.file}, pixels of {terrain.relief.spacing_m:.1f} m"
+    elif terrain.ripple or terrain.mountains.height_m:
+        ground = f"{len(terrain.mountains.height_m)} mountains{', ripple' if terrain.ripple else ''}"
+    changes = [f"{change.kind}{' (auto)' if change.auto else ''}" for change in scenario.formation.change]
+    return {
+        "vehicles": f"{len(ids)}, {scenario.vehicle.name}, {body.mass_kg:g} kg, hover at "
+        f"{100.0 * hover_share(body):.0f} % of their thrust; leader {scenario.formation.leader}",
+        "origin": f"{origin.lat_deg:.6f}, {origin.lon_deg:.6f}, {origin.alt_amsl_m:g} m above the sea",
+        "way": "{} to {} (north east height, m) in {:g} s".format(*ends, scenario.time.flight_s),
+        "box": f"north {limits.north_m[0]:g} to {limits.north_m[1]:g}, east {limits.east_m[0]:g} to "
+        f"{limits.east_m[1]:g}, height {limits.height_m[0]:g} to {limits.height_m[1]:g} m",
+        "ground": f"{ground}; clearance at least {limits.clearance_min_m:g} m",
+        "wind": "none"
+        if scenario.wind is None
+        else "{speed_mps:g} m/s out of {from_deg:g} degrees, {height_m:g} m up, "
+        "growing with height by the power of {shear:g}".format(**scenario.wind.model_dump()),
+        "closed": f"{len(scenario.no_fly)} areas, {sum(bool(zone.moves) for zone in scenario.no_fly)} of them moving",
+        "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
+        "changes": ", ".join(changes) or "none: the formation is rigid",
+        "autopilot": scenario.mission.autopilot,
+    }
+
+
+def _plan(plan: Plan) -> dict[str, Any]:
+    """What the plan adds; the verdict is worked out anew."""
+    from gcs.plan.trajectory.energy import energy_Wh
+    from gcs.plan.verification.verify import verify
+
+    report = verify(plan)
+    taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
+    battery = "not described: no [vehicle.power]"
+    if taken_Wh is not None and power is not None:
+        most_Wh = float(taken_Wh.max())
+        battery = f"{most_Wh:.1f} Wh of {power.battery_Wh:g} ({most_Wh / power.battery_Wh:.0%}) taken at most"
+    separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
+    return {
+        "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
+        "battery": battery,
+        "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
+    }
+
+
+def _pads(scenario: Scenario) -> list[dict[str, Any]]:
+    """Where every vehicle has to stand before the flight."""
+    from gcs.frames import Origin, ned_to_geodetic
+    from gcs.scenario.si import pads_ned_m, sysids
+
+    pads = pads_ned_m(scenario)
+    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, Origin(**scenario.origin.model_dump()))
+    return [
+        {
+            "sysid": sysid,
+            "lat_deg": round(float(lat_deg[row]), 7),
+            "lon_deg": round(float(lon_deg[row]), 7),
+            "alt_amsl_m": round(float(alt_m[row]), 3),
+            "north_m": round(float(pads[row, 0]), 3),
+            "east_m": round(float(pads[row, 1]), 3),
+        }
+        for row, sysid in enumerate(sysids(scenario))
+    ]
+
+
+def _say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    table = Table("vehicle", "latitude", "longitude", "above the sea", "north, east of the origin", title="pads")
+    for pad in pads[:_SHOWN]:
+        place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
+        table.add_row(
+            str(pad["sysid"]), f"{pad['lat_deg']:.7f}", f"{pad['lon_deg']:.7f}", f"{pad['alt_amsl_m']:.2f} m", place
+        )
+    screen.show(table)
+    if len(pads) > _SHOWN:
+        screen.say(f"and {len(pads) - _SHOWN} more (--json has all)")

@@ -1,0 +1,1 @@
+"""After the flight: verdict, comparison of plan, estimate and truth, pictures."""

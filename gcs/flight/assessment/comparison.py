@@ -1,0 +1,68 @@
+"""Plan, estimate and truth of a flight, held against each other.
+
+Knows: the record, true states. Does not know: verdicts (`judge`), files' places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from gcs.flight.assessment.judge import Truth
+from gcs.flight.lateness import SLOW_MPS
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.trajectory import Plan
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One vehicle, in metres RMS between T0 and the planned arrival; NaN where there is nothing to compare."""
+
+    sysid: int
+    plan_estimate_m: float
+    estimate_truth_m: float
+    plan_truth_m: float
+    late_s: float  # how far behind the plan's time it flew, on the mean: its own start, and its delay
+
+
+def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None) -> tuple[Comparison, ...]:
+    """Every vehicle of the plan. Truth is interpolated to the instants of the estimates."""
+    found = []
+    for sysid in plan.sysids:
+        columns = {name: record.column(name).to_numpy() for name in record.column_names}
+        t_s = columns["t_s"]
+        mine = (columns["sysid"] == sysid) & (t_s >= 0.0) & (t_s <= plan.flight_s)
+        if not mine.any():
+            found.append(Comparison(sysid, np.nan, np.nan, np.nan, np.nan))
+            continue
+        told, planned, rate = (_vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps"))
+        true = np.full_like(told, np.nan)
+        if truth is not None and sysid in truth.sysids:
+            places = truth.states[truth.sysids.index(sysid)][:, POSITION]
+            at = truth.unix_s - t0_unix_s
+            true = np.stack([np.interp(t_s[mine], at, places[:, n]) for n in range(3)], axis=1)
+        found.append(
+            Comparison(
+                sysid, _rms(told - planned), _rms(told - true), _rms(true - planned), lateness_s(told, planned, rate)
+            )
+        )
+    return tuple(found)
+
+
+def lateness_s(flown: Array, planned: Array, rate_mps: Array) -> float:
+    """The shift in time that brings places (N, 3) nearest to those planned: least squares along the velocity."""
+    moving = np.linalg.norm(rate_mps, axis=1) > SLOW_MPS
+    if not moving.any():
+        return float("nan")
+    behind = np.sum((planned[moving] - flown[moving]) * rate_mps[moving])
+    return float(behind / np.sum(rate_mps[moving] ** 2))
+
+
+def _vectors(columns: dict[str, Array], rows: Array, form: str) -> Array:
+    return np.stack([columns[form.format(axis)][rows] for axis in ("north", "east", "down")], axis=1)
+
+
+def _rms(off: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(off * off, axis=1))))

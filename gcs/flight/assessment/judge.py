@@ -1,0 +1,177 @@
+"""Did the flight hold what the scenario asks? Judged from the vehicles' true states, never from what they believe.
+
+Knows: plan, truth, criteria. Does not know: telemetry, links, simulators.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.distance import pdist
+
+from gcs.errors import FileFormatError
+from gcs.flight.progress import FlightTimes
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.environment.terrain import ground_height_m
+
+GRID_S = 0.05
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One demand, the figure flown and whether it holds."""
+
+    name: str
+    unit: str
+    value: float
+    limit: float
+    at_least: bool  # value >= limit, else value <= limit
+    sysid: int | None = None
+    t_s: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        """The figure is on the right side of its limit."""
+        return bool(self.value >= self.limit if self.at_least else self.value <= self.limit)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All criteria, and the tracking error of each vehicle."""
+
+    criteria: tuple[Criterion, ...]
+    rms_m: dict[int, float]
+    max_m: dict[int, float]
+    formation_error_m: float  # Definition 1, the largest between T0 and the arrival
+
+    @property
+    def ok(self) -> bool:
+        """The flight counts."""
+        return all(c.ok for c in self.criteria)
+
+
+def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
+    """Compare the true flight with plan and scenario.
+
+    Separation counts from take-off to landing; clearance above the exact ground while hovering, flying and arriving;
+    the position error from T0 to the planned arrival; the arrival is the last entry into the circle of
+    `arrival_position_m` around the goal, against the instant the plan enters it.
+    """
+    asked = plan.scenario.judge
+    positions = _in_plan_order(plan, truth)
+    t_s, flown = _on_grid(truth, positions, times)
+    planned = plan.states(np.clip(t_s, plan.t_start_s, plan.t_end_s))[..., POSITION]
+    error = np.linalg.norm(flown - planned, axis=-1)
+    mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
+    rms = np.sqrt(np.mean(error[:, mission] ** 2, axis=1))
+    worst = int(np.argmax(rms))
+    criteria = [
+        Criterion("position error (RMS)", "m", float(rms[worst]), asked.position_rms_m, False, plan.sysids[worst])
+    ]
+    criteria.append(_clearance(plan, t_s, flown))
+    criteria += _arrivals(plan, t_s, flown, planned)
+    if len(plan.sysids) > 1:
+        criteria.append(_separation(plan, truth, positions, times.t0_unix_s))
+    return Verdict(
+        tuple(criteria),
+        dict(zip(plan.sysids, rms.tolist(), strict=True)),
+        dict(zip(plan.sysids, error[:, mission].max(axis=1).tolist(), strict=True)),
+        float(plan.formation_error_m(t_s[mission], flown[:, mission]).max()),
+    )
+
+
+def _in_plan_order(plan: Plan, truth: Truth) -> Array:
+    rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
+    return np.asarray(truth.states[rows])
+
+
+def _on_grid(truth: Truth, states: Array, times: FlightTimes) -> tuple[Array, Array]:
+    """Plan times (N,) from hovering to the order to land, and true positions (V, N, 3) at them."""
+    start_s = times.airborne_unix_s - times.t0_unix_s
+    end_s = times.landing_unix_s - times.t0_unix_s
+    t_s = np.arange(np.ceil(start_s / GRID_S), np.floor(end_s / GRID_S) + 1) * GRID_S
+    path = CubicHermiteSpline(truth.unix_s - times.t0_unix_s, states[..., POSITION], states[..., VELOCITY], axis=1)
+    return t_s, np.asarray(path(t_s))
+
+
+def _separation(plan: Plan, truth: Truth, states: Array, t0_unix_s: float) -> Criterion:
+    least = np.array([pdist(states[:, n, POSITION]).min() for n in range(states.shape[1])])
+    instant = int(np.argmin(least))
+    limit = plan.scenario.judge.separation_min_m
+    return Criterion(
+        "separation", "m", float(least[instant]), limit, True, t_s=float(truth.unix_s[instant] - t0_unix_s)
+    )
+
+
+def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:
+    above = -flown[..., 2] - ground_height_m(plan.scenario.terrain, flown[..., 0], flown[..., 1])
+    row, instant = np.unravel_index(np.argmin(above), above.shape)
+    return Criterion(
+        "clearance above ground", "m", float(above[row, instant]), 0.0, True, plan.sysids[row], float(t_s[instant])
+    )
+
+
+def _arrivals(plan: Plan, t_s: Array, flown: Array, planned: Array) -> list[Criterion]:
+    asked = plan.scenario.judge
+    goal = plan.states(np.array([plan.flight_s]))[:, 0, POSITION][:, None]
+    at_end = np.searchsorted(t_s, plan.flight_s)
+    missed = np.linalg.norm(flown - goal, axis=-1)
+    farthest = int(np.argmax(missed[:, at_end]))
+    entered = [_last_entry(t_s, d, asked.arrival_position_m) for d in missed]
+    due = [_last_entry(t_s, d, asked.arrival_position_m) for d in np.linalg.norm(planned - goal, axis=-1)]
+    late = np.abs(np.subtract(entered, due))
+    latest = int(np.argmax(late))
+    return [
+        Criterion(
+            "arrival position",
+            "m",
+            float(missed[farthest, at_end]),
+            asked.arrival_position_m,
+            False,
+            plan.sysids[farthest],
+            plan.flight_s,
+        ),
+        Criterion("arrival time", "s", float(late[latest]), asked.arrival_time_s, False, plan.sysids[latest]),
+    ]
+
+
+def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:
+    """When the distance last fell below the radius; infinite when it ends outside."""
+    outside = np.flatnonzero(distance_m > radius_m)
+    if len(outside) == 0:
+        return float(t_s[0])
+    last = int(outside[-1])
+    if last + 1 >= len(t_s):
+        return float("inf")
+    share = (distance_m[last] - radius_m) / (distance_m[last] - distance_m[last + 1])
+    return float(t_s[last] + share * (t_s[last + 1] - t_s[last]))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True states on a common clock, in the formation's local NED frame."""
+
+    sysids: tuple[int, ...]
+    unix_s: Array  # (N,) GNSS time
+    states: Array  # (V, N, 12)
+
+    def __post_init__(self) -> None:
+        if self.states.shape != (len(self.sysids), len(self.unix_s), 12):
+            raise ValueError(f"states must be (V, N, 12), not {self.states.shape}")
+
+
+def load_truth(path: Path) -> Truth:
+    """Read a truth file; raises FileFormatError when it is missing or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return Truth(tuple(int(i) for i in archive["sysid"]), archive["t_unix_s"], archive["state"])
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as problem:
+        raise FileFormatError(
+            f"{path}: no true states of a simulated flight ({type(problem).__name__})",
+            hint="the simulator writes them when it ends; look at its own messages",
+        ) from problem

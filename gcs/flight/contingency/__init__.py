@@ -1,0 +1,1 @@
+"""What goes wrong in flight, what is ordered then, and how orders are carried out."""

@@ -1,0 +1,242 @@
+"""Watching over a flight, and carrying out what the rules order.
+
+Knows: watches, rules, the pilot's courses, sessions, the event loop. Does not know: the order of a flight's steps, why
+a rule is as it is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gcs.aio import ended
+from gcs.errors import GcsError
+from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.detection import Incident, Kind, VehicleWatch
+from gcs.flight.contingency.manoeuvres import LegsCourse, hold_course, return_course, spread_course
+from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, Action, Choices, Director, Order, State
+from gcs.flight.monitor import Monitor, VehicleView
+from gcs.flight.offboard.streamer import Pilot
+from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.progress import Event
+from gcs.flight.sequence.fleet_time import FleetTime
+from gcs.flight.sequence.takeoff_landing import Crew, set_mode
+from gcs.link.wire.message import Message
+from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
+from gcs.plan.trajectory.trajectory import Plan
+
+_PERIOD_S = 0.1  # of fleet time between two looks
+_SLEEP_S = 0.005
+_USABLE_M = 1.5  # further off, a vehicle that is heard again would have to catch up, with others in its way
+_REJOIN_S = 8.0
+_TRIES = 3
+_HOVER_M = 1.0  # over home, before the landing
+
+
+class Crisis:
+    """Watches from the start of the formation's flight on. `over` is set once nobody flies the plan any more."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        crews: Mapping[int, Crew],
+        monitor: Monitor,
+        pilot: Pilot,
+        time: FleetTime,
+        returns: ReturnPlan,
+        options: FlightOptions,
+        on_event: Callable[[Event], None],
+    ) -> None:
+        self.director = Director(
+            plan.sysids,
+            plan.sysids[plan.leader],
+            Choices(options.on_loss, options.on_leader_loss, options.follow),
+        )
+        self.over = asyncio.Event()
+        self.events: list[Event] = []
+        self._plan = plan
+        self._crews = crews
+        self._monitor = monitor
+        self._pilot = pilot
+        self._time = time
+        self.returns = returns
+        self._options = options
+        self._on_event = on_event
+        self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
+        self._watches = {sysid: self._watch(crew) for sysid, crew in crews.items()}
+        self._now_s = -math.inf  # of the fleet; worked out once for many messages
+        self._going_home: dict[int, LegsCourse] = {}
+        self._tasks: dict[int, asyncio.Future[None]] = {}
+
+    def _watch(self, crew: Crew) -> VehicleWatch:
+        m = crew.manners
+        obeys = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
+        return VehicleWatch(crew.sysid, m, self._options.limits, math.inf, frozenset(obeys))
+
+    async def run(self) -> None:
+        """Look, decide, order, until cancelled."""
+        began_s = self._now_s = self._time.sure_s()
+        stops = [crew.session.subscribe(self._listener(self._watches[crew.sysid])) for crew in self._crews.values()]
+        for watch in self._watches.values():
+            watch.begin(began_s)
+        looked_s = began_s
+        try:
+            while True:
+                await asyncio.sleep(_SLEEP_S)
+                now_s = self._time.now_s()
+                self._now_s = self._now_s if now_s is None else now_s
+                if now_s is not None and now_s - looked_s >= _PERIOD_S and self._monitor.t0_unix_s is not None:
+                    looked_s = now_s
+                    self._look(now_s, self._monitor.t0_unix_s)
+        finally:
+            for stop in stops:
+                stop()
+            for task in self._tasks.values():
+                await ended(task)
+
+    def call_home(self) -> None:
+        """Everybody returns now, because somebody says so."""
+        t_s = self._time.sure_s() - (self._monitor.t0_unix_s or 0.0)
+        for order in self.director.call_home(self._time.sure_s()):
+            self._carry_out(order, t_s)
+
+    def landing(self) -> None:
+        """The plan is over: modes change now because we say so."""
+        for crew in self._crews.values():
+            self._watches[crew.sysid].obeys |= {crew.manners.land}
+
+    def longest_return_s(self) -> float:
+        """Within this time of the fleet everybody who is on the way home should be down."""
+        speeds = self.returns.speeds
+        plan = self._plan
+        span_m = np.linalg.norm(np.ptp([*plan.pads_ned_m[:, :2], *plan.landing_points_ned_m[:, :2]], axis=0))
+        return float(120.0 + 2.0 * span_m / speeds.cruise_mps + 4.0 * self.returns.top_m / speeds.sink_mps)
+
+    def words(self, incident: Incident) -> str:
+        """One trouble for people: "vehicle 2 was lost (silent for 10.1 s) at t = 12.3 s"."""
+        t_s = incident.unix_s - (self._monitor.t0_unix_s or 0.0)
+        detail = f" ({incident.detail})" if incident.detail else ""
+        what = "was lost" if incident.kind is Kind.VEHICLE_LOST else f"left the formation: {incident.kind.value}"
+        return f"vehicle {incident.sysid} {what}{detail} at t = {t_s:.1f} s"
+
+    def _listener(self, watch: VehicleWatch) -> Callable[[Message], None]:
+        def receive(message: Message) -> None:
+            watch.receive(message, self._now_s)
+
+        return receive
+
+    def _look(self, now_s: float, t0_unix_s: float) -> None:
+        t_s = now_s - t0_unix_s
+        for sysid, watch in self._watches.items():
+            if not self._crews[sysid].session.armed:
+                continue  # who stands on the ground has no troubles
+            error_m = self._monitor.views[sysid].error_m
+            watch.usable = not error_m > _USABLE_M
+            for incident in watch.look(now_s):
+                self._decide(incident, t_s)
+        self._look_apart(now_s, t_s)
+        for order in self.director.clear(now_s):
+            self._carry_out(order, t_s)
+        for sysid, course in list(self._going_home.items()):
+            if t_s > course.end_s:
+                del self._going_home[sysid]
+                self._start(sysid, partial(self._change_mode, self._crews[sysid], self._crews[sysid].manners.land))
+        formation = self.director.in_formation
+        self._monitor.in_formation = [i for i in formation if self.director.states[i] is State.FLYING]
+        if not formation:
+            self.over.set()
+
+    def _look_apart(self, now_s: float, t_s: float) -> None:
+        states = self.director.states
+        aloft = [i for i, s in states.items() if s is not State.LOST and self._crews[i].session.armed]
+        self._monitor.aloft = aloft
+        on_plan = [i for i in aloft if states[i] in IN_FORMATION]
+        views = self._monitor.views
+        for conflict in self._separation.look(views, t_s, now_s, on_plan, aloft):
+            further, other = sorted(conflict.pair, key=lambda i: -np.nan_to_num(views[i].error_m))
+            higher = bool(views[further].position_ned_m[2] <= views[other].position_ned_m[2])
+            words = f"{conflict.distance_m:.2f} m"
+            incident = Incident(Kind.CONFLICT, further, now_s, words, other=other, in_s=conflict.in_s)
+            self._decide(incident, t_s, higher=higher)
+
+    def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
+        orders = self.director.take(incident, higher=higher)
+        if incident.kind is not Kind.CONFLICT or orders:
+            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail)
+        for order in orders:
+            self._carry_out(order, t_s)
+
+    def _note(self, unix_s: float, t_s: float, sysid: int, what: str, rule: str) -> None:
+        event = Event(unix_s, t_s, sysid, what, rule)
+        self.events.append(event)
+        self._on_event(event)
+
+    def _carry_out(self, order: Order, t_s: float) -> None:
+        self._note(self._time.sure_s(), t_s, order.sysid, f"told to {order.action.value}", order.rule)
+        crew = self._crews[order.sysid]
+        watch, m, view = self._watches[order.sysid], crew.manners, crew.view
+        self._going_home.pop(order.sysid, None)
+        begin_s = t_s + self._options.lead_s
+        match order.action:
+            case Action.LEAVE:
+                self._pilot.leave(order.sysid)
+            case Action.LAND:
+                watch.obeys = frozenset({*watch.obeys, m.land})
+                self._start(order.sysid, partial(self._change_mode, crew, m.land))
+            case Action.REJOIN:
+                if self._options.mode is FlightMode.STREAM:
+                    self._pilot.rejoin(crew, view, begin_s, _REJOIN_S)
+            case Action.PROMOTE:
+                self._pilot.promote(order.sysid, begin_s, _REJOIN_S)
+            case Action.HOLD | Action.SPREAD | Action.RETURN:
+                watch.obeys = frozenset({*watch.obeys, m.guided, m.land, m.returning})
+                course = self._course(order, view, crew.row, begin_s)
+                if order.action is Action.RETURN:
+                    self._going_home[order.sysid] = course
+                self._start(order.sysid, partial(self._pilot.take_over, crew, course))
+
+    def _course(self, order: Order, view: VehicleView, row: int, begin_s: float) -> LegsCourse:
+        """From where it will be when it begins."""
+        assert self._monitor.t0_unix_s is not None
+        ahead_s = min(max(begin_s - (view.unix_s - self._monitor.t0_unix_s), 0.0), 1.0)
+        position, velocity = view.position_ned_m + view.velocity_ned_mps * ahead_s, view.velocity_ned_mps
+        at = np.clip(np.array([begin_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
+        yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
+        if order.action is Action.HOLD:
+            return hold_course(position, velocity, yaw, begin_s)
+        if order.action is Action.SPREAD:
+            return spread_course(position, velocity, yaw, begin_s, SPREAD_M)
+        speeds = self.returns.speeds
+        return return_course(
+            position,
+            velocity,
+            yaw,
+            begin_s,
+            self._plan.pads_ned_m[row],
+            float(self.returns.altitudes_m[row]),
+            (speeds.climb_mps, speeds.cruise_mps, speeds.sink_mps),
+            _HOVER_M,
+        )
+
+    async def _change_mode(self, crew: Crew, mode: int) -> None:
+        await set_mode(crew, mode)
+        self._pilot.leave(crew.sysid)
+
+    def _start(self, sysid: int, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """One task for each vehicle: the newest order counts."""
+        if (before := self._tasks.pop(sysid, None)) is not None:
+            before.cancel()
+
+        async def guarded() -> None:
+            for _ in range(_TRIES):  # what is ordered in a crisis is ordered over bad links
+                with suppress(GcsError):
+                    await work()
+                    return
+
+        self._tasks[sysid] = asyncio.ensure_future(guarded())

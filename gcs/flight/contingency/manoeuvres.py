@@ -1,0 +1,159 @@
+"""Courses that leave the plan, and come back to it: braking, spreading, returning, rejoining.
+
+Knows: motion by pieces with a bounded acceleration, in plan time and the common local NED frame. Does not know: who
+decides, links. All of them end at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.flight.offboard.reference_trajectory import Course, Values
+from gcs.physics.quadrotor import Array
+
+BRAKE_MPS2 = 1.5  # a fifth of what tilting by 60 degrees would give: any vehicle here can
+SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Straight from `start` by `way` (3,) in `duration_s`: from rest to rest, or from `speed_mps` to rest."""
+
+    start: Array
+    way: Array
+    duration_s: float
+    rise_s: float  # of speed, and its fall
+    braking: bool = False
+
+    def at(self, t_s: float) -> tuple[Array, Array, Array]:
+        """Position, velocity, acceleration (3,) each, `t_s` after its start."""
+        length = float(np.linalg.norm(self.way))
+        if length == 0.0 or self.duration_s == 0.0:
+            return self.start, np.zeros(3), np.zeros(3)
+        along = self.way / length
+        t_s = min(max(t_s, 0.0), self.duration_s)
+        left_s = self.duration_s - t_s
+        if self.braking:
+            a = 2.0 * length / self.duration_s**2
+            gone, speed, push = length - a * left_s**2 / 2, a * left_s, -a
+        else:
+            top = length / (self.duration_s - self.rise_s)
+            a = top / self.rise_s
+            if t_s < self.rise_s:
+                gone, speed, push = a * t_s**2 / 2, a * t_s, a
+            elif left_s < self.rise_s:
+                gone, speed, push = length - a * left_s**2 / 2, a * left_s, -a
+            else:
+                gone, speed, push = top * (t_s - self.rise_s / 2), top, 0.0
+        return self.start + gone * along, speed * along, push * along
+
+
+def leg(start: Array, end: Array, speed_mps: float, accel_mps2: float = BRAKE_MPS2) -> Leg:
+    """From rest to rest, no faster than told."""
+    way = np.asarray(end) - start
+    length = float(np.linalg.norm(way))
+    top = min(speed_mps, math.sqrt(length * accel_mps2))
+    return Leg(start, way, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
+
+
+def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) -> Leg:
+    """Straight on to a stop."""
+    speed = float(np.linalg.norm(velocity))
+    return Leg(position, velocity * speed / (2.0 * accel_mps2), speed / accel_mps2, 0.0, braking=True)
+
+
+class LegsCourse:
+    """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them from then on."""
+
+    def __init__(self, legs: Sequence[Leg], begin_s: float, yaw_ned_rad: float, beside: Leg | None = None) -> None:
+        self.begin_s = begin_s
+        durations_s = [sum(one.duration_s for one in legs), beside.duration_s if beside is not None else 0.0]
+        self.end_s = begin_s + max(durations_s)
+        self._legs_end_s = begin_s + durations_s[0]
+        self._legs = tuple(legs)
+        self._beside = beside
+        self._yaw_ned_rad = yaw_ned_rad
+
+    def at(self, k: int, t_s: float) -> Values:
+        """Where the legs are at plan time `t_s`."""
+        del k
+        passed_s = t_s - self.begin_s
+        for one in self._legs[:-1]:
+            if passed_s < one.duration_s:
+                break
+            passed_s -= one.duration_s
+        else:
+            one = self._legs[-1]
+        position, velocity, acceleration = one.at(passed_s)
+        if t_s >= self._legs_end_s or t_s < self.begin_s:  # rest has no acceleration
+            velocity, acceleration = (velocity, np.zeros(3)) if t_s < self.begin_s else (np.zeros(3), np.zeros(3))
+        if self._beside is not None and t_s > self.begin_s:
+            way, rate, push = self._beside.at(t_s - self.begin_s)
+            still = t_s >= self.begin_s + self._beside.duration_s
+            position, velocity = position + way, velocity if still else velocity + rate
+            acceleration = acceleration if still else acceleration + push
+        return (*position.tolist(), *velocity.tolist(), *acceleration.tolist(), self._yaw_ned_rad)
+
+
+def hold_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float) -> LegsCourse:
+    """Brake, and stand there."""
+    return LegsCourse([braking(position, velocity)], begin_s, yaw_ned_rad)
+
+
+def spread_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float) -> LegsCourse:
+    """Brake, climb by `up_m` meanwhile, and stand there."""
+    climb = leg(np.zeros(3), np.array([0.0, 0.0, -up_m]), SPREAD_MPS, SPREAD_MPS2)
+    return LegsCourse([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
+
+
+def return_course(
+    position: Array,
+    velocity: Array,
+    yaw_ned_rad: float,
+    begin_s: float,
+    home_ned_m: Array,
+    level_m: float,
+    speeds_mps: tuple[float, float, float],
+    end_above_m: float,
+) -> LegsCourse:
+    """Brake, climb to `level_m` above home, straight there, down to `end_above_m` over it: as returns are verified.
+
+    Who is higher already stays as high as it is. `speeds_mps`: climb, cruise, sink.
+    """
+    climb, cruise, sink = speeds_mps
+    stop = braking(position, velocity)
+    here = stop.start + stop.way
+    top = min(float(here[2]), float(home_ned_m[2]) - level_m)
+    over_here, over_home = np.array([here[0], here[1], top]), np.array([home_ned_m[0], home_ned_m[1], top])
+    low = np.array([home_ned_m[0], home_ned_m[1], max(float(home_ned_m[2]) - end_above_m, top)])
+    legs = [stop, leg(here, over_here, climb), leg(over_here, over_home, cruise), leg(over_home, low, sink)]
+    return LegsCourse(legs, begin_s, yaw_ned_rad)
+
+
+class RejoinCourse:
+    """Another course, joined from where the vehicle is: what is off fades in `fade_s`, velocity and all."""
+
+    def __init__(self, base: Course, off_m: Array, off_mps: Array, begin_s: float, fade_s: float) -> None:
+        self.base = base
+        self._begin_s = begin_s
+        self._fade_s = fade_s
+        # A quintic from (off, its rate, 0) to rest at zero, in s = t / fade.
+        p, v = np.asarray(off_m), np.asarray(off_mps) * fade_s
+        self._c = np.array([-6 * p - 3 * v, 15 * p + 8 * v, -10 * p - 6 * v, 0 * p, v, p])
+
+    def at(self, k: int, t_s: float) -> Values | None:
+        """The other course's setpoint, moved by what is still off."""
+        values = self.base.at(k, t_s)
+        s = (t_s - self._begin_s) / self._fade_s
+        if values is None or s >= 1.0:
+            return values
+        s = max(s, 0.0)
+        off = [
+            np.polyval(np.polynomial.polynomial.polyder(self._c[::-1], n)[::-1], s) / self._fade_s**n for n in (0, 1, 2)
+        ]
+        moved = np.array(values[:9]) + np.concatenate(off)
+        return (*moved.tolist(), values[9])

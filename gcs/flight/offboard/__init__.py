@@ -1,0 +1,1 @@
+"""The setpoint stream: references, deadlines, messages."""

@@ -1,0 +1,153 @@
+"""What a flight leaves behind: a folder with plan, exports, telemetry, truth, report and pictures.
+
+Knows: names and formats of the files. Does not know: flying, judging.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from gcs.files import atomic_write
+from gcs.flight.assessment.judge import Criterion, Verdict
+from gcs.flight.progress import Event, FlightTimes
+from gcs.link.session.linked_fleet import Direction
+
+
+def new_folder(root: Path, mission: str, now: datetime) -> Path:
+    """`<root>/<date>-<mission>`, made; a second flight in the same second gets a number."""
+    stem = f"{now:%Y-%m-%d-%H%M%S}-{mission}"
+    folder = root / stem
+    number = 2
+    while True:
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            folder = root / f"{stem}-{number}"
+            number += 1
+        else:
+            return folder
+
+
+class TelemetryLog:
+    """A `.tlog`: every frame in both directions behind its time in microseconds, as MAVProxy and QGC replay it.
+
+    Time is the vehicles' own, so that a flight simulated at ten times real time replays as it was flown.
+    """
+
+    def __init__(self, path: Path, unix_s: Callable[[], float | None]) -> None:
+        self._file = path.open("wb")
+        self._unix_s = unix_s
+        self._last_us = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, direction: Direction, frame: bytes) -> None:
+        """Note one frame; frames before the vehicles' time is known carry the time 0."""
+        unix_s = self._unix_s()
+        if unix_s is not None:
+            self._last_us = max(self._last_us, round(unix_s * 1e6))
+        if not self._file.closed:
+            self._file.write(struct.pack(">Q", self._last_us) + frame)
+
+
+EVENTS = "events.jsonl"
+
+
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Lines of `events.jsonl`, none where there is no file; a line that was cut off is left out."""
+    found = []
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
+        try:
+            found.append(Event(**json.loads(line)))
+        except (ValueError, TypeError):
+            continue
+    return tuple(found)
+
+
+class EventLog:
+    """`events.jsonl`: one line for everything that went wrong and what was done, there as soon as it happened."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("a", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, event: Event) -> None:
+        """Note one event."""
+        self._file.write(json.dumps(asdict(event)) + "\n")
+        self._file.flush()
+
+
+def report_data(
+    mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict, extra: dict[str, Any]
+) -> dict[str, Any]:
+    """The report as plain values, for `report.json` and `--json`."""
+    return {
+        "ok": verdict.ok,
+        "mission": mission,
+        "plan_hash": plan_hash,
+        **extra,
+        # Who never arrives is infinitely late, which JSON has no number for.
+        "criteria": [{**asdict(c), "value": _finite(c.value), "ok": c.ok} for c in verdict.criteria],
+        "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
+        "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
+        "formation_error_max_m": _finite(verdict.formation_error_m),
+        "times": asdict(times),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
+    """`report.json` for programs and `report.md` for people."""
+    atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
+    lines = [
+        f"# Flight of {data['mission']}",
+        "",
+        f"{'Held' if verdict.ok else 'NOT held'}: plan `{data['plan_hash'][:12]}`, mode {data['mode']}.",
+        "",
+        "| criterion | flown | asked | holds |",
+        "| --- | --- | --- | --- |",
+        *(
+            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {asked(c)} | {'yes' if c.ok else 'NO'} |"
+            for c in verdict.criteria
+        ),
+        "",
+        "| vehicle | position error RMS, m | worst, m |",
+        "| --- | --- | --- |",
+        *(f"| {sysid} | {rms:.3f} | {verdict.max_m[sysid]:.3f} |" for sysid, rms in verdict.rms_m.items()),
+        "",
+    ]
+    atomic_write(folder / "report.md", "\n".join(lines))
+
+
+def asked(criterion: Criterion) -> str:
+    """The demand in words: "at most 0.15 m"."""
+    return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}"
+
+
+def _where(criterion: Criterion) -> str:
+    who = "" if criterion.sysid is None else f" (vehicle {criterion.sysid})"
+    return who if criterion.t_s is None else f"{who} at {criterion.t_s:.1f} s"

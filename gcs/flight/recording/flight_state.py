@@ -1,0 +1,82 @@
+"""`flight.json`: what another process has to know to take up a flight whose own one is gone.
+
+Knows: the file, and whether a process lives. Does not know: vehicles, how a flight is taken up (`takeup`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from gcs.errors import FileFormatError, UsageError
+from gcs.files import atomic_write
+from gcs.flight.progress import Step
+
+NAME = "flight.json"
+_FORMAT = "skein-flight-1"
+
+
+@dataclass(frozen=True)
+class Logbook:
+    """How it stands with a flight, as last written."""
+
+    mission: str
+    plan_hash: str
+    links: tuple[str, ...]  # none: emulated vehicles that ended with the flight's process
+    systems: dict[int, int]  # MAVLink systems of vehicles that are not called what the plan calls them
+    mode: str
+    follow: bool
+    step: str
+    t0_unix_s: float | None
+    pid: int
+
+    @property
+    def over(self) -> bool:
+        """Whether everybody had landed."""
+        return self.step == Step.DONE
+
+    @property
+    def flown_by_another(self) -> bool:
+        """Whether its process still lives."""
+        if self.pid == os.getpid():
+            return False
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+def write_logbook(folder: Path, book: Logbook) -> None:
+    """Put it in place of the last one, whole or not at all."""
+    atomic_write(folder / NAME, json.dumps({"format": _FORMAT, **asdict(book)}, indent=2) + "\n")
+
+
+def read_logbook(folder: Path) -> Logbook:
+    """Raises FileFormatError."""
+    path = folder / NAME
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data.pop("format") != _FORMAT:
+            raise ValueError("another format")
+        data["links"] = tuple(map(str, data["links"]))
+        data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
+        return Logbook(**data)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise FileFormatError(f"{path} is no logbook of a flight ({problem}).", hint="name a flight's folder") from None
+
+
+def newest_unfinished(root: Path) -> Path:
+    """The folder of the last flight under `root` that did not end. Raises UsageError."""
+    found = sorted((p.parent for p in root.glob(f"*/{NAME}")), key=lambda folder: (folder / NAME).stat().st_mtime)
+    for folder in reversed(found):
+        book = read_logbook(folder)
+        if not book.over and book.links:
+            return folder
+    raise UsageError(
+        f"no flight under {root} was left unfinished.", hint="name its folder, or the folder of flights with --to"
+    )

@@ -1,0 +1,166 @@
+"""Where vehicles went and what they did, from anybody's telemetry: no plan, no T0, no common frame to begin with.
+
+Knows: HEARTBEAT, positions, SYS_STATUS, STATUSTEXT. Does not know: files, plans.
+Who tells GLOBAL_POSITION_INT is placed on Earth by it; who does not, by LOCAL_POSITION_NED and GPS_GLOBAL_ORIGIN or
+HOME_POSITION; who tells neither keeps a frame of his own. The common origin is where the first one was heard first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gcs.autopilots.flight_modes import mode_name
+from gcs.flight.progress import Event
+from gcs.flight.recording.recording import VehicleTrack
+from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
+from gcs.link.microservices.statustext import StatusTextJoiner
+from gcs.link.wire.message import GROUND, Message
+from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
+from gcs.physics.quadrotor import Array
+
+_ELSEWHERE_S = 1.0
+_AXES = ("x", "y", "z", "vx", "vy", "vz")
+
+
+@dataclass
+class _Heard:
+    """What one system told so far."""
+
+    autopilot: int = GENERIC_AUTOPILOT
+    beats: int = 0
+    armed: bool = False
+    mode: int = 0
+    battery_pct: int = -1
+    origin: Origin | None = None  # of its local frame
+    is_global: list[bool] = field(default_factory=list)
+    stamps: list[tuple[float, float]] = field(default_factory=list)  # noted, boot clock
+    motion: list[tuple[float, ...]] = field(default_factory=list)  # lat lon alt or x y z; three velocities
+    state: list[tuple[bool, int, int]] = field(default_factory=list)
+
+
+def is_ground(message: Message) -> bool:
+    """Whether whoever sent this heartbeat is a ground station."""
+    return message.name == "HEARTBEAT" and message.fields["type"] == MavType.GCS
+
+
+def retrace(
+    messages: Iterable[tuple[float, Message]],
+) -> tuple[tuple[VehicleTrack, ...], tuple[Event, ...], tuple[Event, ...], tuple[str, ...]]:
+    """Messages with their times, in order -> tracks, what went wrong, what else was said, notes."""
+    heard: dict[int, _Heard] = {}
+    events: list[Event] = []
+    remarks: list[Event] = []
+    joiner = StatusTextJoiner()
+    for t_s, message in messages:
+        sysid = message.sysid
+        if sysid == GROUND.sysid or is_ground(message):
+            continue
+        one = heard.setdefault(sysid, _Heard())
+        if message.name == "HEARTBEAT":
+            remarks += [Event(t_s, t_s, sysid, what) for what in _beat(one, message.fields)]
+        elif message.name == "STATUSTEXT":
+            for said in joiner.receive(message, t_s):
+                bad = said.severity <= Severity.WARNING
+                (events if bad else remarks).append(Event(t_s, t_s, sysid, f"says: {said.text}"))
+        else:
+            _take(one, message, t_s)
+    tracks, notes = _tracks({sysid: one for sysid, one in sorted(heard.items()) if one.motion})
+    return tracks, tuple(events), tuple(remarks), notes
+
+
+def _beat(one: _Heard, fields: dict[str, Any]) -> list[str]:
+    """Take a heartbeat in; what has changed, in words."""
+    if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
+        return []
+    armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
+    one.autopilot = int(fields["autopilot"])
+    said = []
+    if one.beats == 0 or mode != one.mode:
+        said.append(f"is in {mode_name(one.autopilot, mode)}")
+    if armed != one.armed:
+        said.append("is armed" if armed else "is disarmed")
+    one.beats, one.armed, one.mode = one.beats + 1, armed, mode
+    return said
+
+
+def _take(one: _Heard, message: Message, t_s: float) -> None:
+    fields = message.fields
+    if message.name == "SYS_STATUS":
+        one.battery_pct = int(fields["battery_remaining"])
+    elif message.name == "GPS_GLOBAL_ORIGIN":
+        one.origin = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
+    elif message.name == "HOME_POSITION" and one.origin is None:
+        place = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
+        back = ned_to_geodetic(-np.array([fields["x"], fields["y"], fields["z"]]), place)
+        one.origin = Origin(*(float(part) for part in back))
+    elif message.name == "GLOBAL_POSITION_INT" and (fields["lat"] or fields["lon"]):
+        motion = (fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3)
+        _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in _AXES[3:])))
+    elif message.name == "LOCAL_POSITION_NED":
+        _note(one, False, t_s, fields, tuple(float(fields[name]) for name in _AXES))
+
+
+def _note(one: _Heard, is_global: bool, t_s: float, fields: dict[str, Any], motion: tuple[float, ...]) -> None:
+    if np.isfinite(motion).all():
+        one.is_global.append(is_global)
+        one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
+        one.motion.append(motion)
+        one.state.append((one.armed, one.mode, one.battery_pct))
+
+
+def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[str, ...]]:
+    origin: Origin | None = None
+    found, alone = [], []
+    for sysid, one in heard.items():
+        is_global = np.array(one.is_global)
+        chosen = is_global if is_global.any() else ~is_global
+        motion = np.array(one.motion)[chosen]
+        places = motion[:, :3]
+        if is_global.any():
+            earth = (places[:, 0], places[:, 1], places[:, 2])
+        elif one.origin is not None:
+            earth = ned_to_geodetic(places, one.origin)
+        else:
+            alone.append(sysid)
+            earth = None
+        if earth is not None:
+            origin = origin or Origin(*(float(part[0]) for part in earth))
+            places = geodetic_to_ned(*earth, origin)
+        stamps, state = np.array(one.stamps)[chosen], np.array(one.state)[chosen]
+        t_s = steady_times(stamps[:, 0], stamps[:, 1])
+        order = np.argsort(t_s, kind="stable")
+        found.append(
+            VehicleTrack(
+                sysid,
+                one.autopilot,
+                t_s[order],
+                places[order],
+                motion[order, 3:],
+                state[order, 0].astype(bool),
+                state[order, 1].astype(np.int64),
+                state[order, 2].astype(np.int64),
+            )
+        )
+    if alone and len(found) > 1:
+        named = ", ".join(map(str, alone))
+        return tuple(found), (f"nobody knows where on Earth vehicles {named} were: each is drawn in its own frame.",)
+    return tuple(found), ()
+
+
+def steady_times(noted_s: Array, boot_s: Array) -> Array:
+    """When reports (N,) were true: by the boot clock, whose offset is that of the report least delayed on its way.
+
+    A reboot, a clock that was set, and time that does not run at the clock's rate begin another stretch.
+    """
+    offset = noted_s - boot_s
+    times = np.empty_like(noted_s)
+    begin = 0
+    for end in range(1, len(offset) + 1):
+        if end == len(offset) or abs(offset[end] - offset[begin]) > _ELSEWHERE_S:
+            times[begin:end] = boot_s[begin:end] + offset[begin:end].min()
+            begin = end
+    return times

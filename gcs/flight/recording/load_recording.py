@@ -1,0 +1,115 @@
+"""A recording from what a flight left: its folder, or a bare `.tlog` of anybody's fleet.
+
+Knows: which files say what. Does not know: how it is shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from gcs.errors import FileFormatError
+from gcs.flight.recording.flight_folder import EVENTS, read_events
+from gcs.flight.recording.flight_state import NAME as LOGBOOK
+from gcs.flight.recording.flight_state import Logbook, read_logbook
+from gcs.flight.recording.from_telemetry import is_ground, retrace
+from gcs.flight.recording.record_table import NAME as RECORD
+from gcs.flight.recording.record_table import build_record, telemetry_logs
+from gcs.flight.recording.recording import Recording, VehicleTrack
+from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
+from gcs.link.wire.message import GROUND, Message
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.plan_file import load_plan
+
+PLAN = "plan.skein"
+
+
+class Recalled:
+    """A recording, and the frames that vehicles sent at their times (for who wants to hear them again)."""
+
+    def __init__(self, recording: Recording, t_s: Array, frames: tuple[LoggedFrame, ...]) -> None:
+        stations = {frame.sysid for frame in frames if frame.message is not None and is_ground(frame.message)}
+        chosen = [n for n, frame in enumerate(frames) if frame.sysid not in {GROUND.sysid, *stations}]
+        self.recording = recording
+        self.t_s = t_s[chosen]  # (F,)
+        self.frames = tuple(frames[n].data for n in chosen)
+
+
+def recall(path: Path) -> Recalled:
+    """A folder with `telemetry*.tlog` or `record.parquet`, or a log. Raises FileFormatError."""
+    if not path.is_dir():
+        return _bare(path.name, [load_tlog(path)])
+    logs = telemetry_logs(path)
+    book = read_logbook(path) if (path / LOGBOOK).is_file() else None
+    if book is None or book.t0_unix_s is None or not (path / PLAN).is_file():
+        if not logs:
+            raise FileFormatError(f"{path} holds no telemetry.", hint="name a flight's folder or a .tlog")
+        return _bare(path.name, [load_tlog(log) for log in logs])
+    return _flight(path, book, book.t0_unix_s, [load_tlog(log) for log in logs])
+
+
+def _flight(folder: Path, book: Logbook, t0_unix_s: float, logs: list[Tlog]) -> Recalled:
+    plan, _ = load_plan(folder / PLAN)
+    frames, unix_s, notes = _joined(logs)
+    messages = [frame.message for frame in frames if frame.message is not None]
+    record = build_record(plan, t0_unix_s, messages, book.systems) if logs else _read_record(folder / RECORD)
+    _, warnings, remarks, _ = retrace(_timed(frames, unix_s - t0_unix_s))
+    vehicle_of = {system: vehicle for vehicle, system in book.systems.items()}
+    said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
+    said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
+    tracks = _from_record(record, plan.sysids)
+    events = read_events(folder / EVENTS)
+    recording = Recording(f"{book.mission}, {book.step}", tracks, events, tuple(said), plan, notes)
+    return Recalled(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
+
+
+def _bare(name: str, logs: list[Tlog]) -> Recalled:
+    frames, unix_s, notes = _joined(logs)
+    t_s = unix_s - unix_s[0]
+    tracks, events, remarks, more = retrace(_timed(frames, t_s))
+    recording = Recording(name, tracks, events, remarks, None, (*notes, *more))
+    return Recalled(_not_empty(recording, Path(name)), t_s, frames)
+
+
+def _joined(logs: list[Tlog]) -> tuple[tuple[LoggedFrame, ...], Array, tuple[str, ...]]:
+    frames = tuple(frame for log in logs for frame in log.frames)
+    unix_s = np.concatenate([log.unix_s for log in logs]) if logs else np.empty(0)
+    return frames, np.maximum.accumulate(unix_s), tuple(note for log in logs for note in log.notes)
+
+
+def _timed(frames: tuple[LoggedFrame, ...], t_s: Array) -> Iterator[tuple[float, Message]]:
+    return ((float(t), frame.message) for t, frame in zip(t_s, frames, strict=True) if frame.message is not None)
+
+
+def _not_empty(recording: Recording, path: Path) -> Recording:
+    if not any(len(track.t_s) for track in recording.tracks):
+        raise FileFormatError(f"{path}: no vehicle says where it is.", hint="there is nothing to replay")
+    return recording
+
+
+def _from_record(record: pa.Table, sysids: tuple[int, ...]) -> tuple[VehicleTrack, ...]:
+    columns = {name: record.column(name).to_numpy() for name in record.column_names}
+    motion = [np.stack([columns[form.format(a)] for a in ("north", "east", "down")], axis=1) for form in _FORMS]
+    tracks = []
+    for sysid in sysids:
+        mine = np.flatnonzero(columns["sysid"] == sysid)
+        mine = mine[np.argsort(columns["t_s"][mine], kind="stable")]
+        autopilot = int(columns["autopilot"][mine[-1]]) if len(mine) and "autopilot" in columns else 0
+        values = (columns["t_s"], *motion, columns["armed"], columns["mode"], columns["battery_pct"])
+        tracks.append(VehicleTrack(sysid, autopilot, *(column[mine] for column in values)))
+    return tuple(tracks)
+
+
+_FORMS = ("{}_m", "v_{}_mps")
+
+
+def _read_record(path: Path) -> pa.Table:
+    try:
+        return pq.read_table(path)
+    except (OSError, pa.ArrowException) as problem:
+        raise FileFormatError(f"{path} cannot be read ({type(problem).__name__}).", hint="name a .tlog") from None

@@ -1,0 +1,98 @@
+"""A flight that was recorded: what every vehicle told over time, and what happened to it.
+
+Knows: plain values in one frame, how to find them at any instant. Does not know: files, who recorded them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
+
+from gcs.flight.progress import Event
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.plan.trajectory.trajectory import Plan
+
+SILENCE_S = 3.0  # after so long nobody knows where a vehicle was
+
+
+@dataclass(frozen=True)
+class VehicleTrack:
+    """One vehicle's reports, in order of time."""
+
+    sysid: int
+    autopilot: int  # MAV_AUTOPILOT
+    t_s: Array  # (N,)
+    position_ned_m: Array  # (N, 3)
+    velocity_ned_mps: Array  # (N, 3)
+    armed: NDArray[np.bool_]  # (N,)
+    mode: NDArray[np.int64]  # (N,) HEARTBEAT.custom_mode
+    battery_pct: NDArray[np.int64]  # (N,) -1: not told
+
+    def last(self, t_s: float) -> int | None:
+        """Index of the last report until then; None before the first."""
+        at = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
+        return at if at >= 0 else None
+
+    def at(self, t_s: Array) -> tuple[Array, Array]:
+        """Positions and velocities (M, 3) at instants (M,), between reports; NaN where the vehicle was silent."""
+        if not len(self.t_s):
+            return np.full((len(t_s), 3), np.nan), np.full((len(t_s), 3), np.nan)
+        after = np.clip(np.searchsorted(self.t_s, t_s), 1, max(len(self.t_s) - 1, 1))
+        silent = (t_s < self.t_s[0]) | (t_s > self.t_s[-1])
+        if len(self.t_s) > 1:
+            silent |= self.t_s[after] - self.t_s[after - 1] > SILENCE_S
+        found = []
+        for values in (self.position_ned_m, self.velocity_ned_mps):
+            between = np.stack([np.interp(t_s, self.t_s, values[:, n]) for n in range(3)], axis=1)
+            found.append(np.where(silent[:, None], np.nan, between))
+        return found[0], found[1]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All vehicles. Times count from T0 where there is a plan, else from the log's first frame."""
+
+    name: str
+    tracks: tuple[VehicleTrack, ...]
+    events: tuple[Event, ...]  # what went wrong, and what was done
+    remarks: tuple[Event, ...]  # what else was said: modes, arming, texts
+    plan: Plan | None
+    notes: tuple[str, ...] = ()  # what could not be read, in sentences
+
+    @property
+    def sysids(self) -> tuple[int, ...]:
+        """Vehicles in order."""
+        return tuple(track.sysid for track in self.tracks)
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """From the first report to the last."""
+        told = [track.t_s for track in self.tracks if len(track.t_s)]
+        return min(float(t[0]) for t in told), max(float(t[-1]) for t in told)
+
+    def at(self, t_s: Array) -> tuple[Array, Array]:
+        """Positions and velocities (V, M, 3) of all at instants (M,), NaN where they were silent."""
+        found = [track.at(t_s) for track in self.tracks]
+        return np.stack([places for places, _ in found]), np.stack([rates for _, rates in found])
+
+    def planned(self, t_s: Array) -> tuple[Array, Array] | None:
+        """The same as planned, NaN before and after the plan; None without one."""
+        plan = self.plan
+        if plan is None:
+            return None
+        states = plan.states(np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf)))
+        states = np.where(((t_s < plan.t_start_s) | (t_s > plan.t_end_s))[None, :, None], np.nan, states)
+        return states[..., POSITION], states[..., VELOCITY]
+
+
+def nearest_m(places_ned_m: Array) -> Array:
+    """Distance (M,) of the two of (V, M, 3) that are nearest to each other; NaN where fewer than two are known."""
+    found = np.full(places_ned_m.shape[1], np.nan)
+    for instant in range(len(found)):
+        known = places_ned_m[:, instant][~np.isnan(places_ned_m[:, instant, 0])]
+        if len(known) > 1:
+            found[instant] = pdist(known).min()
+    return found

@@ -1,0 +1,1 @@
+"""The sequence of a flight: upload, arm, take off, fly, land."""

@@ -1,0 +1,127 @@
+"""Our own way to ask a vehicle for what `gcs.link.session.vehicle_api` names.
+
+Knows: autopilots' manners, commands, setpoints. Does not know: plans, formations, MAVSDK.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.aio import ended
+from gcs.autopilots.flight_modes import Manners, manners_of
+from gcs.errors import PeerError
+from gcs.flight.offboard.setpoint_messages import setpoint_message
+from gcs.link.session.vehicle_api import Flyable, Setpoint
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mavlink import MavCommand, ModeFlag
+
+if TYPE_CHECKING:
+    from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
+
+_REPEAT_S = 0.04
+_TIMEOUT_S = 10.0
+
+
+async def until_mode(
+    session: VehicleSession, manners: Manners, mode: int, timeout_s: float, command: MavCommand | None = None
+) -> None:
+    """Ask for a mode, by a command that brings it about or DO_SET_MODE, and believe the HEARTBEAT only.
+
+    Raises CommandRefused, PeerTimeout.
+    """
+    # Listen first: an emulated vehicle may have landed and left the mode again before its acknowledgement is read.
+    seen = asyncio.ensure_future(
+        session.wait_for(
+            lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
+            timeout_s,
+            f"mode {manners.mode_name(mode)}",
+            or_latest=True,
+        )
+    )
+    try:
+        await asyncio.sleep(0)
+        if command is None:
+            await session.command(MavCommand.DO_SET_MODE, *manners.mode_parameters(mode))
+        else:
+            await session.command(command)
+        await seen
+    finally:
+        await ended(seen)
+
+
+def hands_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
+    """Whichever backend it was found by; to be closed by whoever asks. Raises `PeerError` for unknown autopilots."""
+    return SessionHands(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.hands()
+
+
+class SessionHands:
+    """`Flyable` by our own machines."""
+
+    def __init__(self, session: VehicleSession) -> None:
+        """Raises `PeerError` for an autopilot that nobody here knows how to fly."""
+        self._session = session
+        self._manners = manners_of(session.sysid, session.autopilot)
+        self._setpoint: Setpoint | None = None
+        self._repeating: asyncio.Task[None] | None = None
+
+    async def arm(self) -> None:
+        """See `Flyable`."""
+        await self._mode(self._manners.armed_in)
+        await self._session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+        await self._session.wait_for(
+            lambda m: m.name == "HEARTBEAT" and bool(m.fields["base_mode"] & ModeFlag.ARMED),
+            _TIMEOUT_S,
+            "a heartbeat that says armed",
+            or_latest=True,
+        )
+
+    async def take_off(self, height_m: float) -> None:
+        """See `Flyable`."""
+        home = await self._session.home()
+        if home is None:
+            raise PeerError(f"vehicle {self._session.sysid} has no home to count its height from.")
+        parameters = self._manners.takeoff_parameters(height_m, home.alt_amsl_m)
+        await self._session.command(MavCommand.NAV_TAKEOFF, *parameters)
+
+    async def hold(self) -> None:
+        """See `Flyable`."""
+        await self._mode(self._manners.hold)
+
+    async def land(self) -> None:
+        """See `Flyable`."""
+        await self._mode(self._manners.land)
+
+    async def return_home(self) -> None:
+        """See `Flyable`."""
+        await self._mode(self._manners.returning)
+
+    async def follow(self, setpoint: Setpoint) -> None:
+        """See `Flyable`."""
+        self._setpoint = setpoint
+        if self._repeating is None:
+            self._repeating = asyncio.ensure_future(self._repeat())
+            await asyncio.sleep(self._manners.stream_first_s)
+            await until_mode(self._session, self._manners, self._manners.guided, _TIMEOUT_S)
+
+    async def close(self) -> None:
+        """See `Flyable`."""
+        if self._repeating is not None:
+            await ended(self._repeating)
+            self._repeating = None
+
+    async def _mode(self, mode: int) -> None:
+        await until_mode(self._session, self._manners, mode, _TIMEOUT_S)
+        await self.close()
+
+    async def _repeat(self) -> None:
+        loop, session = asyncio.get_running_loop(), self._session
+        while self._setpoint is not None:
+            sp = self._setpoint
+            unix_s = session.clock.now_unix_s(loop.time())
+            stamp_ms = 0 if unix_s is None else session.clock.boot_ms(unix_s) or 0
+            values = (*sp.position_ned_m, *sp.velocity_ned_mps, *sp.acceleration_ned_mps2, sp.yaw_ned_rad)
+            session.send(setpoint_message(session.station, stamp_ms, np.zeros(3), values))
+            await asyncio.sleep(_REPEAT_S)

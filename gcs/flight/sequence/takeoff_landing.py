@@ -1,0 +1,124 @@
+"""From a silent vehicle to one that hovers over its pad, and from one that was told to land to one that has.
+
+Knows: one vehicle, its manners, its row of the plan. Does not know: the others, what is flown in between.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.aio import LOOK_S, until
+from gcs.autopilots.flight_modes import Manners
+from gcs.errors import PeerTimeout
+from gcs.flight.monitor import VehicleView
+from gcs.flight.options import FlightOptions
+from gcs.flight.sequence.single_vehicle import until_mode
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavCommand, MessageId, ModeFlag
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.trajectory import Plan
+
+_SETTLED_M, _SETTLED_MPS = 0.4, 0.25
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Everything about one vehicle of a flight."""
+
+    session: VehicleSession
+    manners: Manners
+    plan: Plan
+    row: int
+    view: VehicleView
+    options: FlightOptions
+
+    @property
+    def sysid(self) -> int:
+        """Its MAVLink system id."""
+        return self.session.sysid
+
+    @property
+    def hover_ned_m(self) -> Array:
+        """Where it waits for the others (3,)."""
+        end = self.plan.airborne_s
+        return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
+
+
+async def ask_for_telemetry(crew: Crew) -> None:
+    """Positions often, everything that tells of trouble now and then."""
+    session = crew.session
+    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, crew.options.telemetry_rate_hz)
+    m = crew.manners
+    for number in (m.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
+        await session.set_message_interval(number, 2.0)
+
+
+async def until_ready(crew: Crew) -> None:
+    """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
+    session, options = crew.session, crew.options
+    await session.wait_for(
+        lambda message: crew.manners.position_is_known(message.name, message.fields),
+        options.ready_timeout_s,
+        "a position estimate",
+        or_latest=True,
+    )
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + options.find_timeout_s
+    while not session.clock.ready:
+        if loop.time() > end_s:
+            raise PeerTimeout(
+                f"vehicle {session.sysid} does not tell the time (SYSTEM_TIME with GNSS time).",
+                hint="it needs a GNSS fix: without a common time a formation cannot start together",
+            )
+        await asyncio.sleep(LOOK_S)
+
+
+async def take_off(crew: Crew) -> None:
+    """Arm and climb to the hover over the pad."""
+    session, manners = crew.session, crew.manners
+    pad_up_m = -float(crew.plan.pads_ned_m[crew.row, 2])
+    height_m = -float(crew.hover_ned_m[2]) - pad_up_m
+    await set_mode(crew, manners.armed_in)
+    await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+    home_amsl_m = crew.plan.scenario.origin.alt_amsl_m + pad_up_m
+    await session.command(MavCommand.NAV_TAKEOFF, *manners.takeoff_parameters(height_m, home_amsl_m))
+
+
+async def set_mode(crew: Crew, mode: int) -> None:
+    """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
+    await until_mode(crew.session, crew.manners, mode, crew.options.phase_timeout_s)
+
+
+async def start_mission(crew: Crew) -> None:
+    """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
+    m = crew.manners
+    await until_mode(crew.session, m, m.mission, crew.options.phase_timeout_s, MavCommand.MISSION_START)
+
+
+async def until_hovering(crew: Crew) -> None:
+    """Near its place over the pad, and slow. Raises PeerTimeout."""
+    # A vehicle climbs by height above its own start, which it knows no better than where it will arrive.
+    near_m = max(_SETTLED_M, crew.plan.scenario.judge.arrival_position_m)
+    view, hover = crew.view, crew.hover_ned_m
+
+    def settled() -> bool:
+        near = np.linalg.norm(view.position_ned_m - hover) < near_m
+        return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
+
+    await until(settled, crew.options.phase_timeout_s, f"vehicle {crew.sysid}: hover over its pad")
+
+
+async def until_landed(crew: Crew) -> None:
+    """Landed means disarmed: EXTENDED_SYS_STATE and items reached are told too early. Raises PeerTimeout."""
+    await crew.session.wait_for(
+        is_disarmed, crew.options.phase_timeout_s, "disarming after the landing", or_latest=True
+    )
+
+
+def is_disarmed(message: Message) -> bool:
+    """Whether it is a heartbeat that says so."""
+    return message.name == "HEARTBEAT" and not message.fields["base_mode"] & ModeFlag.ARMED

@@ -1,0 +1,1 @@
+"""Before a flight: the missions to fly, pre-flight checks, loads, the simulator process."""

@@ -1,0 +1,166 @@
+"""Telemetry logs of anybody: whole, cut, damaged, of other dialects, and no logs at all."""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.errors import FileFormatError
+from gcs.flight.recording.from_telemetry import retrace, steady_times
+from gcs.flight.recording.load_recording import recall
+from gcs.flight.recording.tlog import load_tlog, mend_times
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
+from tools.replay.recording import find, read
+
+START_S = 1_700_000_000.0
+HERE = Origin(-35.36, 149.16, 584.0)
+BEAT = {"type": 2, "autopilot": 3, "base_mode": 1, "custom_mode": 4, "system_status": 4, "mavlink_version": 3}
+
+
+def frame(message: Message, unix_s: float) -> bytes:
+    return struct.pack(">Q", round(unix_s * 1e6)) + Codec(message.sysid, 1).encode(message)
+
+
+def flight(seconds: int = 20) -> list[tuple[float, Message]]:
+    """Vehicle 1 tells where it is on Earth, vehicle 2 in its own frame, 3 m east, both going north at 2 m/s."""
+    corner = ned_to_geodetic(np.array([0.0, 3.0, 0.0]), HERE)
+    origin = {"latitude": round(float(corner[0]) * 1e7), "longitude": round(float(corner[1]) * 1e7)}
+    told = [(0.0, Message("GPS_GLOBAL_ORIGIN", {**origin, "altitude": 584_000, "time_usec": 0}, 2, 1))]
+    for n in range(5 * seconds):
+        t_s, boot = n / 5, {"time_boot_ms": 7000 + 200 * n}
+        lat, lon, alt = (float(part) for part in ned_to_geodetic(np.array([2 * t_s, 0.0, -4.0]), HERE))
+        place = {"lat": round(lat * 1e7), "lon": round(lon * 1e7), "alt": round(alt * 1e3), "relative_alt": 4000}
+        there = {**boot, **place, "vx": 200, "vy": 0, "vz": 0, "hdg": 0}
+        local = {**boot, "x": float(np.float32(2 * t_s)), "y": 0.0, "z": -4.0, "vx": 2.0, "vy": 0.0, "vz": 0.0}
+        beat = BEAT | {"base_mode": 129 if t_s >= 2 else 1, "custom_mode": 9 if t_s >= 15 else 4}
+        told += [(t_s, Message("GLOBAL_POSITION_INT", there, 1, 1)), (t_s, Message("LOCAL_POSITION_NED", local, 2, 1))]
+        told += [(t_s, Message("HEARTBEAT", beat, sysid, 1)) for sysid in (1, 2) if n % 5 == 0]
+    told.append((8.0, Message("STATUSTEXT", {"severity": 3, "text": "Compass error", "id": 0, "chunk_seq": 0}, 1, 1)))
+    return sorted(told, key=lambda one: one[0])
+
+
+def written(path: Path, told: list[tuple[float, Message]]) -> bytes:
+    data = b"".join(frame(message, START_S + t_s) for t_s, message in told)
+    path.write_bytes(data)
+    return data
+
+
+def test_a_whole_log_is_read_whole(tmp_path: Path) -> None:
+    told = flight()
+    written(tmp_path / "a.tlog", told)
+    log = load_tlog(tmp_path / "a.tlog")
+    assert [one.message for one in log.frames] == [message for _, message in told]
+    assert log.unix_s - START_S == pytest.approx([t_s for t_s, _ in told], abs=1e-5)
+    assert log.notes == ()
+
+
+def test_what_is_cut_or_damaged_is_left_out_and_said(tmp_path: Path) -> None:
+    told = flight()
+    data = bytearray(written(tmp_path / "a.tlog", told))
+    data[1000:1040] = b"\xfd" * 40
+    (tmp_path / "a.tlog").write_bytes(data[:-4])
+    log = load_tlog(tmp_path / "a.tlog")
+    assert len(told) - 4 <= len(log.frames) < len(told)
+    sent = [message for _, message in told]
+    assert all(one.message in sent for one in log.frames if one.message)
+    assert len(log.notes) == 2
+    assert "a.tlog is damaged" in log.notes[0]
+    assert "its writer was cut off" in log.notes[1]
+
+
+def test_bytes_that_rot_anywhere_never_end_in_anything_but_a_sentence(tmp_path: Path) -> None:
+    path, dice = tmp_path / "a.tlog", random.Random(1)
+    whole = written(path, flight(4))
+    for _ in range(150):
+        data = bytearray(whole)
+        for _ in range(dice.randrange(1, 60)):
+            at = dice.randrange(len(data))
+            data[at : at + dice.randrange(3)] = dice.randbytes(dice.randrange(4))
+        path.write_bytes(data[: dice.randrange(len(data))])
+        try:
+            log = load_tlog(path)
+        except FileFormatError as error:
+            assert "holds no telemetry" in error.message
+            continue
+        assert len(log.unix_s) == len(log.frames)
+        assert (np.diff(log.unix_s) >= 0.0).all()
+        retrace((t, one.message) for t, one in zip(log.unix_s, log.frames, strict=True) if one.message)
+
+
+@pytest.mark.parametrize("data", [b"", b"{}", bytes(5000), random.Random(2).randbytes(200_000)])
+def test_what_is_no_log_is_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "b.tlog").write_bytes(data)
+    with pytest.raises(FileFormatError, match="holds no telemetry"):
+        load_tlog(tmp_path / "b.tlog")
+    with pytest.raises(FileFormatError, match="No such file"):
+        load_tlog(tmp_path / "none.tlog")
+
+
+def test_frames_of_other_dialects_and_of_mavlink_1_are_kept(tmp_path: Path) -> None:
+    other = bytes((0xFD, 2, 0, 0, 1, 1, 1)) + (60_000).to_bytes(3, "little") + b"abcd"
+    first = bytes.fromhex("fe09000101000400000002038100038930")  # a heartbeat of system 1, from a MAVLink 1 link
+    lines = [(0.0, first), (0.1, other), (0.2, frame(Message("HEARTBEAT", BEAT, 1, 1), 0.0)[8:])]
+    data = b"".join(struct.pack(">Q", round((START_S + t) * 1e6)) + one for t, one in lines)
+    (tmp_path / "c.tlog").write_bytes(data)
+    log = load_tlog(tmp_path / "c.tlog")
+    assert [one.data for one in log.frames] == [one for _, one in lines]
+    assert [one.sysid for one in log.frames] == [1, 1, 1]
+    assert log.notes[-1].startswith(("1 of 3", "2 of 3"))
+
+
+def test_times_are_mended() -> None:
+    times, left_out_s = mend_times(np.array([0.0, 0.0, 10.0, 11.0, 9e9, 12.0, 11.9, 13.0, 5000.0, 5001.0, 2.0, 3.0]))
+    assert times == pytest.approx([10, 10, 10, 11, 12, 12, 12, 13, 13, 14, 14, 15])
+    assert left_out_s == pytest.approx(4987.0)
+
+
+def test_reports_are_true_when_they_were_made_not_when_they_came() -> None:
+    boot_s = np.arange(0.0, 20.0, 0.1)
+    late_s = np.random.default_rng(3).uniform(0.02, 0.3, len(boot_s))
+    rebooted = np.where(boot_s < 10.0, boot_s, boot_s - 10.0)
+    found = steady_times(1000.0 + boot_s + late_s, rebooted)
+    assert np.abs(found - 1000.0 - boot_s).max() < 0.04
+
+
+def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
+    tracks, events, remarks, notes = retrace(flight())
+    assert [track.sysid for track in tracks] == [1, 2]
+    assert notes == ()
+    t_s = np.array([1.0, 7.33])
+    for track, east_m in zip(tracks, (0.0, 3.0), strict=True):
+        places, rates = track.at(t_s)
+        assert places == pytest.approx(np.array([[2.0, east_m, 0.0], [14.66, east_m, 0.0]]), abs=0.03)
+        assert rates == pytest.approx(np.array([[2.0, 0.0, 0.0]] * 2), abs=1e-6)
+    assert [str(event) for event in events] == ["t = 8.0 s: vehicle 1 says: Compass error"]
+    said = [(one.t_s, one.what) for one in remarks if one.sysid == 2]
+    assert said == [(0.0, "is in GUIDED"), (2.0, "is armed"), (15.0, "is in LAND")]
+
+
+def test_who_nobody_can_place_is_named() -> None:
+    tracks, _, _, notes = retrace([one for one in flight() if one[1].name != "GPS_GLOBAL_ORIGIN"])
+    assert len(tracks) == 2
+    assert "where on Earth vehicles 2 were" in notes[0]
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), [("arducopter-4.5.6", "AUTO"), ("px4-1.17dev", "MISSION")])
+def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -> None:
+    """A recorded flight of a real autopilot along a square, as a ground station would have logged it."""
+    found = find(autopilot, "auto_flight")
+    if found is None:
+        pytest.skip("the recording is not here")
+    steps = read(found).steps
+    rows = [row for step in steps for row in ([step.sent] if step.sent else []) + step.streamed + step.heard]
+    rows = sorted((row for row in rows if row.frame), key=lambda row: row.t_s)
+    log = b"".join(struct.pack(">Q", round((START_S + row.t_s) * 1e6)) + row.frame for row in rows)
+    (tmp_path / "original.tlog").write_bytes(log)
+    recording = recall(tmp_path / "original.tlog").recording
+    (track,) = recording.tracks
+    assert -track.position_ned_m[:, 2].min() > 4.0
+    assert 5.0 < np.ptp(track.position_ned_m[:, 0]) < 30.0
+    assert f"is in {mode}" in [one.what for one in recording.remarks]

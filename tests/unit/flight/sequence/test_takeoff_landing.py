@@ -1,0 +1,202 @@
+"""One vehicle from silence to the air and down again, on a clock of its own: habits that recordings show."""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.flight_modes import ARDUPILOT, PX4, Manners
+from gcs.errors import PeerTimeout
+from gcs.flight.monitor import VehicleView
+from gcs.flight.options import FlightOptions
+from gcs.flight.sequence.takeoff_landing import Crew, ask_for_telemetry, set_mode, start_mission, take_off, until_landed
+from gcs.link.microservices.command import CommandRefused
+from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import GROUND, Message
+from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
+from gcs.plan.trajectory.trajectory import Plan
+
+BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
+ON_THE_GROUND = 1  # MAV_LANDED_STATE
+
+
+class _NoWait(selectors.DefaultSelector):
+    """Nothing ever comes in from outside: a wait is over at once, and the clock has moved by as much."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_s = 1000.0
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        assert timeout is not None, "everybody waits for somebody else"
+        self.now_s += timeout
+        return super().select(0.0)
+
+
+class _Loop(asyncio.SelectorEventLoop):
+    def __init__(self) -> None:
+        self._clock = _NoWait()
+        super().__init__(self._clock)
+
+    def time(self) -> float:
+        return self._clock.now_s
+
+
+@dataclass
+class Vehicle:
+    """Beats every second, acknowledges commands as told, and does what `obey` makes of them."""
+
+    manners: Manners
+    mode: int = 0
+    armed: bool = False
+    result: int = MavResult.ACCEPTED
+    obey: Callable[[Vehicle, dict[str, Any]], None] = lambda vehicle, fields: None
+    heard: list[dict[str, Any]] = field(default_factory=list)
+    session: VehicleSession | None = None
+
+    def heartbeat(self) -> Message:
+        fields = {"autopilot": int(self.manners.firmware), "base_mode": int(ModeFlag.CUSTOM)}
+        fields["base_mode"] |= int(ModeFlag.ARMED) if self.armed else 0
+        return Message("HEARTBEAT", {**fields, "type": 2, "custom_mode": self.mode, "system_status": 4}, 1, 1)
+
+    def say(self, message: Message, in_s: float = 0.01) -> None:
+        loop = asyncio.get_running_loop()
+        loop.call_later(in_s, lambda: self.session and self.session.receive(message, loop.time()))
+
+    def hear(self, message: Message) -> None:
+        assert message.name == "COMMAND_LONG"
+        self.heard.append(message.fields)
+        target = {"target_system": GROUND.sysid, "target_component": GROUND.compid, "progress": 0, "result_param2": 0}
+        self.say(Message("COMMAND_ACK", {"command": message.fields["command"], "result": self.result, **target}, 1, 1))
+        self.obey(self, message.fields)
+
+    async def beat(self) -> None:
+        while True:
+            await asyncio.sleep(1.0)
+            if self.session is not None:
+                self.session.receive(self.heartbeat(), asyncio.get_running_loop().time())
+
+    def text(self, words: str, in_s: float, number: int = 0, chunk: int = 0) -> None:
+        self.say(Message("STATUSTEXT", {"severity": 2, "text": words, "id": number, "chunk_seq": chunk}, 1, 1), in_s)
+
+
+def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[Crew], Awaitable[object]]) -> float:
+    """Have the ground station act; returns how long it took, in seconds."""
+
+    async def story() -> float:
+        loop = asyncio.get_running_loop()
+        vehicle.session = VehicleSession(vehicle.heartbeat(), vehicle.hear)
+        beating = asyncio.ensure_future(vehicle.beat())
+        ticking = asyncio.ensure_future(_tick(vehicle.session))
+        crew = Crew(vehicle.session, vehicle.manners, plan, 0, VehicleView(1), FlightOptions())  # type: ignore[arg-type]
+        began_s = loop.time()
+        try:
+            await act(crew)
+            return loop.time() - began_s
+        finally:
+            beating.cancel()
+            ticking.cancel()
+
+    with asyncio.Runner(loop_factory=_Loop) as runner:
+        return runner.run(story())
+
+
+async def _tick(session: VehicleSession) -> None:
+    while True:
+        await asyncio.sleep(0.05)
+        session.tick(asyncio.get_running_loop().time())
+
+
+@BOTH
+def test_a_mode_is_believed_when_the_heartbeat_shows_it(manners: Manners) -> None:
+    """Both acknowledge modes that they then do not take, PX4 even modes that it does not know."""
+
+    def later(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        asyncio.get_running_loop().call_later(7.3, lambda: setattr(vehicle, "mode", manners.land))
+
+    slow = Vehicle(manners, obey=later)
+    assert 7.3 < live(slow, None, lambda crew: set_mode(crew, manners.land)) < 9.0
+    with pytest.raises(PeerTimeout, match=f"mode {manners.mode_name(manners.land)}"):
+        live(Vehicle(manners), None, lambda crew: set_mode(crew, manners.land))
+
+
+def test_a_mission_has_begun_when_the_heartbeat_shows_its_mode() -> None:
+    """ArduPilot accepts MISSION_START where nothing comes of it."""
+
+    def begin(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        assert fields["command"] == MavCommand.MISSION_START
+        vehicle.mode = ARDUPILOT.mission
+
+    live(Vehicle(ARDUPILOT, mode=ARDUPILOT.guided, obey=begin), None, start_mission)
+    with pytest.raises(PeerTimeout, match="mode AUTO"):
+        live(Vehicle(ARDUPILOT, mode=ARDUPILOT.guided), None, start_mission)
+
+
+def test_landed_is_who_has_disarmed() -> None:
+    """PX4 tells its LAND item as reached 16 s before the ground, both tell that they stand before they disarm."""
+    vehicle = Vehicle(PX4, armed=True)
+
+    async def come_down(crew: Crew) -> None:
+        vehicle.say(Message("MISSION_ITEM_REACHED", {"seq": 7}, 1, 1), 1.0)
+        vehicle.say(Message("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": ON_THE_GROUND}, 1, 1), 16.0)
+        asyncio.get_running_loop().call_later(18.2, lambda: setattr(vehicle, "armed", False))
+        await until_landed(crew)
+
+    assert 18.2 < live(vehicle, None, come_down) < 20.0
+
+
+@pytest.mark.parametrize(("result", "reason_s"), [(MavResult.FAILED, -0.1), (MavResult.TEMPORARILY_REJECTED, 0.5)])
+def test_reasons_come_before_or_after_a_refusal_and_in_pieces(result: MavResult, reason_s: float) -> None:
+    """ArduPilot says why just before or after it refuses, PX4 up to half a second later and in two chunks."""
+    vehicle = Vehicle(PX4, mode=PX4.armed_in, result=result)
+
+    async def arm(crew: Crew) -> None:
+        words = "Arming denied: resolve system health failures first"  # 51 letters, a chunk holds 50
+        vehicle.text(words[:50], 0.2 + reason_s, number=9)
+        vehicle.text(words[50:], 0.25 + reason_s, number=9, chunk=1)
+        await asyncio.sleep(0.2)
+        await crew.session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
+
+    with pytest.raises(CommandRefused, match="it says: Arming denied: resolve system health failures first"):
+        live(vehicle, None, arm)
+
+
+@BOTH
+def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(manners: Manners, simulation1_plan: Plan) -> None:
+    """ArduPilot cannot be armed in AUTO, PX4 armed in its mission mode flies off; both want to be armed first."""
+
+    def obey(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        if fields["command"] == MavCommand.DO_SET_MODE:
+            vehicle.mode = manners.armed_in
+
+    vehicle = Vehicle(manners, mode=manners.mission, obey=obey)
+    live(vehicle, simulation1_plan, take_off)
+    assert [fields["command"] for fields in vehicle.heard] == [
+        MavCommand.DO_SET_MODE,
+        MavCommand.COMPONENT_ARM_DISARM,
+        MavCommand.NAV_TAKEOFF,
+    ]
+    assert manners.armed_in != manners.mission
+    scenario = simulation1_plan.scenario
+    hovering = simulation1_plan.states(np.array([simulation1_plan.phase("takeoff").end_s]))
+    hover_m = -float(hovering[0, 0, 2])
+    above_m = scenario.origin.alt_amsl_m if manners is PX4 else float(simulation1_plan.pads_ned_m[0, 2])
+    assert vehicle.heard[-1]["param7"] == pytest.approx(hover_m + above_m, abs=1e-3)
+
+
+@BOTH
+def test_nothing_is_expected_that_was_not_asked_for(manners: Manners) -> None:
+    """ArduPilot sends little but HEARTBEAT until asked, at about nine tenths of the rate; interval 0 switches off."""
+    vehicle = Vehicle(manners)
+    live(vehicle, None, ask_for_telemetry)
+    asked = {int(fields["param1"]): fields["param2"] for fields in vehicle.heard}
+    assert {fields["command"] for fields in vehicle.heard} == {MavCommand.SET_MESSAGE_INTERVAL}
+    wanted = {MessageId.LOCAL_POSITION_NED, MessageId.SYSTEM_TIME, manners.estimator_id, *manners.health_ids}
+    assert wanted <= set(asked)
+    assert all(interval_us > 0.0 for interval_us in asked.values())
