@@ -19,10 +19,10 @@ import typer
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError
-from sim_bridge.endpoints.spec import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
 
 if TYPE_CHECKING:
-    from sim_bridge.world import World
+    from sim_bridge.sim.world import World
 
 STOPPED = 130
 BUG = 70
@@ -84,11 +84,11 @@ def fly(
         raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.si import sysids  # noqa: PLC0415
-    from sim_bridge.fault_file import read_fault_file  # noqa: PLC0415
-    from sim_bridge.faults import parse_faults  # noqa: PLC0415
+    from sim_bridge.dynamics.body.wind_field import parse_wind  # noqa: PLC0415
+    from sim_bridge.faults.fault_file import read_fault_file  # noqa: PLC0415
+    from sim_bridge.faults.fault_spec import parse_faults  # noqa: PLC0415
     from sim_bridge.personality import by_name  # noqa: PLC0415
-    from sim_bridge.wind import parse_wind  # noqa: PLC0415
-    from sim_bridge.world import World, WorldOptions  # noqa: PLC0415
+    from sim_bridge.sim.world import World, WorldOptions  # noqa: PLC0415
 
     scenario = load_scenario(mission)
     texts = (read_fault_file(faults) if faults is not None else []) + (fault or [])

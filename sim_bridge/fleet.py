@@ -22,13 +22,13 @@ from typing import Self, TypeVar
 from gcs.errors import GcsError, UsageError
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.endpoints.line import Place
-from sim_bridge.endpoints.spec import LOOPBACK, Address, parse_link
-from sim_bridge.faults import parse_faults
+from sim_bridge.dynamics.body.wind_field import parse_wind
+from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
-from sim_bridge.plain import scenario_for
-from sim_bridge.wind import parse_wind
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, parse_link
+from sim_bridge.protocol.endpoints.line import Place
+from sim_bridge.sim.default_scenario import scenario_for
+from sim_bridge.sim.world import World, WorldOptions
 
 T = TypeVar("T")
 _LOOK_S = 0.01  # of wall time between two looks at a condition

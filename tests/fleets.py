@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gcs.link.wire.message import Message
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.sim.world import World, WorldOptions
 
 EPOCH_UNIX_S = 1_700_000_000.0
 

@@ -33,12 +33,12 @@ from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavCommand, MessageId
 from gcs.mission.model import Home, MissionItem
-from sim_bridge.airframes import CONTROL_PERIOD_S
-from sim_bridge.endpoints.spec import call
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import by_name
-from sim_bridge.plain import plain_scenario
-from sim_bridge.vehicle import Vehicle
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.sim.world import World, WorldOptions
 
 ROOT = Path(__file__).resolve().parent.parent
 GOALS = {6: 40.0, 200: 1.0}  # times real time

@@ -18,13 +18,13 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs.scenario.load import load_scenario
-from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import transfer
-from sim_bridge.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
-from sim_bridge.presets import PRESETS
-from sim_bridge.sensors import RTK
-from sim_bridge.wind import parse_wind
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import transfer
+from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece, PieceBatch, hold
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.body.presets import PRESETS
+from sim_bridge.dynamics.body.sensors import RTK
+from sim_bridge.dynamics.body.wind_field import parse_wind
 
 MISSIONS = Path(__file__).resolve().parent.parent / "missions"
 SCENARIO_OF = {"f150": "simulation1", "field": "field"}

@@ -3,11 +3,11 @@
 Knows: the tables by name. Does not know: how they are used.
 """
 
-from sim_bridge.personality.ardupilot import ARDUPILOT
+from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT
 from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.guards import Setting
+from sim_bridge.personality.failsafe_settings import Setting
 from sim_bridge.personality.modes import Intent, Mode, Modes
-from sim_bridge.personality.px4 import PX4
+from sim_bridge.personality.px4.behaviour import PX4
 from sim_bridge.personality.table import Param, Personality
 from sim_bridge.personality.wording import Note
 

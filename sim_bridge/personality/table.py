@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from gcs.autopilots.traits import Autopilot
-from sim_bridge.missions.habits import MissionHabits
 from sim_bridge.personality.boot import Boot
-from sim_bridge.personality.guards import Guards, Setting
-from sim_bridge.personality.habits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
-from sim_bridge.personality.link import LinkHabits, ParamHabits
+from sim_bridge.personality.failsafe_settings import Guards, Setting
+from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.link_traits import LinkHabits, ParamHabits
 from sim_bridge.personality.modes import Modes
 from sim_bridge.personality.wording import Words
+from sim_bridge.protocol.missions.transfer_traits import MissionHabits
 
 
 class Param(NamedTuple):

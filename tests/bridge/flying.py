@@ -27,9 +27,9 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.endpoints.spec import call
-from sim_bridge.faults import parse_faults
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet
 
 LEAD_S = 0.2

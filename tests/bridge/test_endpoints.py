@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import LinkError, UsageError
-from sim_bridge.endpoints.line import DATAGRAM_BYTES, datagrams
-from sim_bridge.endpoints.spec import CALL_GROUND, Kind, LinkSpec, is_loopback, parse_link
-from sim_bridge.endpoints.switchboard import Arrival, Switchboard
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, Kind, LinkSpec, is_loopback, parse_link
+from sim_bridge.protocol.endpoints.line import DATAGRAM_BYTES, datagrams
+from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
 
 SYSIDS = (1, 2, 7)
 PATIENCE_S = 5.0

@@ -12,14 +12,14 @@ import pytest
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavResult
-from sim_bridge import faults as f
-from sim_bridge.endpoints.spec import Kind, LinkSpec
-from sim_bridge.fault_commands import USER_1
-from sim_bridge.fault_file import read_fault_file
-from sim_bridge.faults import Fault, parse_fault, parse_faults
-from sim_bridge.faulty_link import Trouble
-from sim_bridge.plain import plain_scenario
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.faults import fault_spec as f
+from sim_bridge.faults.fault_commands import USER_1
+from sim_bridge.faults.fault_file import read_fault_file
+from sim_bridge.faults.fault_spec import Fault, parse_fault, parse_faults
+from sim_bridge.faults.lossy_link import Trouble
+from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
 
 STRIKES_S, LOOK_S = 14.0, 18.0

@@ -11,9 +11,9 @@ import pytest
 from gcs.mavlink import CopterMode, MessageId
 from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.endpoints.spec import Kind, LinkSpec
-from sim_bridge.faults import parse_faults
-from sim_bridge.world import WorldOptions
+from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.sim.world import WorldOptions
 from tests.bridge.test_links import udp_station
 from tests.fleets import ask, running_fleet
 

@@ -19,7 +19,7 @@ from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.mission_protocol.verified_upload import Delivery
 from gcs.link.session.linked_fleet import Fleet as Ground
 from sim_bridge import Fleet
-from sim_bridge.ftp import _nak
+from sim_bridge.protocol.ftp_server import _nak
 from tools.upload.air import mission_of
 
 ITEMS = mission_of(60, seed=3)

@@ -20,9 +20,9 @@ from pymavlink import mavutil
 
 from gcs.flight.assessment.judge import load_truth
 from gcs.scenario.load import load_scenario
-from sim_bridge.endpoints.spec import call
-from sim_bridge.faults import parse_faults
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import free_port, running_fleet, wait_until
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]

@@ -18,7 +18,7 @@ from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.world import World
+from sim_bridge.sim.world import World
 from tests.bridge.flying import fly, hop_scenario, say, take_over
 from tests.bridge.test_mishaps import came_home, flew_on
 from tests.fleets import wait_until

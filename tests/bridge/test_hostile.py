@@ -17,11 +17,11 @@ from gcs.mavlink import MavCommand, MavResult, MissionType
 from gcs.mission.model import Home, MissionItem
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.endpoints.spec import Kind, LinkSpec
-from sim_bridge.endpoints.switchboard import Arrival
 from sim_bridge.personality import by_name
-from sim_bridge.traffic import Traffic
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.protocol.endpoints.switchboard import Arrival
+from sim_bridge.protocol.traffic import Traffic
+from sim_bridge.sim.world import World, WorldOptions
 from tests.bridge.hostile import Hostility, checksums
 from tests.bridge.test_links import udp_station
 from tests.fleets import EPOCH_UNIX_S, running_fleet

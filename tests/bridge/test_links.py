@@ -20,10 +20,10 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.cli import parse_links
-from sim_bridge.endpoints.spec import CALL_GROUND, Kind, LinkSpec
-from sim_bridge.fault_commands import INJECT_FAILURE, USER_1
-from sim_bridge.faults import parse_faults
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.faults.fault_commands import INJECT_FAILURE, USER_1
+from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, Kind, LinkSpec
+from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import running_fleet
 
 PATIENCE_S = 20.0

@@ -15,10 +15,10 @@ from gcs.link.wire.message import Message
 from gcs.mavlink import CopterMode
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.endpoints.spec import call
-from sim_bridge.faults import parse_faults
+from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
-from sim_bridge.world import OFF_S, WorldOptions
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import OFF_S, WorldOptions
 from tests.fleets import free_port, running_fleet
 
 SYSID, LOST = 2, 3

@@ -12,9 +12,9 @@ import pytest
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavResult
-from sim_bridge.endpoints.spec import Kind, LinkSpec, call
-from sim_bridge.plain import plain_scenario
-from sim_bridge.world import World, WorldOptions
+from sim_bridge.protocol.endpoints.address import Kind, LinkSpec, call
+from sim_bridge.sim.default_scenario import plain_scenario
+from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
 
 BEGINS_S, PERIOD_S, SETPOINTS = 14.0, 0.04, 250

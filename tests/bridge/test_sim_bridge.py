@@ -20,9 +20,9 @@ from gcs.link.session.linked_fleet import Fleet as Ground
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
-from sim_bridge.endpoints.spec import call
-from sim_bridge.faults import parse_faults
-from sim_bridge.world import WorldOptions
+from sim_bridge.faults.fault_spec import parse_faults
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import WorldOptions
 from tests.fleets import EPOCH_UNIX_S, free_port, running_fleet, wait_until
 
 os.environ["MAVLINK20"] = "1"

@@ -8,7 +8,7 @@ import pytest
 
 from gcs.flight.progress import Step
 from gcs.plan.trajectory.trajectory import Plan
-from sim_bridge.world import World
+from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
 from tests.fleets import wait_until
 

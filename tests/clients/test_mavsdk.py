@@ -14,8 +14,8 @@ from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.session.linked_fleet import Fleet as Ground
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
-from sim_bridge.endpoints.spec import call
-from sim_bridge.world import WorldOptions
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import WorldOptions
 from tests.clients.sdk import client, from_raw, to_raw
 from tests.fleets import free_port, running_fleet
 

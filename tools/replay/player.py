@@ -15,7 +15,7 @@ from gcs.frames import Origin, from_degE7
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
 from tools.replay.recording import Recording, Row, Step
 from tools.replay.saying import BY_THE_WAY, STANDING, TALK, saying

@@ -17,10 +17,10 @@ from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MavCommand, MessageId
 from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario, Terrain
-from sim_bridge.airframes import CONTROL_PERIOD_S
-from sim_bridge.guidance.piece import PieceBatch
-from sim_bridge.hangar import Hangar
+from sim_bridge.autopilot.guidance.piece import PieceBatch
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
+from sim_bridge.sim.vehicle_factory import Hangar
 
 _LONGEST_BOOT_S = 60.0
 _SIGNED = 0x01

@@ -24,11 +24,11 @@ from gcs.link.mission_protocol.verified_upload import Delivery
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
-from sim_bridge.ftp import FileServer
-from sim_bridge.missions.files import MissionFiles
-from sim_bridge.missions.shelf import MissionShelf
-from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
-from sim_bridge.personality.px4_missions import MISSIONS as PX4
+from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
+from sim_bridge.personality.px4.missions import MISSIONS as PX4
+from sim_bridge.protocol.ftp_server import FileServer
+from sim_bridge.protocol.missions.ftp_files import MissionFiles
+from sim_bridge.protocol.missions.store import MissionShelf
 
 VEHICLE = Station(3, 1)
 OVERTAKEN_S = 0.1

@@ -17,9 +17,9 @@ from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
-from sim_bridge.missions.shelf import MissionShelf
-from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
-from sim_bridge.personality.px4_missions import MISSIONS as PX4
+from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
+from sim_bridge.personality.px4.missions import MISSIONS as PX4
+from sim_bridge.protocol.missions.store import MissionShelf
 
 VEHICLE = Station(3, 1)
 STEP_S = 0.02

@@ -15,8 +15,8 @@ from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.trajectory import Plan
-from sim_bridge.missions.keep import kept
 from sim_bridge.personality import by_name
+from sim_bridge.protocol.missions.acceptance import kept
 
 _ALTITUDES = st.floats(-500.0, 9000.0)
 

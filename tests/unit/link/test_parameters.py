@@ -13,8 +13,8 @@ from gcs.errors import PeerError, PeerTimeout, UsageError
 from gcs.link.microservices.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
 from gcs.link.wire.message import GROUND, Message, Station
-from sim_bridge.params import Params
 from sim_bridge.personality import by_name
+from sim_bridge.protocol.param_server import Params
 
 VEHICLE = Station(3, 1)
 NAMES = {Autopilot.ARDUPILOT: ("RTL_ALT", "WPNAV_SPEED_UP", "FENCE_ENABLE", "RTL_LOIT_TIME", "FENCE_ALT_MAX"),

@@ -7,10 +7,10 @@ import numpy as np
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, Frame, MissionItem
-from sim_bridge.autopilot import Autopilot
-from sim_bridge.course import Guide
-from sim_bridge.events import ModeChanged, Reached, Said
-from sim_bridge.guidance.limits import MotionLimits
+from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.events import ModeChanged, Reached, Said
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.path_generator import Guide
 from sim_bridge.personality import ARDUPILOT, Intent, Personality, Setting
 
 LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)

@@ -14,10 +14,10 @@ import pytest
 from scipy.stats import chi2
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.estimator import GATE_SIGMA
-from sim_bridge.presets import PRESETS
-from sim_bridge.sensors import BARO_PERIOD_S, GRADES, RTK, Sensors
-from sim_bridge.wind import parse_wind
+from sim_bridge.dynamics.body.presets import PRESETS
+from sim_bridge.dynamics.body.sensors import BARO_PERIOD_S, GRADES, RTK, Sensors
+from sim_bridge.dynamics.body.wind_field import parse_wind
+from sim_bridge.dynamics.estimation.estimator import GATE_SIGMA
 from tests.unit.sim_bridge.flights import course, stand, steps
 
 FLIGHTS = 200

@@ -13,9 +13,9 @@ from gcs.link.wire.signing import Signature, Signing, is_signed
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 from gcs.scenario.load import load_scenario
-from sim_bridge.airframes import CONTROL_PERIOD_S
-from sim_bridge.hangar import Hangar
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import ARDUPILOT, PX4, Milestone, Personality
+from sim_bridge.sim.vehicle_factory import Hangar
 
 KEY = bytes(range(32))
 NOON = 37_519_421_111_903

@@ -10,10 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_bridge.guidance.legs import Leg, fly_legs
-from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.manoeuvres import Descent, Speeds, brake, descend, descend_towards, rise, transfer, travel
-from sim_bridge.guidance.piece import TERMS, Piece, PieceBatch, hold
+from sim_bridge.autopilot.guidance.ideal_navigator import Leg, fly_legs
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import (
+    Descent,
+    Speeds,
+    brake,
+    descend,
+    descend_towards,
+    rise,
+    transfer,
+    travel,
+)
+from sim_bridge.autopilot.guidance.piece import TERMS, Piece, PieceBatch, hold
 
 LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)
 REST = hold(0.0, np.array([1.0, 2.0, -3.0, 0.5])).at(0.0)

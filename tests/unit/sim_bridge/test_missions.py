@@ -17,11 +17,11 @@ from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
-from sim_bridge.missions.habits import MissionHabits
-from sim_bridge.missions.keep import flyable
-from sim_bridge.missions.shelf import MissionShelf
-from sim_bridge.personality.ardupilot_missions import MISSIONS as ARDUPILOT
-from sim_bridge.personality.px4_missions import MISSIONS as PX4
+from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
+from sim_bridge.personality.px4.missions import MISSIONS as PX4
+from sim_bridge.protocol.missions.acceptance import flyable
+from sim_bridge.protocol.missions.store import MissionShelf
+from sim_bridge.protocol.missions.transfer_traits import MissionHabits
 
 ME = Station(3, 1)
 OTHER = Station(254, 190)

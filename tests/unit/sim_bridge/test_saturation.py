@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.airframes import Airframes
-from sim_bridge.presets import FIELD
-from sim_bridge.reference import hold
-from sim_bridge.sensors import RTK
-from sim_bridge.wind import CALM, WindField, parse_wind
+from sim_bridge.dynamics.body.airframes import Airframes
+from sim_bridge.dynamics.body.presets import FIELD
+from sim_bridge.dynamics.body.sensors import RTK
+from sim_bridge.dynamics.body.wind_field import CALM, WindField, parse_wind
+from sim_bridge.dynamics.control.reference import hold
 from tests.unit.sim_bridge.flights import YAW_RAD, course, fly, stand, steps
 
 PAD_NED_M = np.zeros((1, 3))

@@ -8,7 +8,7 @@ import pytest
 
 from gcs.errors import UsageError
 from sim_bridge.cli import parse_ground, parse_speedup
-from sim_bridge.pace import CATCH_UP_S, Pace
+from sim_bridge.sim.pace import CATCH_UP_S, Pace
 
 
 def test_pace_is_absolute_and_forgives_a_stall():

@@ -12,14 +12,14 @@ from gcs.autopilots.navigation.navigator import Ability, Orders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.airframes import CONTROL_PERIOD_S, Airframes
-from sim_bridge.autopilot import Autopilot
-from sim_bridge.course import Guide
-from sim_bridge.guidance.limits import MotionLimits
-from sim_bridge.guidance.piece import PieceBatch
+from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.autopilot.guidance.piece import PieceBatch
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
+from sim_bridge.dynamics.body.presets import FIELD
+from sim_bridge.dynamics.body.sensors import GRADES
 from sim_bridge.personality import Intent, Personality
-from sim_bridge.presets import FIELD
-from sim_bridge.sensors import GRADES
 from tests.unit.sim_bridge.bodies import settings_of
 from tests.unit.sim_bridge.flights import flat_ground
 

@@ -1,0 +1,1 @@
+"""One vehicle's decisions: modes, arming, failsafes, mission progress."""

@@ -1,0 +1,251 @@
+"""A mission's items as a course, worked out while it is flown.
+
+Knows: which items move a vehicle and how long they last. Does not know: modes, arming, who reports what.
+
+Waypoints up to the next item that is none are flown in one go, by the guide's navigator; without one on time, as a
+smooth curve, and delays between them do not break it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.autopilots.navigation.navigator import Navigator, Orders, vector
+from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.mavlink import MavCommand
+from gcs.mission.model import Command, Frame, MissionItem
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.guidance.ideal_navigator import Leg, fly_legs
+from sim_bridge.autopilot.guidance.motion_primitives import brake
+from sim_bridge.autopilot.guidance.navigator_path import follow, motion
+from sim_bridge.autopilot.guidance.piece import Course, Mark, Piece, hold
+
+if TYPE_CHECKING:
+    from sim_bridge.autopilot.guidance.path_generator import Guide
+
+_DAY_S = 86400.0
+_NEAR_M = 1.0
+_FASTEST_MPS = 20.0  # ArduPilot's bound of WPNAV_SPEED
+_MOVED_M = 0.05  # less is no reason to fly anywhere
+_AHEAD = 5  # pieces of a navigator's flight that are worked out at once
+_SETTLE_S = 8.0  # at the last waypoint of a mission that ends there
+
+
+@dataclass(frozen=True)
+class _Waypoint:
+    """Item `seq`; a pause is a waypoint where the one before was."""
+
+    seq: int
+    place_ned_m: Array
+    speed_mps: float
+    hold_s: float = 0.0
+    pause: bool = False
+
+
+class MissionCourse:
+    """Turns items into pieces and marks, with the vehicle's motion at the end of what is there so far."""
+
+    def __init__(self, guide: Guide, t_s: float, flat: Array, items: Sequence[MissionItem]) -> None:
+        self._guide = guide
+        self._items = items
+        self._pieces: list[Piece] = []
+        self._marks: list[Mark] = []
+        self._t_s = t_s
+        self._flat = flat
+        self._item_ned_m: Array | None = None  # where the last item with a position was
+        self._speed_mps = guide.speed_mps
+        self._waypoints: list[_Waypoint] = []
+        self._onwards: Iterator[Piece] | None = None  # what the navigator would do next
+        self._airborne_from_s = -math.inf
+        self._climbing_until_s = -math.inf
+        self._landing_from_s = math.inf
+
+    def stretches(self, first: int, landed: bool) -> Iterator[Course]:
+        """The course from item `first` on, bit by bit."""
+        navs = [seq for seq in range(max(first, 1), len(self._items)) if is_navigation(self._items[seq].command)]
+        self._marks.append(Mark(self._t_s, current=navs[0]))
+        if landed:
+            self._airborne_from_s = self._t_s
+        else:
+            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+        for seq in range(max(first, 1), len(self._items)):
+            yield from self._take(seq, self._items[seq])
+            if self._pieces:
+                yield self._stretch()
+        yield from self._fly_waypoints()
+        if self._onwards is not None:
+            self._wait(_SETTLE_S)
+            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+        if self._marks and not self._pieces:
+            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+        if self._pieces:
+            yield self._stretch()
+
+    def _take(self, seq: int, item: MissionItem) -> Iterator[Course]:
+        command, (p1, p2, *_) = item.command, item.params
+        ideal = self._guide.navigator is None
+        if command == Command.DO_CHANGE_SPEED and p1 in (0.0, 1.0) and p2 > 0:
+            self._speed_mps = min(p2, _FASTEST_MPS)
+        elif command == Command.NAV_WAYPOINT:
+            self._waypoints.append(_Waypoint(seq, self._place(item), self._speed_mps, max(p1, 0.0)))
+            if ideal and p1 > 0:
+                yield from self._fly_waypoints()
+        elif command == Command.NAV_DELAY and p1 > 0 and self._waypoints and ideal:
+            self._waypoints.append(_Waypoint(seq, self._waypoints[-1].place_ned_m, math.nan, p1, pause=True))
+        elif command == Command.NAV_TAKEOFF:
+            yield from self._fly_waypoints()
+            self._climb(seq, self._place(item)[2])
+            self._item_ned_m = self._place(item)
+        elif command == Command.NAV_DELAY:
+            yield from self._fly_waypoints()
+            self._wait(p1 if p1 > 0 else self._until_time_of_day_s(item))
+            self._completed(seq, self._t_s)
+        elif command == Command.NAV_LAND:
+            yield from self._fly_waypoints()
+            self._land(item)
+        elif command == MavCommand.NAV_RETURN_TO_LAUNCH:
+            yield from self._fly_waypoints()
+            self._take_over(self._guide.return_home(self._t_s, self._flat))
+
+    def _fly_waypoints(self) -> Iterator[Course]:
+        waypoints, self._waypoints = self._waypoints, []
+        if not waypoints:
+            return
+        navigator = self._guide.navigator
+        if navigator is None:
+            self._fly_on_time(waypoints)
+        else:
+            yield from self._fly_as(navigator, waypoints)
+        self._item_ned_m = waypoints[-1].place_ned_m
+
+    def _fly_on_time(self, waypoints: list[_Waypoint]) -> None:
+        legs, origin = [], self._origin()
+        for waypoint in waypoints:
+            length_m = float(np.linalg.norm(waypoint.place_ned_m - origin))
+            duration_s = waypoint.hold_s if waypoint.pause else length_m / waypoint.speed_mps
+            legs.append(Leg(waypoint.place_ned_m, duration_s))
+            origin = waypoint.place_ned_m
+        pieces, passed = fly_legs(self._t_s, self._flat[0], legs, self._guide.limits)
+        for piece in pieces:
+            self._follow(piece)
+        last = waypoints[-1]
+        if not last.pause:
+            self._wait(last.hold_s)
+        for waypoint, t_s in zip(waypoints, passed, strict=True):
+            self._completed(waypoint.seq, self._t_s if waypoint is last else t_s)
+
+    def _fly_as(self, navigator: Navigator, waypoints: list[_Waypoint]) -> Iterator[Course]:
+        orders = Orders(
+            vector(*self._origin()),
+            tuple(vector(*waypoint.place_ned_m) for waypoint in waypoints),
+            tuple(waypoint.speed_mps for waypoint in waypoints),
+            tuple(waypoint.hold_s for waypoint in waypoints),
+            self._t_s - self._airborne_from_s,
+            motion(self._flat),
+        )
+        flown = follow(self._t_s, self._flat, navigator, orders)
+        for stretch in flown:
+            for index, t_s in stretch.completed:
+                self._completed(waypoints[index].seq, t_s)
+                if index + 1 == orders.count:
+                    self._follow(_cut(stretch.piece, t_s))
+                    self._onwards = chain([stretch.piece], (following.piece for following in flown))
+                    return
+            self._follow(stretch.piece)
+            if len(self._pieces) >= _AHEAD:
+                yield self._stretch()
+
+    def _origin(self) -> Array:
+        """A leg counts from the item before it: a hover some centimetres off must not change it."""
+        here = self._flat[0, :3]
+        known = self._item_ned_m
+        return here if known is None or np.linalg.norm(known - here) > _NEAR_M else known
+
+    def _climb(self, seq: int, down_m: float) -> None:
+        target = self._flat[0].copy()
+        target[2] = min(down_m, target[2])
+        if self._flat[0, 2] - target[2] > _MOVED_M:
+            grounded = self._t_s == self._airborne_from_s
+            climb = self._guide.climb_out if grounded else self._guide.climb
+            for piece in climb(self._t_s, self._flat, float(target[2])):
+                self._follow(piece)
+            self._climbing_until_s = self._t_s
+        self._completed(seq, self._t_s)
+
+    def _land(self, item: MissionItem) -> None:
+        if item.lat_degE7 or item.lon_degE7:
+            target = self._flat[0].copy()
+            target[:2] = self._place(item)[:2]
+            if np.linalg.norm(target - self._flat[0]) > _MOVED_M:
+                self._take_over(self._guide.land_at(self._t_s, self._flat, target))
+                return
+        self._take_over(self._guide.land(self._t_s, self._flat))
+
+    def _take_over(self, course: Course) -> None:
+        self._pieces += course.pieces
+        self._landing_from_s = course.landing_from_s
+        self._onwards = None
+
+    def _wait(self, duration_s: float) -> None:
+        """Stay; a navigator goes on coming to rest."""
+        until_s = self._t_s + duration_s
+        if duration_s <= 0.0:
+            return
+        onwards: Iterable[Piece] = [hold(self._t_s, self._flat)] if self._onwards is None else self._onwards
+        for piece in onwards:
+            self._follow(_cut(piece, until_s), ends_run=False)
+            if self._t_s >= until_s:
+                return
+
+    def _until_time_of_day_s(self, item: MissionItem) -> float:
+        """Seconds until the UTC time of day that parameters 2 to 4 name; a time just gone by is tomorrow's."""
+        hour, minute, second = item.params[1:]
+        if min(hour, minute, second) < 0:
+            return 0.0
+        return (hour * 3600.0 + minute * 60.0 + second - self._guide.epoch_unix_s - self._t_s) % _DAY_S
+
+    def _follow(self, piece: Piece, *, ends_run: bool = True) -> None:
+        self._pieces.append(piece)
+        self._t_s, self._flat = piece.end_s, piece.at(piece.end_s)
+        if ends_run:
+            self._onwards = None
+
+    def _stretch(self) -> Course:
+        stretch = Course(tuple(self._pieces), tuple(self._marks), self._climbing_until_s, self._landing_from_s)
+        self._pieces, self._marks = [], []
+        return stretch
+
+    def _completed(self, seq: int, t_s: float) -> None:
+        """The last of the DO_ items that follow counts, because they are done in the same moment."""
+        last = seq
+        while last + 1 < len(self._items) and not is_navigation(self._items[last + 1].command):
+            last += 1
+        following = last + 1 if last + 1 < len(self._items) else None
+        self._marks.append(Mark(t_s, reached=last if following else seq, current=following))
+
+    def _place(self, item: MissionItem) -> Array:
+        """Common local NED of an item; without coordinates it is where the vehicle is, at the item's height."""
+        guide = self._guide
+        amsl_m = item.alt_m
+        if item.frame != Frame.GLOBAL:
+            amsl_m += guide.origin.alt_amsl_m - guide.home_ned_m[2]
+        if not (item.lat_degE7 or item.lon_degE7):
+            north, east = (self._waypoints[-1].place_ned_m if self._waypoints else self._flat[0])[:2]
+            return np.array([north, east, guide.origin.alt_amsl_m - amsl_m])
+        return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), amsl_m, guide.origin)
+
+
+def is_navigation(command: int) -> bool:
+    """Whether a mission item moves the vehicle or makes it wait (NAV_ items), rather than changing something."""
+    return command <= Command.NAV_DELAY
+
+
+def _cut(piece: Piece, end_s: float) -> Piece:
+    """The same, ending no later than `end_s`."""
+    return Piece(piece.start_s, min(piece.end_s, end_s), piece.coefficients)

@@ -1,0 +1,56 @@
+"""A navigator's moments as pieces: what an autopilot is known to do, flown.
+
+Knows: moments of a navigator and polynomials between them. Does not know: which navigator, mission items.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.autopilots.navigation.navigator import Moment, Navigator, Orders, vector
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.guidance.motion_primitives import bridge
+from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece
+
+_PIECE_S = 0.2
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One piece, and the waypoints completed within it, by index, with their instants."""
+
+    piece: Piece
+    completed: tuple[tuple[int, float], ...]
+
+
+def follow(start_s: float, flat: Array, navigator: Navigator, orders: Orders) -> Iterator[Stretch]:
+    """Fly orders from a motion `flat` (DERIVATIVES, 4), without end, as far as it is asked for; yaw stays."""
+    steps = round(_PIECE_S / navigator.step_s)
+    yaw_rad = flat[0, 3]
+    begin_s, begin = start_s, flat.copy()
+    begin[1:, 3] = 0.0
+    completed: list[tuple[int, float]] = []
+    for count, moment in enumerate(navigator.fly(orders), start=1):
+        if moment.completed is not None:
+            completed.append((moment.completed, start_s + moment.t_s))
+        if count % steps:
+            continue
+        end_s, end = start_s + moment.t_s, _flat(moment, yaw_rad)
+        yield Stretch(bridge(begin_s, begin, end_s, end), tuple(completed))
+        begin_s, begin, completed = end_s, end, []
+
+
+def motion(flat: Array) -> Moment:
+    """The motion `flat` (DERIVATIVES, 4) as a navigator takes it over."""
+    position, velocity, acceleration = (vector(*flat[k, :3]) for k in range(3))
+    return Moment(0.0, position, velocity, acceleration)
+
+
+def _flat(moment: Moment, yaw_rad: float) -> Array:
+    flat = np.zeros((DERIVATIVES, 4))
+    flat[:3, :3] = moment.position_ned_m, moment.velocity_ned_mps, moment.acceleration_ned_mps2
+    flat[0, 3] = yaw_rad
+    return flat

@@ -1,0 +1,156 @@
+"""Works out courses: everything a vehicle will do until somebody decides otherwise.
+
+Knows: how manoeuvres follow one another. Does not know: modes, arming, clocks, mission items.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.frames import Origin
+from gcs.mission.model import MissionItem
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.guidance.mission_guidance import MissionCourse, is_navigation
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.motion_primitives import (
+    Descent,
+    Speeds,
+    brake,
+    descend,
+    descend_towards,
+    rise,
+    transfer,
+    travel,
+)
+from sim_bridge.autopilot.guidance.piece import Course, Mark, Piece, hold
+
+__all__ = ["Course", "Guide", "Mark", "is_navigation"]
+
+_MOVED_M = 0.05  # less is no reason to fly anywhere
+_LEVEL_MPS = 0.05
+_LOOKS = 101  # for when it comes near
+_FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
+
+
+@dataclass(frozen=True)
+class Guide:
+    """What a vehicle needs to know to work out courses: its abilities, its speeds, its home.
+
+    Its `navigator` flies the waypoints of missions; without one they are flown on time.
+    """
+
+    limits: MotionLimits
+    origin: Origin
+    home_ned_m: Array  # (3,), common local NED
+    speed_mps: float
+    land_mps: float
+    descend_mps: float
+    rtl_height_m: float
+    epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
+    climb_mps: float = math.inf
+    takeoff_mps: float = math.inf
+    floats_s: float = 0.0  # just off the ground, before a take-off climbs
+    return_wait_s: float = 0.0  # over home, before it descends
+    slow_below_m: float = 10.0  # above home: there it descends at `land_mps`
+    crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
+    crawl_mps: float = 0.0
+    arrive_m: float = 0.0  # nearer than that counts as over the place where it lands
+    rally_ned_m: tuple[Array, ...] = ()  # each (2,): where it returns to if they are nearer than home
+    navigator: Navigator | None = None
+
+    def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
+        """Straight up to `height_m` above home."""
+        pieces = self.climb_out(t_s, flat, self.home_ned_m[2] - height_m)
+        return Course(tuple(pieces), climbing_until_s=pieces[-1].end_s)
+
+    def climb_out(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
+        """Off the ground and straight up to `down_m`."""
+        if self.floats_s <= 0.0:
+            return self.climb(t_s, flat, down_m)
+        off = transfer(t_s, flat, flat[0] - _FLOAT_M, self.limits)
+        now = off.at(off.end_s)
+        float_s = max(t_s + self.floats_s, off.end_s)
+        floating = Piece(off.end_s, float_s, hold(off.end_s, now).coefficients)
+        return [off, floating, *self.climb(float_s, now, down_m)]
+
+    def climb(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
+        """Straight up to `down_m`, as fast as in a take-off."""
+        return rise(t_s, flat, down_m, self.takeoff_mps, self.limits)
+
+    def stop(self, t_s: float, flat: Array) -> Course:
+        """Brake and stand."""
+        return Course((brake(t_s, flat, self.limits),))
+
+    def go_to(self, t_s: float, flat: Array, target: Array) -> Course:
+        """Fly to `target` (4,): north, east, down, yaw."""
+        return Course(tuple(self._travel(t_s, flat, target)))
+
+    def land(self, t_s: float, flat: Array) -> Course:
+        """Brake, then straight down."""
+        stop = brake(t_s, flat, self.limits)
+        down = self._descend(stop.end_s, stop.at(stop.end_s))
+        return Course((stop, *down), landing_from_s=t_s)
+
+    def land_at(self, t_s: float, flat: Array, target: Array) -> Course:
+        """Over `target` (4,) at its height, then down; the last bit of the way while it comes down."""
+        *before, way = self._travel(t_s, flat, target)
+        t_s = way.start_s
+        near = (
+            s for s in np.linspace(t_s, way.end_s, _LOOKS) if math.dist(way.at(s)[0, :2], target[:2]) <= self.arrive_m
+        )
+        from_s = float(next(near, way.end_s))
+        if self.arrive_m <= 0.0 or abs(way.at(from_s)[1, 2]) > _LEVEL_MPS:
+            down = self.land(way.end_s, way.at(way.end_s))
+            return Course((*before, way, *down.pieces), landing_from_s=down.landing_from_s)
+        straight = self._descend(from_s, hold(from_s, way.at(from_s)).at(from_s))
+        first = Piece(t_s, from_s, way.coefficients)
+        return Course((*before, first, *descend_towards(way, straight)), landing_from_s=from_s)
+
+    def _travel(self, t_s: float, flat: Array, target: Array) -> list[Piece]:
+        speeds = Speeds(self.speed_mps, self.climb_mps, self.descend_mps)
+        return travel(t_s, flat, target, speeds, self.limits)
+
+    def _descend(self, t_s: float, flat: Array) -> list[Piece]:
+        slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
+        if self.crawl_below_m > 0.0:
+            slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
+        way = Descent(self.descend_mps, tuple(slower))
+        return descend(t_s, flat, way, self.limits)
+
+    def haven(self, flat: Array) -> Array:
+        """Where (2,) it returns to: home or the rally point that is nearest."""
+        places = (self.home_ned_m[:2], *self.rally_ned_m)
+        return min(places, key=lambda place: math.dist(place, flat[0, :2]))
+
+    def return_home(self, t_s: float, flat: Array) -> Course:
+        """Up to the return height, over home or a rally point, down."""
+        pieces = [brake(t_s, flat, self.limits)]
+        top_ned_m = self.home_ned_m[2] - self.rtl_height_m
+        over = pieces[-1].at(pieces[-1].end_s)[0].copy()
+        over[2] = min(over[2], top_ned_m)
+        now = pieces[-1].at(pieces[-1].end_s)
+        if now[0, 2] - over[2] > _MOVED_M:
+            pieces += rise(pieces[-1].end_s, now, over[2], self.climb_mps, self.limits)
+        over[:2] = self.haven(flat)
+        now = pieces[-1].at(pieces[-1].end_s)
+        away = np.linalg.norm(now[0] - over) > _MOVED_M
+        if away and self.return_wait_s <= 0.0:
+            home = self.land_at(pieces[-1].end_s, now, over)
+            return Course((*pieces, *home.pieces), landing_from_s=home.landing_from_s)
+        if away:
+            pieces += self._travel(pieces[-1].end_s, now, over)
+        if self.return_wait_s > 0.0:
+            start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)
+            pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))
+        down = self.land(pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s))
+        return Course((*pieces, *down.pieces), landing_from_s=down.landing_from_s)
+
+    def fly_mission(self, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool) -> Course:
+        """The items from seq `first` on; item 0 is home. A vehicle on the ground starts with NAV_TAKEOFF."""
+        stretches = MissionCourse(self, t_s, flat, items).stretches(first, landed)
+        return replace(next(stretches), rest=stretches)

@@ -1,0 +1,106 @@
+"""Following a stream of setpoints that carry their time.
+
+Knows: what each setpoint says, when it counts, and what to do when no next one comes. Does not know: MAVLink.
+
+Setpoints stamped a little ahead wait for their time, so that a stream sent early is flown the same at any
+speed-up. From one setpoint to the next the vehicle flies the parabola of acceleration through the last, the
+present and the next one: position, velocity and acceleration are anchored anew at every setpoint, and jerk and
+snap come from accelerations alone. Positions are no source for them: float32 at 1.5 km rounds to 0.1 mm, which
+is 10^4 m/s^4 at 25 Hz.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import insort
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.guidance.piece import TERMS, Piece
+
+# Setpoints further apart than this are no stream: nothing is interpolated between them.
+LONGEST_GAP_S = 1.0
+_KEPT_AHEAD = 256
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Setpoint:
+    """One setpoint in simulated time and the common local NED frame; columns north, east, down, yaw.
+
+    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and nothing.
+    """
+
+    t_s: float
+    flat: Array = field(compare=False)
+    stamped: bool = field(compare=False, default=True)
+
+
+class SetpointFollower:
+    """Turns setpoints into pieces, one by one."""
+
+    def __init__(self) -> None:
+        self._ahead: list[Setpoint] = []  # sorted, all later than the current one
+        self._last: Setpoint | None = None
+        self._current: Setpoint | None = None
+
+    @property
+    def next_s(self) -> float:
+        """When the next waiting setpoint comes into force; inf when none waits."""
+        return self._ahead[0].t_s if self._ahead else math.inf
+
+    @property
+    def newest(self) -> Setpoint | None:
+        """The latest setpoint known, in force or waiting."""
+        return self._ahead[-1] if self._ahead else self._current
+
+    def awaits_more_after_s(self, t_s: float) -> float | None:
+        """The newest instant of a stamped stream whose next setpoint is needed to fly on from `t_s`; else None.
+
+        The one that comes into force at `t_s` does not do: how it is flown depends on the next.
+        """
+        newest = self.newest
+        return newest.t_s if newest is not None and newest.stamped and newest.t_s <= t_s else None
+
+    def add(self, setpoint: Setpoint) -> None:
+        """Take in a setpoint: one for a known instant replaces it, one older than that in force is dropped."""
+        if self._current is not None and setpoint.t_s <= self._current.t_s:
+            if setpoint.t_s == self._current.t_s:
+                self._current = setpoint
+            return
+        self._ahead = [s for s in self._ahead if s.t_s != setpoint.t_s]
+        insort(self._ahead, setpoint)
+        del self._ahead[_KEPT_AHEAD:]
+
+    def advance(self, t_s: float) -> None:
+        """Let the setpoints whose time has come pass into force."""
+        while self._ahead and self._ahead[0].t_s <= t_s:
+            self._last, self._current = self._current, self._ahead.pop(0)
+
+    def piece(self, timeout_s: float) -> Piece | None:
+        """From the setpoint in force to the next; without one, on with its acceleration for `timeout_s`."""
+        now = self._current
+        if now is None:
+            return None
+        following = self._ahead[0] if self._ahead else None
+        if following is not None and following.t_s - now.t_s > LONGEST_GAP_S:
+            following = None
+        c = np.zeros((TERMS, 4))
+        c[:3] = now.flat
+        c[2] *= 0.5
+        if following is None:
+            return Piece(now.t_s, now.t_s + timeout_s, c)
+        ahead_s = following.t_s - now.t_s
+        rise = (following.flat[2] - now.flat[2]) / ahead_s
+        c[3], bend = rise, 0.0
+        if self._last is not None and 0.0 < (behind_s := now.t_s - self._last.t_s) <= LONGEST_GAP_S:
+            before = (now.flat[2] - self._last.flat[2]) / behind_s
+            bend = (rise - before) / (ahead_s + behind_s)
+            c[3] = rise - bend * ahead_s
+        c[4] = bend / 12.0
+        c[3] /= 6.0
+        turn = math.remainder(following.flat[0, 3] - now.flat[0, 3], math.tau)
+        c[1:, 3] = 0.0
+        c[1, 3] = turn / ahead_s
+        return Piece(now.t_s, following.t_s, c)

@@ -1,0 +1,1 @@
+"""Physics, control and estimation of the whole fleet, one batch of arrays."""

@@ -1,0 +1,1 @@
+"""From reference and estimate to the controls U1..U4."""

@@ -1,0 +1,121 @@
+"""From a reference and an estimate to U1..U4: Eq. 1 inverted forward, LQR feedback back.
+
+Knows: flatness, and what to give up at a limit. Does not know: truth, sensors, who makes references.
+Inverting Eq. 1 leaves chains of integrators: position, velocity, tilt and tilt rate along and across the heading;
+height and climb; yaw and its rate. `sim_bridge.dynamics.control.position_control` says which force is wanted; here it
+becomes a tilt, and that a torque. What pushes and turns the vehicle beyond Eq. 1 is observed and taken off
+(`sim_bridge.dynamics.control.disturbance_observer`): that is the integral action. The limits hold for what acts on the
+body; what a weak motor fails to give is added on top.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array, Quadrotor
+from sim_bridge.dynamics.body.integrator import Turn
+from sim_bridge.dynamics.body.plant import Mask
+from sim_bridge.dynamics.control.disturbance_observer import Disturbance
+from sim_bridge.dynamics.control.lqr_gains import ANGLE_SCALE_RAD, ControlLimits, lqr_gains, turn_authority_radps2
+from sim_bridge.dynamics.control.position_control import AROUND, AROUND_S, PositionLaw
+from sim_bridge.dynamics.control.reference import Reference
+
+IDLE_SHARE = 0.2  # of the weight: thrust while standing on the ground with motors on
+
+_MOMENTS = AROUND[:, None]
+# Of three values AROUND_S apart: the middle one, its first and its second derivative.
+_DIFFERENCES = np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]]) / AROUND_S ** np.arange(3)[:, None]
+
+
+def tilt_along(force: Array, yaw_ned_rad: Array, yaw_rate_radps: Array) -> Array:
+    """Roll and pitch, their rates and accelerations (3, 2, V), that point the rotors along a force.
+
+    The force (3, 3, V), at the moments AROUND now, is what Eq. 1's translation leaves to the rotors: north and east
+    components turned round, the third upwards. Central differences: the map from force to angles is smooth, and its
+    second derivative a page of algebra.
+    """
+    vehicles = force.shape[-1]
+    yaw = yaw_ned_rad + _MOMENTS * yaw_rate_radps
+    s, c = np.sin(yaw), np.cos(yaw)
+    north, east, up = force[:, 0], force[:, 1], force[:, 2]
+    ahead = c * north + s * east
+    tilt = np.empty((3, 2, vehicles))
+    np.arctan2(s * north - c * east, np.hypot(ahead, up), out=tilt[:, 0])
+    np.arctan2(ahead, up, out=tilt[:, 1])
+    return np.asarray(_DIFFERENCES.dot(tilt.reshape(3, 2 * vehicles)).reshape(3, 2, vehicles))
+
+
+class Controller:
+    """Tracks references with V vehicles of one type, from their estimates alone."""
+
+    def __init__(self, q: Quadrotor, limits: ControlLimits, vehicles: int, period_s: float) -> None:
+        """Raise ValueError if the thrust limit does not lift the vehicle."""
+        self._law = PositionLaw(q, limits)
+        self._highest = np.array([limits.thrust_N, *limits.torque])[:, None]
+        self._lowest = self._highest * [[0.0], [-1.0], [-1.0], [-1.0]]
+        ix, iy, iz = q.inertia_kgm2
+        inertia = np.array([ix, iy, iz])
+        self._coupling = np.array([[iy - iz], [iz - ix], [ix - iy]]) / inertia[:, None]
+        self._idle = np.array([[IDLE_SHARE * q.weight_N], [0.0], [0.0], [0.0]])
+        gains = lqr_gains(q, limits)
+        _, _, k_angle, k_rate = (float(k) for k in gains.tilt)
+        self._angle_gain = k_angle / k_rate
+        self._rate_max = float(turn_authority_radps2(q, limits)[0]) / k_rate
+        self._effort = inertia[:, None] / np.array([[q.arm_m], [q.arm_m], [1.0]])
+        self._torque = self._effort * _turning(k_rate, gains.yaw, np.array(q.drag_moment_Nms) / inertia)
+        self._disturbance = Disturbance(q, gains.push_radps, gains.push_max, period_s, vehicles)
+
+    @property
+    def push(self) -> Array:
+        """What pushes and turns the vehicles beyond Eq. 1, as observed: (6, V), m/s² and rad/s²."""
+        return self._disturbance.push
+
+    def slow_down(self, speed_max_mps: Array) -> None:
+        """Let vehicles (V,) fly no faster over ground than this, whatever they are asked; inf for the others."""
+        self._law.speed_max_mps = speed_max_mps if speed_max_mps.min() < math.inf else None
+
+    def command(self, reference: Reference, state: Array, applied: Array, landed: Mask, *, any_landed: bool) -> Array:
+        """Controls (4, V) for estimated states (12, V); `applied` (4, V) is what the rotors gave in the last step.
+
+        A vehicle in contact idles until its reference rises.
+        """
+        attitude, rates = state[6:9], state[9:]
+        turn = Turn.of(attitude)
+        upright = turn.cr * turn.cp
+        coupling = self._coupling * (rates.take((1, 0, 0), axis=0) * rates.take((2, 2, 1), axis=0))
+        seen = np.concatenate((state[3:6], rates))
+        self._disturbance.observe(seen, turn.thrust_axis() * applied[0], applied[1:], coupling)
+        if any_landed:
+            self._disturbance.forget(landed, seen)
+        push = self._disturbance.push
+        force = self._law(reference, state, push[:3])
+        tilt = tilt_along(force, attitude[2], reference.yaw_rate_radps)
+
+        closing = _within(self._angle_gain * (tilt[0] - attitude[:2]), self._rate_max)
+        off = _within(np.remainder(reference.yaw_ned_rad - attitude[2] + np.pi, 2.0 * np.pi) - np.pi, ANGLE_SCALE_RAD)
+        inputs = (closing, tilt[1], tilt[2], off[None], reference.yaw_rate_radps[None], rates, coupling)
+        control = np.empty((4, len(upright)))
+        control[0] = force[1, 2] / np.maximum(upright, 0.5)
+        self._torque.dot(np.concatenate(inputs), out=control[1:])
+        control = np.minimum(np.maximum(control, self._lowest), self._highest)
+        control[1:] -= self._effort * push[3:]
+        if any_landed:
+            rises = (reference.velocity_ned_mps[:, 2] < 0.0) | (reference.acceleration_ned_mps2[:, 2] < 0.0)
+            control[:, landed & ~rises] = self._idle
+        return np.asarray(control)
+
+
+def _turning(k_rate: float, k_yaw: Array, damping: Array) -> Array:
+    """Angular acceleration (3, 14) that Eq. 1 has to be given, by what `Controller.command` puts together:
+    closing rates, tilt rates, tilt accelerations (2 each); yaw error, yaw rate; rates, coupling (3 each)."""
+    level = np.eye(3, 2)
+    yaw = np.array([[0.0, 0.0], [0.0, 0.0], k_yaw])
+    follow = np.diag([k_rate, k_rate, k_yaw[1]])
+    return np.hstack([k_rate * level, k_rate * level, level, yaw, np.diag(damping) - follow, -np.eye(3)])
+
+
+def _within(value: Array, largest: float) -> Array:
+    """np.clip to ±largest, several times as fast on a handful of numbers."""
+    return np.asarray(np.minimum(np.maximum(value, -largest), largest))

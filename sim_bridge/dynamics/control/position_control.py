@@ -1,0 +1,127 @@
+"""From where a vehicle is and should be to the force its rotors should make, now and a moment before and after.
+
+Knows: Eq. 1's translation, LQR gains as a cascade, and what is given up first where a stage asks for too much. Does not
+know: attitude, torques, what an observer does to find a push.
+
+The gains act as a cascade whose stages are limited to what the next can follow: near the reference the same linear law,
+far from it a stable one. Where nothing is at a limit, which is nearly always, the law is one matrix, taken from the
+limited law itself by probing it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array, Quadrotor
+from sim_bridge.dynamics.control.lqr_gains import ControlLimits, lqr_gains, turn_authority_radps2
+from sim_bridge.dynamics.control.reference import Reference
+
+FALL_SHARE = 0.5  # of the weight: thrust that even the fastest descent keeps, so that tilt still steers
+HEIGHT_SHARE = 0.95  # of the spare thrust: what height may take; the rest always holds some tilt
+HEIGHT_ERROR_MAX_M = 1.0
+AROUND_S = 0.02  # a moment
+AROUND = np.array([-AROUND_S, 0.0, AROUND_S])
+
+_CARRY = np.stack([np.ones(3), AROUND, 0.5 * AROUND**2], axis=1)  # a value and two derivatives to three moments
+_INPUTS = 24
+_CHECKED = np.array([9, 10, 11, 12, 13, 3, 4, 5])  # rows of the law that have limits: stages, and the force now
+_PROBE = 1e-3
+
+
+class PositionLaw:
+    """For vehicles of one type. `speed_max_mps` (V,): what slow ones make of any reference, or None."""
+
+    def __init__(self, q: Quadrotor, limits: ControlLimits) -> None:
+        """Raise ValueError if the thrust limit does not lift the vehicle."""
+        if limits.thrust_N <= q.weight_N:
+            raise ValueError(f"thrust limit {limits.thrust_N:g} N does not lift a weight of {q.weight_N:g} N")
+        gains = lqr_gains(q, limits)
+        turn_max = float(turn_authority_radps2(q, limits)[0])
+        k_distance, k_speed, k_angle, _ = (float(k) for k in gains.tilt)
+        self._mass_kg = q.mass_kg
+        self._weight = np.array([[0.0], [0.0], [q.weight_N]])
+        self._drag = np.array(q.drag_Nspm)[:, None]
+        self._closing_gain, self._push_gain = k_distance / k_speed, q.gravity_mps2 * k_speed / k_angle
+        # Each stage alone may ask for all the turning there is, and no more.
+        self._closing_max, self._push_max = turn_max / k_speed, q.gravity_mps2 * turn_max / k_angle
+        self._height_gain, self._climb_gain = (float(k) for k in gains.height)
+        self._thrust_max = limits.thrust_N
+        self._lift_min = FALL_SHARE * q.weight_N
+        self._lift_max = q.weight_N + HEIGHT_SHARE * (limits.thrust_N - q.weight_N)
+        self.speed_max_mps: Array | None = None
+
+        probes = np.concatenate((np.zeros((_INPUTS, 1)), _PROBE * np.eye(_INPUTS)), axis=1)
+        force, checks = self._limited(probes)
+        at_rest, slopes = np.split(np.concatenate((force.reshape(9, -1), checks)), [1], axis=1)
+        law = np.concatenate(((slopes - at_rest) / _PROBE, at_rest), axis=1)
+        law[:9] = np.kron(_CARRY, np.eye(3)) @ law[:9]
+        self._law = law
+        lift_max = 0.5 * (q.weight_N + self._lift_max)  # in the box that is surely free: less lift, more level
+        level_max = math.sqrt((limits.thrust_N**2 - lift_max**2) / 2.0)
+        longest = math.sqrt(0.5) * np.array([self._closing_max] * 2 + [self._push_max] * 2)
+        high = np.array([*longest, HEIGHT_ERROR_MAX_M, level_max, level_max, lift_max])
+        low = -high
+        low[-1] = self._lift_min
+        self._free_low, self._free_high = low[:, None], high[:, None]
+
+    def __call__(self, reference: Reference, state: Array, push_mps2: Array) -> Array:
+        """Force (3, 3, V) at the moments AROUND now, north and east turned round, the third component upwards.
+
+        `state` (12, V); `push_mps2` (3, V) is what pushes the vehicles beyond Eq. 1, and is made good.
+        """
+        r = reference
+        inputs = np.concatenate(
+            (
+                r.position_ned_m.T,
+                r.velocity_ned_mps.T,
+                r.acceleration_ned_mps2.T,
+                r.jerk_ned_mps3.T,
+                r.snap_ned_mps4.T,
+                state[:6],
+                push_mps2,
+                np.ones((1, state.shape[1])),
+            )
+        )
+        if self.speed_max_mps is None:
+            out = self._law.dot(inputs)
+            checked = out.take(_CHECKED, axis=0)
+            if ((checked >= self._free_low) & (checked <= self._free_high)).all():
+                return np.asarray(out[:9].reshape(3, 3, -1))
+        force, _ = self._limited(inputs)
+        return np.asarray(_CARRY.dot(force.reshape(3, -1)).reshape(force.shape))
+
+    def _limited(self, inputs: Array) -> tuple[Array, Array]:
+        """Force with two derivatives (3, 3, V), and what stages ask for before limits (5, V).
+
+        Height comes before place: the horizontal part gets what the vertical part leaves.
+        """
+        place, velocity, acceleration, jerk, snap, here, moving, push = inputs[:_INPUTS].reshape(8, 3, -1)
+        distance, speed = place - here, velocity - moving
+        closing = self._closing_gain * distance[:2]
+        asked = speed[:2] + _shorten(closing, self._closing_max)
+        wanted = acceleration - push
+        if self.speed_max_mps is not None:
+            aim = asked + moving[:2]
+            slow = _shorten(aim, self.speed_max_mps)
+            asked = slow - moving[:2]
+            wanted[:2] = np.where((slow == aim).all(axis=0), wanted[:2], -push[:2])
+        asked *= self._push_gain
+        wanted[:2] += _shorten(asked, self._push_max)
+        wanted[2] += self._height_gain * np.clip(distance[2], -HEIGHT_ERROR_MAX_M, HEIGHT_ERROR_MAX_M)
+        wanted[2] += self._climb_gain * speed[2]
+
+        force = np.empty((3, *place.shape))
+        force[0] = self._weight - self._mass_kg * wanted - self._drag * moving
+        force[0, 2] = lift = np.clip(force[0, 2], self._lift_min, self._lift_max)
+        force[0, :2] = _shorten(force[0, :2], np.sqrt(self._thrust_max**2 - lift * lift))
+        force[1] = -self._mass_kg * jerk - self._drag * acceleration
+        force[2] = -self._mass_kg * snap - self._drag * jerk
+        return force, np.concatenate((closing, asked, distance[2:]))
+
+
+def _shorten(vector: Array, longest: Array | float) -> Array:
+    """Vectors (2, V), none longer than (V,) or one limit."""
+    length = np.hypot(vector[0], vector[1])
+    return np.asarray(vector * np.minimum(1.0, longest / np.maximum(length, 1e-12)))

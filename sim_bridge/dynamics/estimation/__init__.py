@@ -1,0 +1,1 @@
+"""What vehicles believe: an extended Kalman filter each, stepped as one batch."""

@@ -1,0 +1,1 @@
+"""ArduCopter 4.5.6, as recorded."""

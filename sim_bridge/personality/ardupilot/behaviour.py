@@ -1,0 +1,260 @@
+"""ArduCopter 4.5.6, as recorded.
+
+Knows: numbers and habits. Does not know: how they are used. It is ready after 4 s, not 40: what takes the real one
+so long is its GNSS receiver's start, and no ground station learns anything from waiting for that.
+"""
+
+from __future__ import annotations
+
+from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
+from sim_bridge.personality.ardupilot.missions import MISSIONS
+from sim_bridge.personality.ardupilot.params import LINK, PARAM_HABITS, PARAMS
+from sim_bridge.personality.boot import Boot, Milestone, Stage
+from sim_bridge.personality.failsafe_settings import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.modes import Intent, Mode, Modes
+from sim_bridge.personality.table import Identity, Personality
+from sim_bridge.personality.wording import Note
+
+_ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
+_BY_ITSELF = _ON_STICKS | ModeFlag.GUIDED
+
+_MODES = Modes(
+    known=(
+        Mode(CopterMode.STABILIZE, "STABILIZE", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(CopterMode.ACRO, "ACRO", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(CopterMode.ALT_HOLD, "ALT_HOLD", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(CopterMode.LOITER, "LOITER", Intent.HOLD, _BY_ITSELF),
+        Mode(CopterMode.POSHOLD, "POSHOLD", Intent.HOLD, _BY_ITSELF),
+        Mode(CopterMode.BRAKE, "BRAKE", Intent.HOLD, _BY_ITSELF, armable=False),
+        Mode(CopterMode.GUIDED, "GUIDED", Intent.GUIDED, _BY_ITSELF),
+        Mode(CopterMode.AUTO, "AUTO", Intent.MISSION, _BY_ITSELF, armable=False),
+        Mode(CopterMode.RTL, "RTL", Intent.RETURN, _BY_ITSELF, armable=False),
+        Mode(CopterMode.SMART_RTL, "SMART_RTL", Intent.RETURN, _BY_ITSELF, armable=False),
+        Mode(CopterMode.LAND, "LAND", Intent.LAND, _ON_STICKS, armable=False, needs_position=False),
+    ),
+    at_boot=CopterMode.STABILIZE,
+)
+
+_BOOT = Boot(
+    stages=(
+        Stage(
+            0.0,
+            frozenset({Milestone.SPEAKING}),
+            faults=(
+                "Gyros not healthy",
+                "EKF attitude is bad",
+                "Compass not healthy",
+                "AHRS: EKF3 not started",
+                "Battery 1 unhealthy",
+            ),
+        ),
+        Stage(
+            1.73,
+            texts=("Barometer 1 calibration complete", "Barometer 2 calibration complete"),
+            faults=(
+                "Need Alt Estimate",
+                "Accels inconsistent",
+                "EKF attitude is bad",
+                "Compass not healthy",
+                "AHRS: waiting for home",
+                "Battery 1 unhealthy",
+            ),
+        ),
+        Stage(2.26, frozenset({Milestone.RUNNING}), ("ArduPilot Ready", "AHRS: DCM active")),
+        Stage(
+            4.26,
+            texts=("EKF3 IMU0 initialised", "EKF3 IMU1 initialised", "AHRS: EKF3 active"),
+            faults=("EKF attitude is bad", "AHRS: waiting for home"),
+        ),
+        Stage(
+            5.61,
+            texts=("EKF3 IMU0 tilt alignment complete", "EKF3 IMU1 tilt alignment complete"),
+            faults=("AHRS: waiting for home",),
+        ),
+        Stage(
+            5.71,
+            texts=("EKF3 IMU0 MAG0 initial yaw alignment complete", "EKF3 IMU1 MAG0 initial yaw alignment complete"),
+        ),
+        Stage(9.6, frozenset({Milestone.FIXED}), ("GPS 1: detected as u-blox at 230400 baud",)),
+        Stage(19.83, frozenset({Milestone.PLACED}), ("EKF3 IMU0 origin set", "Field Elevation Set: {alt_m:.0f}m")),
+        Stage(20.02, texts=("EKF3 IMU1 origin set",)),
+        Stage(23.4, frozenset({Milestone.CHECKED}), faults=()),
+        Stage(
+            41.43, frozenset({Milestone.LOCATED, Milestone.READY}), ("EKF3 IMU0 is using GPS", "EKF3 IMU1 is using GPS")
+        ),
+    ),
+    starting=MavState.ACTIVE,
+    restarts_mode=True,
+    pace=0.1,
+)
+
+_WORDS = {
+    Note.ARMED: (Severity.INFO, "Arming motors"),
+    Note.ARMED_FOR_MISSION: (Severity.INFO, "Arming motors"),
+    Note.DISARMED: (Severity.INFO, "Disarming motors"),
+    Note.DISARMED_IDLE: (Severity.INFO, "Disarming motors"),
+    Note.DISARMED_LANDED: (Severity.INFO, "Disarming motors"),
+    Note.ARM_REFUSED: (Severity.CRITICAL, "Arm: {reason}"),
+    Note.CHECKS_FAIL: (Severity.CRITICAL, "PreArm: {reason}"),
+    Note.MODE_UNKNOWN: (Severity.WARNING, "No such mode {mode}"),
+    Note.MODE_REFUSED: (Severity.WARNING, "Mode change to {mode} failed: init failed"),
+    Note.MISSION_REFUSED: (Severity.CRITICAL, "Auto: Missing Takeoff Cmd"),
+    Note.STREAM_UNKNOWN: (Severity.INFO, "No ap_message for mavlink id ({number})"),
+    Note.ITEM_BEGINS: (Severity.INFO, "Mission: {seq} {name}"),
+    Note.DELAY_BEGINS: (Severity.INFO, "Delaying {seconds:.0f} sec"),
+    Note.WAYPOINT_REACHED: (Severity.INFO, "Reached command #{seq}"),
+    Note.LINK_LOST: (Severity.WARNING, "GCS Failsafe - {action}"),
+    Note.LINK_FOUND: (Severity.WARNING, "GCS Failsafe Cleared"),
+    Note.BATTERY_LOW: (Severity.WARNING, "Battery 1 is low {volt:.2f}V used {mAh:.0f} mAh"),
+    Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Battery 1 is critical {volt:.2f}V used {mAh:.0f} mAh"),
+    Note.PLACE_LOST: (Severity.CRITICAL, "EKF Failsafe: changed to {action} Mode"),
+    Note.FENCE_BREACHED: (Severity.WARNING, "{fence} fence breached"),
+}
+
+_BATTERY_ACTIONS = {1: Intent.LAND, 2: Intent.RETURN, 3: Intent.RETURN, 4: Intent.LAND, 6: Intent.LAND}
+_GUARDS = Guards(
+    link=LinkGuard(
+        actions=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
+        only_ours=True,
+    ),
+    battery=(
+        BatteryGuard(
+            Note.BATTERY_LOW,
+            _BATTERY_ACTIONS,
+            Setting.BATTERY_LOW_ACTION,
+            Setting.BATTERY_LOW_V,
+            Setting.BATTERY_LOW_Ah,
+        ),
+        BatteryGuard(
+            Note.BATTERY_CRITICAL,
+            _BATTERY_ACTIONS,
+            Setting.BATTERY_CRITICAL_ACTION,
+            Setting.BATTERY_CRITICAL_V,
+            Setting.BATTERY_CRITICAL_Ah,
+        ),
+    ),
+    battery_patience_s=10.0,
+    fence=FenceGuard(
+        actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
+        one_area_suffices=False,
+    ),
+    stream={},
+    estimate=EstimateGuard(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
+)
+
+_STREAMS = Streams(
+    unasked_hz={MessageId.HEARTBEAT: 1.0},
+    default_hz=0.0,
+    fixed=frozenset(),
+    mute=frozenset(),
+    unsent=frozenset({MessageId.ATTITUDE_TARGET, MessageId.ALTITUDE, MessageId.ESTIMATOR_STATUS}),
+    groups={
+        2: frozenset(
+            {
+                MessageId.SYS_STATUS,
+                MessageId.MISSION_CURRENT,
+                MessageId.GPS_RAW_INT,
+                MessageId.FENCE_STATUS,
+                MessageId.NAV_CONTROLLER_OUTPUT,
+                MessageId.POSITION_TARGET_GLOBAL_INT,
+            }
+        ),
+        3: frozenset({MessageId.SERVO_OUTPUT_RAW}),
+        6: frozenset({MessageId.GLOBAL_POSITION_INT, MessageId.LOCAL_POSITION_NED}),
+        10: frozenset({MessageId.ATTITUDE}),
+        11: frozenset({MessageId.VFR_HUD}),
+        12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
+    },
+    fast_share=0.87,
+    local_from=Milestone.LOCATED,
+    global_from=Milestone.RUNNING,
+    targets_in_guided_only=True,
+    home_has_attitude=False,
+    tells_rtk=True,
+    tells_airspeed=True,
+)
+
+_BEFORE_READY = (
+    EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.VELOCITY_VERT | EkfFlag.POS_VERT_ABS | EkfFlag.CONST_POS_MODE
+)
+
+ARDUPILOT = Personality(
+    identity=Identity(
+        autopilot=Autopilot.ARDUPILOT,
+        version=(4 << 24) | (5 << 16) | (6 << 8) | 255,
+        capabilities=Capability.MISSION_FLOAT
+        | Capability.PARAM_FLOAT
+        | Capability.MISSION_INT
+        | Capability.COMMAND_INT
+        | Capability.FTP
+        | Capability.SET_POSITION_TARGET_LOCAL_NED
+        | Capability.SET_POSITION_TARGET_GLOBAL_INT
+        | Capability.MAVLINK2
+        | Capability.FENCE
+        | Capability.RALLY,
+        tells_uid=False,
+        vtol_state=3,
+    ),
+    boot=_BOOT,
+    modes=_MODES,
+    arming=Arming(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_tells=False),
+    flight=Flight(
+        slow_below_m=10.0,
+        crawl_below_m=0.0,
+        landed_after_s=1.75,
+        disarm_after_s=0.3,
+        takeoff_share=0.8,
+        floats_s=0.0,
+        takeoff_above_sea=False,
+        takeoff_in_guided=True,
+        mission_start_arms=False,
+        return_cone=False,
+        reposition_in=Intent.GUIDED,
+        sinks_without_sticks=False,
+    ),
+    streaming=Streaming(from_ground=False, proof_s=0.0, coasts_s=None, comes_back=True),
+    reports=Reports(
+        repeats=0,
+        repeat_s=1.0,
+        tells_landing=False,
+        starts_over=True,
+        empty_total=0,
+        counts_home=False,
+        mode_elsewhere=0,
+        counts_manoeuvres=False,
+        item_names={16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay", 178: "ChangeSpeed"},
+    ),
+    replies=Replies(
+        refused=MavResult.FAILED,
+        unknown_mode=MavResult.FAILED,
+        unknown_stream=MavResult.DENIED,
+        unknown_message=MavResult.FAILED,
+        unsupported=frozenset(),
+        formats=True,
+        mode_acks=1,
+        message_first=False,
+        set_mode_command=11,
+        heartbeat_on_change=True,
+        announces_home=True,
+        any_component=True,
+        waits_to_be_heard=True,
+        numbered_texts=False,
+    ),
+    streams=_STREAMS,
+    health=Health(
+        present=0x5371FC2F,
+        enabled=0x5361FC2F,
+        healthy=0x4771FC2F,
+        gnss=0x20,
+        before_ready=_BEFORE_READY,
+        ready=0x33F,
+    ),
+    guards=_GUARDS,
+    words=_WORDS,
+    missions=MISSIONS,
+    params=PARAMS,
+    param_habits=PARAM_HABITS,
+    link=LINK,
+)

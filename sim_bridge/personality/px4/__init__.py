@@ -1,0 +1,1 @@
+"""PX4 1.17, as recorded."""

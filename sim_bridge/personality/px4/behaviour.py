@@ -1,0 +1,235 @@
+"""PX4 1.17, as recorded.
+
+Knows: numbers and habits. Does not know: how they are used. Texts that also go out as an event end in a tab.
+"""
+
+from __future__ import annotations
+
+from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import (
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_MISSION,
+    PX4_OFFBOARD,
+    PX4_RTL,
+    Capability,
+    MavCommand,
+    MavResult,
+    MavState,
+    MessageId,
+    ModeFlag,
+    Severity,
+    px4_mode,
+)
+from sim_bridge.personality.boot import Boot, Milestone, Stage
+from sim_bridge.personality.failsafe_settings import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
+from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.modes import Intent, Mode, Modes
+from sim_bridge.personality.px4.missions import MISSIONS
+from sim_bridge.personality.px4.params import LINK, PARAM_HABITS, PARAMS
+from sim_bridge.personality.table import Identity, Personality
+from sim_bridge.personality.wording import Note
+
+_BY_ITSELF = ModeFlag.CUSTOM | ModeFlag.AUTO | ModeFlag.GUIDED | ModeFlag.STABILIZE
+_ON_STICKS = ModeFlag.CUSTOM | ModeFlag.STABILIZE | ModeFlag.MANUAL_INPUT
+
+_MODES = Modes(
+    known=(
+        Mode(PX4_HOLD, "Hold", Intent.HOLD, _BY_ITSELF),
+        Mode(PX4_MISSION, "Mission", Intent.MISSION, _BY_ITSELF),
+        Mode(PX4_OFFBOARD, "Offboard", Intent.GUIDED, ModeFlag.CUSTOM),
+        Mode(px4_mode(4, 2), "Takeoff", Intent.TAKEOFF, _BY_ITSELF),
+        Mode(PX4_RTL, "Return", Intent.RETURN, _BY_ITSELF, armable=False),
+        Mode(PX4_LAND, "Land", Intent.LAND, _BY_ITSELF, armable=False),
+        Mode(px4_mode(3), "Position", Intent.MANUAL, _ON_STICKS),
+        Mode(px4_mode(1), "Manual", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(px4_mode(2), "Altitude", Intent.MANUAL, _ON_STICKS, needs_position=False),
+        Mode(px4_mode(7), "Stabilized", Intent.MANUAL, _ON_STICKS, needs_position=False),
+    ),
+    at_boot=PX4_HOLD,
+    two_part=True,
+    returns_after_disarming=True,
+    streamed=ModeFlag.STABILIZE,
+    act_on_ground=True,
+)
+
+_BOOT = Boot(
+    stages=(
+        Stage(0.0, frozenset({Milestone.RUNNING}), faults=("health",)),
+        Stage(0.1, frozenset({Milestone.FIXED})),
+        Stage(0.9, frozenset({Milestone.PLACED})),
+        Stage(2.4, frozenset({Milestone.SPEAKING})),
+        Stage(2.5, frozenset({Milestone.LOCATED})),
+        Stage(3.99, frozenset({Milestone.CHECKED, Milestone.READY}), faults=()),
+    ),
+    starting=MavState.UNINIT,
+    restarts_mode=False,
+)
+
+_WORDS = {
+    Note.ARMED: (Severity.INFO, "Armed by external command\t"),
+    Note.ARMED_FOR_MISSION: (Severity.INFO, "Armed by mission start\t"),
+    Note.DISARMED: (Severity.INFO, "Disarmed by external command\t"),
+    Note.DISARMED_IDLE: (Severity.INFO, "Disarmed by auto preflight disarming\t"),
+    Note.DISARMED_LANDED: (Severity.INFO, "Disarmed by landing\t"),
+    Note.ARM_REFUSED: (Severity.CRITICAL, "Arming denied: Resolve system health failures first\t"),
+    Note.DISARM_REFUSED: (Severity.CRITICAL, "Disarming denied: not landed\t"),
+    Note.MODE_REFUSED: (Severity.CRITICAL, "Switching to mode '{mode}' is currently not possible\t"),
+    Note.LIFTED_OFF: (Severity.INFO, "Takeoff detected\t"),
+    Note.LANDED: (Severity.INFO, "Landing detected\t"),
+    Note.MISSION_BEGINS: (Severity.INFO, "Executing Mission\t"),
+    Note.MISSION_CLIMBS: (Severity.INFO, "Climb to {height_m:.1f} meters above home\t"),
+    Note.MISSION_ENDS: (Severity.INFO, "Mission finished, landed\t"),
+    Note.RETURN_BEGINS: (
+        Severity.INFO,
+        "RTL: start return at {alt_m:.0f} m ({height_m:.0f} m above destination)\t",
+    ),
+    Note.RETURN_LANDS: (Severity.INFO, "RTL: land at destination\t"),
+    Note.FAILSAFE: (Severity.CRITICAL, "Failsafe activated\t"),
+    Note.LINK_LOST: (Severity.INFO, "Connection to ground station lost\t"),
+    Note.LINK_FOUND: (Severity.INFO, "Connection to ground station regained\t"),
+    Note.BATTERY_LOW: (Severity.WARNING, "Low battery level\t"),
+    Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Critical battery level\t"),
+    Note.BATTERY_EMERGENCY: (Severity.EMERGENCY, "Emergency battery level\t"),
+    Note.FENCE_BREACHED: (Severity.WARNING, "Geofence violation\t"),
+}
+
+_GUARDS = Guards(
+    link=LinkGuard(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
+    battery=(
+        BatteryGuard(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
+        BatteryGuard(
+            Note.BATTERY_CRITICAL,
+            {2: Intent.LAND, 3: Intent.RETURN},
+            Setting.BATTERY_CRITICAL_ACTION,
+            share=Setting.BATTERY_CRITICAL_SHARE,
+        ),
+        BatteryGuard(
+            Note.BATTERY_EMERGENCY,
+            {2: Intent.LAND, 3: Intent.LAND},
+            Setting.BATTERY_CRITICAL_ACTION,
+            share=Setting.BATTERY_EMERGENCY_SHARE,
+        ),
+    ),
+    battery_patience_s=0.0,
+    fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
+    estimate=EstimateGuard(6.0, {}, always=Intent.LAND),
+    stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
+)
+
+# Recorded at 50 Hz, over a link without limits. Over a radio the original sends less too, and at ten times real time
+# that many messages drown a ground station.
+_FAST_HZ = 10.0
+_STREAMS = Streams(
+    unasked_hz={
+        MessageId.HEARTBEAT: 1.0,
+        MessageId.ATTITUDE: _FAST_HZ,
+        MessageId.ATTITUDE_QUATERNION: _FAST_HZ,
+        MessageId.ATTITUDE_TARGET: _FAST_HZ,
+        MessageId.LOCAL_POSITION_NED: _FAST_HZ,
+        MessageId.GLOBAL_POSITION_INT: _FAST_HZ,
+        MessageId.POSITION_TARGET_LOCAL_NED: _FAST_HZ,
+        MessageId.SERVO_OUTPUT_RAW: _FAST_HZ,
+        MessageId.GPS_RAW_INT: 5.0,
+        MessageId.VFR_HUD: 4.0,
+        MessageId.ALTITUDE: 1.0,
+        MessageId.EXTENDED_SYS_STATE: 1.0,
+        MessageId.MISSION_CURRENT: 1.0,
+        MessageId.POSITION_TARGET_GLOBAL_INT: 1.0,
+        MessageId.SYS_STATUS: 1.0,
+        MessageId.BATTERY_STATUS: 0.5,
+        MessageId.ESTIMATOR_STATUS: 0.5,
+        MessageId.HOME_POSITION: 0.5,
+    },
+    default_hz=1.0,
+    fixed=frozenset({MessageId.MISSION_CURRENT}),
+    mute=frozenset({MessageId.NAV_CONTROLLER_OUTPUT}),
+    unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
+    groups={},
+    fast_share=1.0,
+    local_from=Milestone.RUNNING,
+    global_from=Milestone.LOCATED,
+    targets_in_guided_only=False,
+    home_has_attitude=True,
+    tells_rtk=False,
+    tells_airspeed=False,
+)
+
+PX4 = Personality(
+    identity=Identity(
+        autopilot=Autopilot.PX4,
+        version=(1 << 24) | (17 << 16) | (0 << 8) | 64,
+        capabilities=Capability.MISSION_FLOAT
+        | Capability.PARAM_FLOAT
+        | Capability.MISSION_INT
+        | Capability.COMMAND_INT
+        | Capability.PARAM_BYTEWISE
+        | Capability.SET_POSITION_TARGET_LOCAL_NED
+        | Capability.SET_POSITION_TARGET_GLOBAL_INT
+        | Capability.MAVLINK2
+        | Capability.FENCE
+        | Capability.RALLY,
+        tells_uid=True,
+        vtol_state=0,
+    ),
+    boot=_BOOT,
+    modes=_MODES,
+    arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
+    flight=Flight(
+        slow_below_m=5.0,
+        crawl_below_m=1.0,
+        landed_after_s=3.3,
+        disarm_after_s=2.0,
+        takeoff_share=0.8,
+        floats_s=2.3,
+        takeoff_above_sea=True,
+        takeoff_in_guided=False,
+        mission_start_arms=True,
+        return_cone=True,
+        reposition_in=Intent.HOLD,
+        sinks_without_sticks=True,
+    ),
+    streaming=Streaming(from_ground=True, proof_s=1.0, coasts_s=0.2, comes_back=False),
+    reports=Reports(
+        repeats=10,
+        repeat_s=1.0,
+        tells_landing=True,
+        starts_over=False,
+        empty_total=0xFFFF,
+        counts_home=True,
+        mode_elsewhere=2,
+        counts_manoeuvres=True,
+        item_names={},
+    ),
+    replies=Replies(
+        refused=MavResult.TEMPORARILY_REJECTED,
+        unknown_mode=MavResult.ACCEPTED,
+        unknown_stream=MavResult.FAILED,
+        unknown_message=MavResult.DENIED,
+        unsupported=frozenset({MavCommand.DO_SET_MISSION_CURRENT}),
+        formats=False,
+        mode_acks=2,
+        message_first=True,
+        set_mode_command=MavCommand.DO_SET_MODE,
+        heartbeat_on_change=False,
+        announces_home=False,
+        any_component=False,
+        waits_to_be_heard=False,
+        numbered_texts=True,
+    ),
+    streams=_STREAMS,
+    health=Health(
+        present=0x300402F,
+        enabled=0x301402F,
+        healthy=0x320C83F,
+        gnss=0x20,
+        before_ready=229,
+        ready=1023,
+    ),
+    guards=_GUARDS,
+    words=_WORDS,
+    missions=MISSIONS,
+    params=PARAMS,
+    param_habits=PARAM_HABITS,
+    link=LINK,
+)

@@ -1,0 +1,81 @@
+"""How PX4 1.17 transfers and keeps missions, fences and rally points, as recorded.
+
+Knows: numbers and habits. Does not know: how they are used.
+
+There is one transfer in all, downloads included. What is being uploaded replaces the old only when it is whole. Most
+numbers are taken as they come: NaN altitudes and impossible places are kept, and read back.
+"""
+
+from __future__ import annotations
+
+from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity, WireFrame
+from gcs.mission.model import Command, Frame
+from sim_bridge.protocol.missions.fence import FenceCommand
+from sim_bridge.protocol.missions.transfer_traits import SILENCE, Answer, Keeping, MissionHabits
+
+_RALLY_POINT = 5100
+_IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
+_WITHOUT_PLACE = frozenset({int(Frame.MISSION)})
+_FLOWN = {
+    **dict.fromkeys(map(int, (Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF)), _IN_PLACE),
+    **dict.fromkeys(
+        map(int, (Command.NAV_DELAY, Command.DO_CHANGE_SPEED, MavCommand.NAV_RETURN_TO_LAUNCH)), _WITHOUT_PLACE
+    ),
+}
+_WIRE_FRAMES = {
+    int(Frame.GLOBAL): int(WireFrame.GLOBAL_INT),
+    int(Frame.GLOBAL_RELATIVE_ALT): int(WireFrame.GLOBAL_RELATIVE_ALT_INT),
+}
+
+_KEEPING = {
+    int(MissionType.MISSION): Keeping(
+        capacity=10_000, frames=_FLOWN, told_frames=_WIRE_FRAMES, name="Mission", checks_numbers=False
+    ),
+    int(MissionType.FENCE): Keeping(
+        capacity=250,
+        frames=_FLOWN | dict.fromkeys(map(int, FenceCommand), _IN_PLACE),  # a waypoint is no offence in a fence
+        told_frames=dict.fromkeys(_WIRE_FRAMES, int(WireFrame.GLOBAL_INT)),
+        name="Fence",
+        checks_numbers=False,
+        vertices_min=3,
+        only_param1=True,
+        autocontinue=False,
+    ),
+    int(MissionType.RALLY): Keeping(
+        capacity=250, frames={_RALLY_POINT: _IN_PLACE}, told_frames=_WIRE_FRAMES, name="Rally", checks_numbers=False
+    ),
+}
+
+# Texts that also go out as an event end in a tab.
+MISSIONS = MissionHabits(
+    keeping=_KEEPING,
+    ask_again_s=0.25,
+    give_up_s=5.0,
+    gave_up=Answer(None, "Operation timeout\t"),
+    int_requests=True,
+    home_is_item_0=False,
+    as_files=False,
+    one_at_a_time=True,
+    restarts=False,
+    any_item_is_life=True,
+    single_precision=False,
+    follows_float=True,
+    stateless_reads=False,
+    cancellable=True,
+    clears_all=True,
+    first_is_current=True,
+    second_station=Answer(MissionResult.ERROR),
+    busy=Answer(MissionResult.ERROR, "WPM: REJ. CMD: Busy\t"),
+    no_space=Answer(MissionResult.NO_SPACE),
+    wrong_sequence=SILENCE,
+    unasked_item=Answer(MissionResult.ERROR, "IGN MISSION_ITEM: No transfer\t"),
+    unknown_item=Answer(MissionResult.ERROR),
+    refused_item=Answer(None, "IGN MISSION_ITEM: Invalid item\t"),
+    float_item=SILENCE,
+    read_while_busy=Answer(None, "Mission download request ignored, already active\t", Severity.INFO),
+    unknown_type=Answer(MissionResult.NO_SPACE),
+    unknown_type_read=None,
+    bad_shape=Answer(MissionResult.ERROR),
+    home_outside=Answer(None, "Geofence invalid, doesn't contain Home position\t"),
+    home_outside_after_s=0.5,
+)

@@ -1,0 +1,1 @@
+"""One vehicle's side of MAVLink: commands, parameters, missions, telemetry, and its endpoints."""

@@ -1,0 +1,249 @@
+"""COMMAND_LONG and COMMAND_INT: what a vehicle is told to do, and what it says to that.
+
+Knows: which command asks what of the autopilot or the telemetry, who acknowledges how. Does not know: what modes mean,
+sockets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.link.microservices.command import CommandMemory, command_ack
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavCommand, MavResult, MessageId, WireFrame
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.personality import Intent, Note
+from sim_bridge.protocol.telemetry import Telemetry
+
+_FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
+_CUSTOM_MODE = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+_CHANGE_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+_FARTHEST_M = 50_000.0  # from the origin: places further off are not meant
+_FORMAT_S, _SAY_S = 3.0, 1.0
+_TELLS_FIRST = frozenset({MavCommand.GET_MESSAGE_INTERVAL, MavCommand.GET_HOME_POSITION})
+
+
+@dataclass(frozen=True)
+class Request:
+    """A command in either form; x and y in degrees where they are coordinates."""
+
+    command: int
+    params: tuple[float, float, float, float]
+    x: float
+    y: float
+    z: float
+    frame: int | None  # None where the form has none
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The result, and what it brought forth."""
+
+    result: MavResult
+    messages: list[Message] = field(default_factory=list)
+
+
+@dataclass
+class _Task:
+    """A command that takes its time."""
+
+    command: Message
+    end_s: float
+    say_s: float
+
+
+class Commands:
+    """Carries out the commands of one vehicle."""
+
+    def __init__(self, autopilot: Autopilot, telemetry: Telemetry) -> None:
+        self._autopilot = autopilot
+        self._telemetry = telemetry
+        self._replies = autopilot.personality.replies
+        self._memory = CommandMemory()
+        self._task: _Task | None = None
+        self._handlers: dict[int, Callable[[Request, float], Answer]] = {
+            MavCommand.COMPONENT_ARM_DISARM: self._arm,
+            MavCommand.NAV_TAKEOFF: self._take_off,
+            MavCommand.NAV_LAND: lambda r, t: Answer(autopilot.pursue(t, Intent.LAND)),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: Answer(autopilot.pursue(t, Intent.RETURN)),
+            MavCommand.DO_SET_MODE: self._set_mode,
+            MavCommand.DO_CHANGE_SPEED: lambda r, t: Answer(autopilot.set_speed(t, r.params[0], r.params[1])),
+            MavCommand.DO_SET_HOME: self._set_home,
+            MavCommand.DO_REPOSITION: self._reposition,
+            MavCommand.MISSION_START: lambda r, t: Answer(autopilot.start_mission(t, self._estimate)),
+            MavCommand.DO_SET_MISSION_CURRENT: self._set_current,
+            MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
+            MavCommand.GET_MESSAGE_INTERVAL: self._get_interval,
+            MavCommand.REQUEST_MESSAGE: lambda r, t: self._request(_whole(r.params[0])),
+            MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda r, t: self._request(MessageId.AUTOPILOT_VERSION),
+            MavCommand.GET_HOME_POSITION: lambda r, t: Answer(MavResult.ACCEPTED, self._home()),
+        }
+
+    def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
+        """Carry out the command and acknowledge it, with what it brought forth.
+
+        A command that is only repeated, because its COMMAND_ACK was lost, is acknowledged and not obeyed again.
+        """
+        known = self._memory.repeated(message, now_s)
+        if known is not None:
+            return [known]
+        request = _request_in(message)
+        if request.command == MavCommand.STORAGE_FORMAT and self._replies.formats:
+            answer = self._format(message, t_s)
+        else:
+            handler = self._handlers.get(request.command) if request.command not in self._replies.unsupported else None
+            answer = handler(request, t_s) if handler is not None else Answer(MavResult.UNSUPPORTED)
+        ack = command_ack(message, answer.result)
+        self._memory.answered(message, ack, now_s)
+        changed = request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED
+        acks = [ack] * (self._replies.mode_acks if changed else 1)
+        if self._replies.message_first or request.command in _TELLS_FIRST:
+            return [*answer.messages, *acks]
+        return [*acks, *answer.messages]
+
+    def step(self, t_s: float) -> list[Message]:
+        """What has yet to be said of earlier commands."""
+        task = self._task
+        if task is None or t_s < task.say_s:
+            return []
+        if t_s >= task.end_s:
+            self._task = None
+            return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
+        task.say_s = min(t_s + _SAY_S, task.end_s)
+        return [self._progress(task, t_s)]
+
+    @property
+    def busy(self) -> bool:
+        """Whether `step` has something to say, now or later."""
+        return self._task is not None
+
+    def _arm(self, request: Request, t_s: float) -> Answer:
+        arm, force = request.params[0], request.params[1] == _FORCE
+        if arm == 1.0:
+            return Answer(self._autopilot.arm(t_s, self._estimate))
+        if arm == 0.0:
+            return Answer(self._autopilot.disarm(force=force))
+        return Answer(MavResult.UNSUPPORTED)
+
+    def _take_off(self, request: Request, t_s: float) -> Answer:
+        home_amsl_m = self._home_amsl_m if self._autopilot.personality.flight.takeoff_above_sea else 0.0
+        return Answer(self._autopilot.take_off(t_s, request.z - home_amsl_m))
+
+    def _set_mode(self, request: Request, t_s: float) -> Answer:
+        flags, mode, sub = (_whole(p) for p in request.params[:3])
+        if not max(flags, 0) & _CUSTOM_MODE:
+            return Answer(MavResult.DENIED)
+        if self._autopilot.personality.modes.two_part:
+            mode = (max(mode, 0) & 0xFF) << 16 | (max(sub, 0) & 0xFF) << 24
+        return Answer(self._autopilot.set_mode(t_s, mode))
+
+    def _set_current(self, request: Request, t_s: float) -> Answer:
+        result = self._autopilot.set_current(t_s, _whole(request.params[0]))
+        return Answer(result, self._request(MessageId.MISSION_CURRENT).messages)
+
+    def _set_home(self, request: Request, _: float) -> Answer:
+        if not self._autopilot.ready:
+            return Answer(self._replies.refused)
+        here = request.params[0] == 1.0
+        told = all(map(math.isfinite, (request.x, request.y, request.z)))
+        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if told else None
+        if place is None:
+            return Answer(MavResult.DENIED)
+        self._autopilot.set_home(place)
+        return Answer(MavResult.ACCEPTED)
+
+    def _reposition(self, request: Request, t_s: float) -> Answer:
+        now = self._autopilot.piece.at(t_s)[0]
+        place = self._place(request, WireFrame.GLOBAL)
+        if place is None:
+            return Answer(MavResult.DENIED)
+        yaw_rad = request.params[3]
+        turn = math.remainder(yaw_rad - now[3], math.tau) if math.isfinite(yaw_rad) else 0.0
+        change = bool(max(_whole(request.params[1]), 0) & _CHANGE_MODE)
+        target, speed_mps = np.append(place, now[3] + turn), request.params[0]
+        return Answer(self._autopilot.reposition(t_s, target, change_mode=change, speed_mps=speed_mps))
+
+    def _set_interval(self, request: Request, _: float) -> Answer:
+        number = _whole(request.params[0])
+        if not self._telemetry.streams(number) or not math.isfinite(request.params[1]):
+            self._autopilot.voice.say(Note.STREAM_UNKNOWN, number=number)
+            return Answer(self._replies.unknown_stream)
+        self._telemetry.set_interval(number, request.params[1])
+        return Answer(MavResult.ACCEPTED)
+
+    def _get_interval(self, request: Request, _: float) -> Answer:
+        number = _whole(request.params[0])
+        if not self._telemetry.knows(number):
+            return Answer(self._replies.unknown_message)
+        fields = {"message_id": number, "interval_us": self._telemetry.interval_us(number)}
+        return Answer(MavResult.ACCEPTED, [Message("MESSAGE_INTERVAL", fields)])
+
+    def _request(self, number: int) -> Answer:
+        if not self._telemetry.knows(number):
+            return Answer(self._replies.unknown_message)
+        message = self._telemetry.build(number)
+        return Answer(MavResult.ACCEPTED, [message] if message is not None else [])
+
+    def _home(self) -> list[Message]:
+        both = (MessageId.HOME_POSITION, MessageId.GPS_GLOBAL_ORIGIN)
+        return [m for m in map(self._telemetry.build, both) if m is not None]
+
+    def _format(self, message: Message, t_s: float) -> Answer:
+        if self._autopilot.armed or self._task is not None:
+            return Answer(MavResult.FAILED)
+        self._task = _Task(message, t_s + _FORMAT_S, t_s + _SAY_S)
+        return Answer(MavResult.IN_PROGRESS)
+
+    def _progress(self, task: _Task, t_s: float) -> Message:
+        done = 100 - math.ceil(100.0 * (task.end_s - t_s) / _FORMAT_S)
+        return command_ack(task.command, MavResult.IN_PROGRESS, progress=min(max(done, 0), 99))
+
+    def _place(self, request: Request, default: int) -> Array | None:
+        """Common local NED of a command's coordinates; those left out are where the vehicle is. None for nonsense."""
+        origin, now = (
+            self._telemetry.sources.instruments.origin,
+            self._autopilot.piece.at(self._telemetry.sources.instruments.t_s),
+        )
+        frame = default if request.frame is None else request.frame
+        amsl_m = request.z
+        if frame in (WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT):
+            amsl_m += self._home_amsl_m
+        elif frame not in (WireFrame.GLOBAL, WireFrame.GLOBAL_INT):
+            return None
+        if not math.isfinite(amsl_m):
+            amsl_m = origin.alt_amsl_m - float(now[0, 2])
+        elif abs(amsl_m) > _FARTHEST_M:
+            return None
+        if not (math.isfinite(request.x) and math.isfinite(request.y)):
+            return np.array([now[0, 0], now[0, 1], origin.alt_amsl_m - amsl_m])
+        if abs(request.x) > 90.0 or abs(request.y) > 180.0 or (request.x == 0.0 and request.y == 0.0):
+            return None
+        place = geodetic_to_ned(request.x, request.y, amsl_m, origin)
+        return place if np.abs(place).max() <= _FARTHEST_M else None
+
+    @property
+    def _estimate(self) -> Array:
+        return self._telemetry.sources.instruments.estimate
+
+    @property
+    def _home_amsl_m(self) -> float:
+        return self._autopilot.guide.origin.alt_amsl_m - float(self._autopilot.guide.home_ned_m[2])
+
+
+def _whole(value: float) -> int:
+    """A number out of a float field; -1, which means nothing anywhere, for what is no number."""
+    return round(value) if math.isfinite(value) else -1
+
+
+def _request_in(message: Message) -> Request:
+    f = message.fields
+    params = (f["param1"], f["param2"], f["param3"], f["param4"])
+    if message.name == "COMMAND_INT":
+        return Request(f["command"], params, from_degE7(f["x"]), from_degE7(f["y"]), f["z"], f["frame"])
+    return Request(f["command"], params, f["param5"], f["param6"], f["param7"], None)

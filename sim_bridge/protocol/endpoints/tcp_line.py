@@ -1,0 +1,106 @@
+"""Vehicles on a TCP port, for any number of ground stations that connect and leave as they please.
+
+Knows: one listening socket and its connections. Does not know: messages. A station that does not read is not waited
+for: what does not fit into its buffer is lost to it, whole frames at a time, and the stream stays readable.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator, Sequence
+
+from gcs.errors import LinkError
+from sim_bridge.protocol.endpoints.address import LinkSpec
+from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, Place, Source, Watch
+
+_MOST_STATIONS = 16
+_BACKLOG_BYTES = 1 << 18
+
+
+class _Connection:
+    """One station; `number` tells it from earlier ones."""
+
+    def __init__(self, sock: socket.socket, number: int) -> None:
+        self.socket = sock
+        self.number = number
+        self.backlog = bytearray()
+
+    def send(self, frames: Sequence[bytes]) -> None:
+        for frame in frames:
+            if len(self.backlog) + len(frame) <= _BACKLOG_BYTES:
+                self.backlog += frame
+        try:
+            del self.backlog[: self.socket.send(self.backlog)]
+        except OSError:
+            return
+
+
+class TcpLine:
+    """One server; `row` is the vehicle's, or 0 where all share it."""
+
+    def __init__(self, spec: LinkSpec, row: int, watch: Watch) -> None:
+        """Listen. Raises `LinkError` when the port is taken, or the host is not of this machine."""
+        self._watch = watch
+        self._connections: dict[int, _Connection] = {}
+        self._accepted = 0
+        try:
+            self._server = socket.create_server((spec.host, spec.port_of(row)))
+        except OSError as error:
+            raise LinkError(f"{spec} cannot be had: {error.strerror}.", hint="name another port") from error
+        self._server.setblocking(False)
+        watch.add(self._server.fileno(), self)
+        host, port = self._server.getsockname()[:2]
+        self.place = Place(str(spec.kind), f"{host}:{port}")
+
+    def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
+        """Bytes of one connection, or a new connection, which brings none yet."""
+        connection = self._connections.get(file)
+        if connection is None:
+            self._accept()
+            return
+        for _ in range(PER_TURN):
+            try:
+                data = connection.socket.recv(LARGEST)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError:
+                data = b""
+            if not data:
+                self._drop(file)
+                return
+            yield data, connection.number
+
+    def heard(self, source: Source, now_s: float) -> None:
+        """Every connection hears the vehicles from the start."""
+
+    def send(self, frames: Sequence[bytes], now_s: float) -> None:
+        """Send frames to every connection."""
+        for connection in self._connections.values():
+            connection.send(frames)
+
+    def close(self) -> None:
+        """Hang up and let the port go."""
+        for file in list(self._connections):
+            self._drop(file)
+        if self._server.fileno() >= 0:
+            self._watch.remove(self._server.fileno())
+            self._server.close()
+
+    def _accept(self) -> None:
+        try:
+            sock, _ = self._server.accept()
+        except OSError:
+            return
+        if len(self._connections) >= _MOST_STATIONS:
+            sock.close()
+            return
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._accepted += 1
+        self._connections[sock.fileno()] = _Connection(sock, self._accepted)
+        self._watch.add(sock.fileno(), self)
+
+    def _drop(self, file: int) -> None:
+        connection = self._connections.pop(file)
+        self._watch.remove(file)
+        connection.socket.close()

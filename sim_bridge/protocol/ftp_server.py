@@ -1,0 +1,194 @@
+"""MAVLink FTP as ArduCopter 4.5 serves it: one session for all stations, files that act when they are closed.
+
+Knows: requests, replies, who is in the way of whom. Does not know: what is in the files (`missions.files`), sockets,
+clocks (time is an argument).
+
+- A request whose number plus one is that of the last reply gets this again; only one is remembered. The last reply of
+  a burst has a number that fits later requests too.
+- The client names its session. While a file is open, others are told INVALID_SESSION, until 3 s have passed without a
+  reply: then the next one closes it. To end a session that is not open is acknowledged and does nothing.
+- TerminateSession and ResetSessions close the file, and are acknowledged whatever its contents were worth.
+- Files written may have holes, which are zeros.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from gcs.link.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
+from gcs.link.wire.message import Message, Station
+from sim_bridge.protocol.missions.ftp_files import WRITTEN_MAX, MissionFiles
+
+_IDLE_S = 3.0
+_SEQS = 0x10000
+_TOLD_SIZE = 1 << 20  # of any file of @MISSION, so that nobody has to make it up to know
+_BURST_MAX = 2000
+_NO_SPACE = 28  # ENOSPC
+_WRITES = (FtpOpcode.CREATE_FILE, FtpOpcode.OPEN_FILE_WO)
+
+
+@dataclass
+class _Open:
+    path: str
+    session: int
+    contents: bytearray
+    writing: bool
+
+
+@dataclass
+class _Last:
+    """The reply that a repeated request gets again."""
+
+    peer: Station = field(default_factory=lambda: Station(0, 0))
+    replies: list[FtpPayload] = field(default_factory=list)
+
+
+class FileServer:
+    """One vehicle's. Whatever the bytes, it answers or is silent, and only a whole, valid file changes anything."""
+
+    def __init__(self, files: MissionFiles) -> None:
+        self._files = files
+        self._open: _Open | None = None
+        self._said_s = 0.0
+        self._last = _Last()
+
+    def receive(self, message: Message, now_s: float) -> list[Message]:
+        """Answer a FILE_TRANSFER_PROTOCOL."""
+        if message.name != NAME:
+            return []
+        request = read_payload(message)
+        peer = message.source
+        if request is None:
+            seq, session, opcode = _numbers(message)
+            request = FtpPayload(seq, session, opcode)
+            return self._say(peer, [_nak(request, FtpError.INVALID_DATA_SIZE)], now_s)
+        if request.opcode in (FtpOpcode.ACK, FtpOpcode.NAK):
+            return []
+        last = self._last
+        if last.peer == peer and last.replies:
+            final = last.replies[-1]
+            if final.session == request.session and final.seq == (request.seq + 1) % _SEQS:
+                return self._say(peer, [final], now_s)
+        return self._say(peer, self._answer(request, now_s), now_s)
+
+    def _say(self, peer: Station, replies: list[FtpPayload], now_s: float) -> list[Message]:
+        self._last = _Last(peer, replies)
+        if replies:
+            self._said_s = now_s
+        return [reply.message(peer) for reply in replies]
+
+    def _answer(self, request: FtpPayload, now_s: float) -> list[FtpPayload]:
+        ends = request.opcode in (FtpOpcode.TERMINATE_SESSION, FtpOpcode.RESET_SESSIONS)
+        if self._open is not None and request.session != self._open.session:
+            if ends:
+                return [_ack(request)]
+            if now_s - self._said_s < _IDLE_S:
+                return [_nak(request, FtpError.INVALID_SESSION)]
+            self._close()
+        if ends:
+            self._close()
+            return [_ack(request)]
+        match request.opcode:
+            case FtpOpcode.NONE:
+                return [_ack(request)]
+            case FtpOpcode.OPEN_FILE_RO | FtpOpcode.CREATE_FILE | FtpOpcode.OPEN_FILE_WO:
+                return [self._opened(request, now_s)]
+            case FtpOpcode.WRITE_FILE:
+                return [self._written(request)]
+            case FtpOpcode.READ_FILE:
+                return [self._read(request)]
+            case FtpOpcode.BURST_READ_FILE:
+                return self._burst(request)
+            case FtpOpcode.CALC_FILE_CRC32:
+                path = _path(request)
+                if not self._files.has(path):
+                    return [_nak(request, FtpError.FILE_NOT_FOUND)]
+                return [_ack(request, crc32(self._files.read(path)).to_bytes(4, "little"))]
+            case _:
+                return [_nak(request, FtpError.UNKNOWN_COMMAND)]
+
+    def _opened(self, request: FtpPayload, now_s: float) -> FtpPayload:
+        writing = request.opcode in _WRITES
+        if self._open is not None and not writing and now_s - self._said_s > _IDLE_S:
+            self._close()
+        if self._open is not None:
+            return _nak(request, FtpError.FAIL)
+        path = _path(request)
+        if not path or len(path.encode()) != len(request.data):
+            return _nak(request, FtpError.INVALID_DATA_SIZE)
+        if not self._files.has(path):
+            return _nak(request, FtpError.FILE_NOT_FOUND)
+        contents = bytearray() if writing else bytearray(self._files.read(path))
+        self._open = _Open(path, request.session, contents, writing)
+        return _ack(request) if writing else _ack(request, _TOLD_SIZE.to_bytes(4, "little"))
+
+    def _written(self, request: FtpPayload) -> FtpPayload:
+        if self._open is None:
+            return _nak(request, FtpError.FILE_NOT_FOUND)
+        if not self._open.writing:
+            return _nak(request, FtpError.FAIL)
+        contents, end = self._open.contents, request.offset + len(request.data)
+        if end > WRITTEN_MAX:
+            return _nak(request, FtpError.FAIL_ERRNO, _NO_SPACE)
+        contents.extend(bytes(max(end - len(contents), 0)))
+        contents[request.offset : end] = request.data
+        return replace(_ack(request), offset=request.offset)
+
+    def _read(self, request: FtpPayload) -> FtpPayload:
+        refused = self._not_readable(request)
+        if refused is not None:
+            return refused
+        return self._piece(request, request.offset, len(request.data))
+
+    def _burst(self, request: FtpPayload) -> list[FtpPayload]:
+        refused = self._not_readable(request)
+        if refused is not None:
+            return [refused]
+        size = len(request.data) or DATA_MAX
+        replies: list[FtpPayload] = []
+        offset = request.offset
+        while len(replies) < _BURST_MAX:
+            piece = self._piece(request, offset, size)
+            seq = (request.seq + 1 + len(replies)) % _SEQS
+            ended = piece.opcode == FtpOpcode.NAK
+            replies.append(
+                replace(piece, seq=seq, offset=offset, burst_complete=ended or len(replies) == _BURST_MAX - 1)
+            )
+            if ended:
+                break
+            offset += len(piece.data)
+        return replies
+
+    def _not_readable(self, request: FtpPayload) -> FtpPayload | None:
+        if self._open is None:
+            return _nak(request, FtpError.FILE_NOT_FOUND)
+        return _nak(request, FtpError.FAIL) if self._open.writing else None
+
+    def _piece(self, request: FtpPayload, offset: int, size: int) -> FtpPayload:
+        data = bytes(self._open.contents[offset : offset + size]) if self._open is not None else b""
+        if not data:
+            return _nak(request, FtpError.END_OF_FILE)
+        return replace(_ack(request, data), offset=offset)
+
+    def _close(self) -> None:
+        closed, self._open = self._open, None
+        if closed is not None and closed.writing:
+            self._files.write(closed.path, bytes(closed.contents))
+
+
+def _numbers(message: Message) -> tuple[int, int, int]:
+    raw = bytes(message.fields["payload"]).ljust(4, b"\0")
+    return int.from_bytes(raw[:2], "little"), raw[2], raw[3]
+
+
+def _path(request: FtpPayload) -> str:
+    return request.data.partition(b"\0")[0].decode("utf-8", "replace")
+
+
+def _ack(request: FtpPayload, data: bytes = b"") -> FtpPayload:
+    return FtpPayload((request.seq + 1) % _SEQS, request.session, FtpOpcode.ACK, 0, data, request.opcode)
+
+
+def _nak(request: FtpPayload, error: FtpError, *more: int) -> FtpPayload:
+    data = bytes((error, *more))
+    return FtpPayload((request.seq + 1) % _SEQS, request.session, FtpOpcode.NAK, 0, data, request.opcode)

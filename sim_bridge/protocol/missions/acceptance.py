@@ -1,0 +1,124 @@
+"""Which items a vehicle takes, and in which shape it keeps them and reads them back.
+
+Knows: the habits of `Keeping`. Does not know: transfers, how items are flown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gcs.link.mission_protocol.read_back import has_position
+from gcs.link.wire.message import Message
+from gcs.mavlink import MissionResult, MissionType
+from gcs.mission.model import Command, Frame, MissionItem
+from sim_bridge.protocol.missions.fence import POLYGONS
+from sim_bridge.protocol.missions.transfer_traits import Keeping
+
+_HALF_CIRCLE_degE7 = 1_800_000_000
+_PARAMS = (
+    MissionResult.INVALID_PARAM1,
+    MissionResult.INVALID_PARAM2,
+    MissionResult.INVALID_PARAM3,
+    MissionResult.INVALID_PARAM4,
+)
+_FREE_HEADING = frozenset({int(Command.NAV_WAYPOINT), int(Command.NAV_LAND)})  # parameter 4 may be NaN
+
+
+def verdict(item: MissionItem, keeping: Keeping) -> MissionResult:
+    """Whether the vehicle takes the item, or why not."""
+    frames = keeping.frames.get(item.command)
+    if frames is None:
+        return MissionResult.UNSUPPORTED
+    if item.frame not in frames:
+        known = any(item.frame in others for others in keeping.frames.values())
+        return MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME
+    return _numbers(item) if keeping.checks_numbers else MissionResult.ACCEPTED
+
+
+def too_few_vertices(item: MissionItem, keeping: Keeping) -> bool:
+    """Whether the item says that it belongs to a polygon that cannot be one."""
+    return item.command in POLYGONS and not item.params[0] >= keeping.vertices_min
+
+
+def kept(item: MissionItem, keeping: Keeping) -> MissionItem:
+    """The item as it is kept."""
+    params, frame, alt_m = item.params, item.frame, item.alt_m
+    if keeping.only_param1:
+        params = (params[0], 0.0, 0.0, 0.0)
+    if keeping.land_param4 is not None and item.command == Command.NAV_LAND and params[3] == 0.0:
+        params = (*params[:3], keeping.land_param4)
+    if keeping.plain_frame is not None and not has_position(item.command):
+        frame = keeping.plain_frame
+    elif keeping.whole_centimetres:
+        alt_m = _cut(alt_m)
+    autocontinue = item.autocontinue if keeping.autocontinue is None else keeping.autocontinue
+    return replace(item, params=params, frame=frame, alt_m=alt_m, autocontinue=autocontinue)
+
+
+def flyable(items: Sequence[MissionItem]) -> bool:
+    """Whether all numbers of a flight mission are numbers and all places on Earth: not all autopilots insist.
+
+    A heading (parameter 4) may be NaN, which means any.
+    """
+    return all(
+        all(map(math.isfinite, (*item.params[:3], item.alt_m)))
+        and not math.isinf(item.params[3])
+        and _place(item) == MissionResult.ACCEPTED
+        for item in items
+    )
+
+
+def in_single_precision(message: Message) -> Message:
+    """A MISSION_ITEM with the degrees that single precision makes of it; anything else as it is."""
+    f = message.fields
+    if message.name != "MISSION_ITEM" or not (math.isfinite(f["x"]) and math.isfinite(f["y"])):
+        return message
+    with np.errstate(over="ignore"):
+        scaled = {key: float(np.float32(f[key]) * np.float32(1e7)) / 1e7 for key in ("x", "y")}
+    return Message(message.name, {**f, **scaled}, *message.source)
+
+
+def in_wire_order(items: Sequence[MissionItem], seq: int, item: MissionItem) -> tuple[MissionItem, ...]:
+    """The items with `item` as number `seq`, replaced or added behind the last."""
+    return (*items[:seq], item, *items[seq + 1 :])
+
+
+def capacity(keeping: Keeping | None) -> int:
+    """How many items fit; none of an unknown type."""
+    return keeping.capacity if keeping is not None else 0
+
+
+def types_meant(kind: int, known: Sequence[int], *, clears_all: bool) -> tuple[int, ...]:
+    """The mission types that a MISSION_CLEAR_ALL of type `kind` names."""
+    if kind == MissionType.ALL and clears_all:
+        return tuple(known)
+    return (kind,) if kind in known else ()
+
+
+def _numbers(item: MissionItem) -> MissionResult:
+    for number, (value, result) in enumerate(zip(item.params, _PARAMS, strict=True), start=1):
+        if math.isnan(value) and not (number == len(_PARAMS) and item.command in _FREE_HEADING):
+            return result
+    return _place(item)
+
+
+def _place(item: MissionItem) -> MissionResult:
+    if not has_position(item.command) or item.frame == Frame.MISSION:
+        return MissionResult.ACCEPTED
+    if not math.isfinite(item.alt_m):
+        return MissionResult.INVALID_PARAM7
+    if abs(item.lat_degE7) > _HALF_CIRCLE_degE7 // 2:
+        return MissionResult.INVALID_PARAM5_X
+    if abs(item.lon_degE7) > _HALF_CIRCLE_degE7:
+        return MissionResult.INVALID_PARAM6_Y
+    return MissionResult.ACCEPTED
+
+
+def _cut(alt_m: float) -> float:
+    """Whole centimetres towards zero, reckoned in single precision as the originals do."""
+    with np.errstate(over="ignore"):
+        return float(np.trunc(np.float32(alt_m) * np.float32(100.0))) / 100.0

@@ -1,0 +1,108 @@
+"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT as setpoints.
+
+Knows: frames, masks and units of both. Does not know: what is done with a setpoint. What is no number, or too large to
+be meant, makes no setpoint.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gcs.frames import from_degE7, geodetic_to_ned
+from gcs.link.wire.message import Message
+from gcs.mavlink import SetpointMask, WireFrame
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.guidance.stream import Setpoint
+from sim_bridge.protocol.telemetry import Instruments
+
+SETPOINTS = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"})
+# What is stamped further off was stamped by a clock of the station's own. Boot clocks begin at 5 s or more, so that
+# stations younger than the vehicles are always further behind.
+_BEHIND_S, _AHEAD_S = 4.0, 10.0
+_FAR = 1e6  # m, m/s, m/s²: no setpoint is as large as this
+_OFFSETS = frozenset({WireFrame.LOCAL_OFFSET_NED, WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
+_TURNED = frozenset({WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
+_ABOVE_SEA = frozenset({WireFrame.GLOBAL, WireFrame.GLOBAL_INT})
+_ABOVE_HOME = frozenset({WireFrame.GLOBAL_RELATIVE_ALT, WireFrame.GLOBAL_RELATIVE_ALT_INT})
+_NOTHING = SetpointMask.IGNORE_POSITION | SetpointMask.IGNORE_VELOCITY | SetpointMask.IGNORE_ACCELERATION
+
+
+def setpoint_in(
+    message: Message, instruments: Instruments, flat_now: Array, home_ned_m: Array
+) -> tuple[Setpoint, bool] | None:
+    """The setpoint of a message, and whether it is a place to rest at; None where it is not to be obeyed.
+
+    `flat_now` (DERIVATIVES, 4) is what the vehicle flies now: what the message leaves open stays as it is.
+    """
+    fields, mask, frame = message.fields, message.fields["type_mask"], message.fields["coordinate_frame"]
+    flat = np.zeros((3, 4))
+    flat[0] = flat_now[0]
+    yaw_rad = float(flat_now[0, 3])
+    turn = _turn(yaw_rad) if frame in _TURNED else np.eye(3)
+    if not mask & SetpointMask.IGNORE_POSITION:
+        place = _place(message, instruments, turn, flat_now, home_ned_m)
+        if place is None:
+            return None
+        flat[0, :3] = place
+    elif mask & _NOTHING == _NOTHING or not _known(message):
+        return None
+    if not mask & SetpointMask.IGNORE_VELOCITY:
+        flat[1, :3] = _vector(turn, fields["vx"], fields["vy"], fields["vz"])
+    if not mask & SetpointMask.IGNORE_ACCELERATION:
+        flat[2, :3] = _vector(turn, fields["afx"], fields["afy"], fields["afz"])
+    if not mask & SetpointMask.IGNORE_YAW:
+        flat[0, 3] = fields["yaw"]
+    if not mask & SetpointMask.IGNORE_YAW_RATE:
+        flat[1, 3] = fields["yaw_rate"]
+    if not np.abs(flat).max() < _FAR:  # neither NaN nor nonsense
+        return None
+    t_s = instruments.t_s
+    if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
+        return Setpoint(t_s, flat, stamped=False), True
+    stamp_s = instruments.simulated_s(fields["time_boot_ms"])
+    stamped = is_stamp(stamp_s, t_s)
+    return Setpoint(stamp_s if stamped else t_s, flat, stamped), False
+
+
+def is_stamp(stamp_s: float, t_s: float) -> bool:
+    """Whether a time on a setpoint that comes at `t_s` is of the vehicle's own clock, both in simulated seconds."""
+    return t_s - _BEHIND_S <= stamp_s <= t_s + _AHEAD_S
+
+
+def _known(message: Message) -> bool:
+    frame = message.fields["coordinate_frame"]
+    if message.name == "SET_POSITION_TARGET_LOCAL_NED":
+        return frame == WireFrame.LOCAL_NED or frame in _OFFSETS
+    return frame in _ABOVE_SEA or frame in _ABOVE_HOME
+
+
+def _place(message: Message, instruments: Instruments, turn: Array, flat_now: Array, home_ned_m: Array) -> Array | None:
+    fields = message.fields
+    if not _known(message):
+        return None
+    if message.name == "SET_POSITION_TARGET_LOCAL_NED":
+        offset = _vector(turn, fields["x"], fields["y"], fields["z"])
+        start = flat_now[0, :3] if fields["coordinate_frame"] in _OFFSETS else instruments.pad_ned_m
+        return np.asarray(start + offset)
+    amsl_m = fields["alt"]
+    if fields["coordinate_frame"] in _ABOVE_HOME:
+        amsl_m += instruments.origin.alt_amsl_m - float(home_ned_m[2])
+    if not abs(amsl_m) < _FAR:
+        return None
+    lat_deg, lon_deg = from_degE7(fields["lat_int"]), from_degE7(fields["lon_int"])
+    if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
+        return None
+    return geodetic_to_ned(lat_deg, lon_deg, amsl_m, instruments.origin)
+
+
+def _vector(turn: Array, *values: float) -> Array:
+    """Three numbers turned to NED; NaN for nonsense."""
+    return turn @ np.array(values) if all(abs(value) < _FAR for value in values) else np.full(3, np.nan)
+
+
+def _turn(yaw_rad: float) -> Array:
+    """From body, heading only, to NED."""
+    s, c = math.sin(yaw_rad), math.cos(yaw_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,133 @@
+"""What one vehicle's telemetry is made from: its row of the fleet's bodies, its clock, its place on Earth.
+
+Knows: how rows, clocks and places belong together. Does not know: messages, decisions, truth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gcs.frames import Origin, ned_to_geodetic
+from gcs.physics.quadrotor import Array
+from sim_bridge.autopilot.failsafe import Readings
+from sim_bridge.dynamics.body.airframes import Airframes
+
+
+class Whereabouts:
+    """Where all vehicles are on Earth, worked out once for all of them when the first one asks."""
+
+    def __init__(self, airframes: Airframes, origin: Origin) -> None:
+        self._airframes = airframes
+        self._origin = origin
+        self._estimated = _Places(math.nan, [])
+        self._fixed = _Places(math.nan, [])
+
+    def of(self, row: int, t_s: float) -> Origin:
+        """Estimated place of one vehicle at `t_s`, which is now."""
+        if t_s != self._estimated.t_s:
+            self._estimated = self._all(t_s, self._airframes.estimate[:, :3])
+        return self._estimated.places[row]
+
+    def fixed(self, row: int, t_s: float) -> Origin:
+        """Place of one vehicle at `t_s`, which is now, as its receiver had it last; nowhere without a fix."""
+        if t_s != self._fixed.t_s:
+            self._fixed = self._all(t_s, np.nan_to_num(self._airframes.sensors.gnss[:, :3]))
+        return self._fixed.places[row]
+
+    def _all(self, t_s: float, ned_m: Array) -> _Places:
+        columns = ned_to_geodetic(ned_m, self._origin)
+        return _Places(t_s, [Origin(*place) for place in np.stack(columns, axis=-1).tolist()])
+
+
+class _Places(NamedTuple):
+    """Of all vehicles at one instant."""
+
+    t_s: float
+    places: list[Origin]
+
+
+@dataclass
+class Instruments:
+    """One row of a fleet's airframes, its clock and its place on Earth."""
+
+    airframes: Airframes
+    whereabouts: Whereabouts
+    row: int
+    pad_ned_m: Array  # (3,): origin of the vehicle's LOCAL_NED
+    origin: Origin
+    boot_offset_ms: int
+    epoch_unix_us: int
+    uid: bytes
+    t_s: float = 0.0
+
+    @property
+    def estimate(self) -> Array:
+        """Estimated state (12,), common local NED."""
+        return np.asarray(self.airframes.estimate[self.row])
+
+    @property
+    def healthy(self) -> bool:
+        """Whether the estimate can be flown on."""
+        return bool(self.airframes.healthy[self.row])
+
+    @property
+    def boot_ms(self) -> int:
+        """The vehicle's own clock: milliseconds since its boot."""
+        return round(self.t_s * 1000.0) + self.boot_offset_ms
+
+    def simulated_s(self, boot_ms: int) -> float:
+        """Simulated time of an instant of the vehicle's clock."""
+        return (boot_ms - self.boot_offset_ms) / 1000.0
+
+    @property
+    def unix_us(self) -> int:
+        """GNSS time: the same for all vehicles."""
+        return self.epoch_unix_us + round(self.t_s * 1e6)
+
+    @property
+    def here(self) -> Origin:
+        """Where the vehicle thinks it is."""
+        return self.whereabouts.of(self.row, self.t_s)
+
+    @property
+    def fixed(self) -> Origin:
+        """Where its receiver says it is."""
+        return self.whereabouts.fixed(self.row, self.t_s)
+
+    def place(self, ned_m: Array) -> Origin:
+        """A point of common local NED on Earth."""
+        lat, lon, alt = ned_to_geodetic(ned_m, self.origin)
+        return Origin(float(lat), float(lon), float(alt))
+
+    @property
+    def gnss(self) -> Array:
+        """What the receiver measured last (6,): position and velocity, common local NED."""
+        return np.asarray(self.airframes.sensors.gnss[self.row])
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether the receiver has a fix."""
+        return bool(self.airframes.gnss_fix[self.row])
+
+    @property
+    def battery(self) -> tuple[float, float, float, float]:
+        """Volt, ampere, share of the charge that is left, Ah drawn."""
+        battery, row = self.airframes.battery, self.row
+        volt, ampere, left = battery.voltage_V[row], battery.current_A[row], battery.remaining[row]
+        return float(volt), float(ampere), float(left), float(battery.used_Ah[row])
+
+    @property
+    def used_J(self) -> float:
+        """Energy drawn from the battery."""
+        return float(self.airframes.battery.used_J[self.row])
+
+    @property
+    def readings(self) -> Readings:
+        """What failsafes look at."""
+        volt, _, share, used_Ah = self.battery
+        left_Ah = share * self.airframes.battery.train.capacity_Ah
+        return Readings(self.estimate[:3], volt, used_Ah, left_Ah, share, self.healthy)

@@ -1,0 +1,232 @@
+"""How a vehicle moves, and how it is meant to: attitude, position, speeds, and their targets.
+
+Knows: fields and units of these messages. Does not know: when they are due.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gcs.frames import to_degE7
+from gcs.link.wire.message import Message
+from gcs.mavlink import MessageId, SetpointMask, WireFrame
+from gcs.physics.quadrotor import Array
+from sim_bridge.personality import Intent, Milestone
+from sim_bridge.protocol.telemetry.sources import Builder, Sources
+
+_FULL = int(SetpointMask.IGNORE_YAW_RATE)
+_GROUND_LEVEL = 63  # mask of a target that is only "stay down"
+_PWM_OFF, _PWM_IDLE, _PWM_RANGE = 900, 1000, 1000
+
+
+def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
+    """Body to NED, w first."""
+    sr, cr = math.sin(0.5 * roll_rad), math.cos(0.5 * roll_rad)
+    sp, cp = math.sin(0.5 * pitch_rad), math.cos(0.5 * pitch_rad)
+    sy, cy = math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+    return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
+
+
+def _attitude(tell: Sources) -> Message:
+    roll, pitch, yaw, p, q, r = tell.instruments.estimate[6:].tolist()
+    return Message(
+        "ATTITUDE",
+        {
+            "time_boot_ms": tell.instruments.boot_ms,
+            "roll": roll,
+            "pitch": pitch,
+            "yaw": math.remainder(yaw, math.tau),
+            "rollspeed": p,
+            "pitchspeed": q,
+            "yawspeed": r,
+        },
+    )
+
+
+def _attitude_quaternion(tell: Sources) -> Message:
+    roll, pitch, yaw, p, q, r = tell.instruments.estimate[6:].tolist()
+    q1, q2, q3, q4 = quaternion(roll, pitch, yaw)
+    fields = {"time_boot_ms": tell.instruments.boot_ms, "q1": q1, "q2": q2, "q3": q3, "q4": q4}
+    return Message("ATTITUDE_QUATERNION", {**fields, "rollspeed": p, "pitchspeed": q, "yawspeed": r})
+
+
+def _local_position(tell: Sources) -> Message | None:
+    if not tell.reached(tell.personality.streams.local_from):
+        return None
+    instruments = tell.instruments
+    state = instruments.estimate
+    x, y, z = (state[:3] - instruments.pad_ned_m).tolist()
+    vx, vy, vz = state[3:6].tolist()
+    return Message(
+        "LOCAL_POSITION_NED",
+        {"time_boot_ms": instruments.boot_ms, "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz},
+    )
+
+
+def _global_position(tell: Sources) -> Message | None:
+    if not tell.reached(tell.personality.streams.global_from):
+        return None
+    instruments = tell.instruments
+    state = instruments.estimate
+    fields = {"lat": 0, "lon": 0, "alt": 0}
+    if tell.reached(Milestone.PLACED):
+        place = instruments.here
+        fields = {"lat": to_degE7(place.lat_deg), "lon": to_degE7(place.lon_deg)}
+        fields["alt"] = round(place.alt_amsl_m * 1000.0)
+    vx, vy, vz = (state[3:6] * 100.0).tolist()
+    return Message(
+        "GLOBAL_POSITION_INT",
+        {
+            "time_boot_ms": instruments.boot_ms,
+            **fields,
+            "relative_alt": round((tell.autopilot.guide.home_ned_m[2] - state[2]) * 1000.0),
+            "vx": round(vx),
+            "vy": round(vy),
+            "vz": round(vz),
+            "hdg": round(math.degrees(state[8]) * 100.0) % 36000,
+        },
+    )
+
+
+def _vfr_hud(tell: Sources) -> Message:
+    instruments = tell.instruments
+    state = instruments.estimate
+    speed = math.hypot(state[3], state[4])
+    return Message(
+        "VFR_HUD",
+        {
+            "airspeed": speed if tell.personality.streams.tells_airspeed else math.nan,
+            "groundspeed": speed,
+            "heading": round(math.degrees(state[8])) % 360,
+            "throttle": round(100.0 * float(np.mean(_throttle(tell)))),
+            "alt": instruments.origin.alt_amsl_m - float(state[2]),
+            "climb": -float(state[5]),
+        },
+    )
+
+
+def _altitude(tell: Sources) -> Message:
+    instruments = tell.instruments
+    down_m = float(instruments.estimate[2])
+    amsl_m = instruments.origin.alt_amsl_m - down_m
+    relative_m = float(tell.autopilot.guide.home_ned_m[2]) - down_m
+    return Message(
+        "ALTITUDE",
+        {
+            "time_usec": instruments.boot_ms * 1000,
+            "altitude_monotonic": amsl_m,
+            "altitude_amsl": amsl_m,
+            "altitude_local": float(instruments.pad_ned_m[2]) - down_m,
+            "altitude_relative": relative_m,
+            "altitude_terrain": math.nan,
+            "bottom_clearance": math.nan,
+        },
+    )
+
+
+def _local_target(tell: Sources) -> Message | None:
+    if tell.personality.streams.targets_in_guided_only and tell.autopilot.mode.intent is not Intent.GUIDED:
+        return None
+    mask, flat = _target(tell)
+    x, y, z = (flat[0, :3] - tell.instruments.pad_ned_m).tolist()
+    fields = {"time_boot_ms": tell.instruments.boot_ms, "coordinate_frame": int(WireFrame.LOCAL_NED)}
+    return Message("POSITION_TARGET_LOCAL_NED", {**fields, "type_mask": mask, "x": x, "y": y, "z": z, **_rates(flat)})
+
+
+def _global_target(tell: Sources) -> Message | None:
+    if not tell.autopilot.flying:
+        return None
+    mask, flat = _target(tell)
+    place = tell.instruments.place(flat[0, :3])
+    fields = {"time_boot_ms": tell.instruments.boot_ms, "coordinate_frame": int(WireFrame.GLOBAL_INT)}
+    where = {"lat_int": to_degE7(place.lat_deg), "lon_int": to_degE7(place.lon_deg), "alt": place.alt_amsl_m}
+    return Message("POSITION_TARGET_GLOBAL_INT", {**fields, "type_mask": mask, **where, **_rates(flat)})
+
+
+def _attitude_target(tell: Sources) -> Message:
+    """What leads along the path in still air: attitude from the acceleration wanted."""
+    _, flat = _target(tell)
+    yaw = float(flat[0, 3])
+    north, east, down = flat[2, :3].tolist()
+    ahead, right = north * math.cos(yaw) + east * math.sin(yaw), east * math.cos(yaw) - north * math.sin(yaw)
+    pull = max(9.8 - down, 1.0)
+    return Message(
+        "ATTITUDE_TARGET",
+        {
+            "time_boot_ms": tell.instruments.boot_ms,
+            "type_mask": 0,
+            "q": quaternion(math.atan2(right, pull), -math.atan2(ahead, pull), math.remainder(yaw, math.tau)),
+            "body_roll_rate": 0.0,
+            "body_pitch_rate": 0.0,
+            "body_yaw_rate": float(flat[1, 3]),
+            "thrust": float(np.mean(_throttle(tell))),
+        },
+    )
+
+
+def _nav_output(tell: Sources) -> Message:
+    _, flat = _target(tell)
+    state = tell.instruments.estimate
+    north, east = (flat[0, :2] - state[:2]).tolist()
+    course = round(math.degrees(math.atan2(flat[1, 1], flat[1, 0])))
+    return Message(
+        "NAV_CONTROLLER_OUTPUT",
+        {
+            "nav_roll": math.degrees(state[6]),
+            "nav_pitch": math.degrees(state[7]),
+            "nav_bearing": course,
+            "target_bearing": round(math.degrees(math.atan2(east, north))),
+            "wp_dist": min(round(math.hypot(north, east)), 0xFFFF),
+            "alt_error": float(state[2] - flat[0, 2]),
+            "aspd_error": 0.0,
+            "xtrack_error": 0.0,
+        },
+    )
+
+
+def _servo_output(tell: Sources) -> Message:
+    off = not tell.autopilot.armed
+    pwm = [_PWM_OFF] * 4 if off else [round(_PWM_IDLE + _PWM_RANGE * share) for share in _throttle(tell).tolist()]
+    fields = {"time_usec": tell.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0}
+    fields |= {f"servo{n}_raw": value for n, value in enumerate(pwm + [_PWM_OFF] * 4, start=1)}
+    return Message("SERVO_OUTPUT_RAW", fields)
+
+
+def _target(tell: Sources) -> tuple[int, Array]:
+    """What is wanted now: mask and (DERIVATIVES, 4)."""
+    pilot = tell.autopilot
+    return _FULL if pilot.flying else _GROUND_LEVEL, pilot.piece.at(tell.instruments.t_s)
+
+
+def _rates(flat: Array) -> dict[str, float]:
+    (vx, vy, vz, yaw_rate), (afx, afy, afz, _) = flat[1].tolist(), flat[2].tolist()
+    motion = {"vx": vx, "vy": vy, "vz": vz, "afx": afx, "afy": afy, "afz": afz}
+    return {**motion, "yaw": math.remainder(float(flat[0, 3]), math.tau), "yaw_rate": yaw_rate}
+
+
+def _throttle(tell: Sources) -> Array:
+    """Rotor speeds (4,) as shares of the fastest."""
+    airframes = tell.instruments.airframes
+    return np.asarray(airframes.rotors_radps[tell.instruments.row] / airframes.rotor_max_radps)
+
+
+BUILDERS: dict[int, Builder] = {
+    MessageId.ATTITUDE: _attitude,
+    MessageId.ATTITUDE_QUATERNION: _attitude_quaternion,
+    MessageId.LOCAL_POSITION_NED: _local_position,
+    MessageId.GLOBAL_POSITION_INT: _global_position,
+    MessageId.SERVO_OUTPUT_RAW: _servo_output,
+    MessageId.NAV_CONTROLLER_OUTPUT: _nav_output,
+    MessageId.VFR_HUD: _vfr_hud,
+    MessageId.ATTITUDE_TARGET: _attitude_target,
+    MessageId.POSITION_TARGET_LOCAL_NED: _local_target,
+    MessageId.POSITION_TARGET_GLOBAL_INT: _global_target,
+    MessageId.ALTITUDE: _altitude,
+}

@@ -1,0 +1,90 @@
+"""Which messages are due, and which a vehicle can send at all.
+
+Knows: intervals in simulated time, the streams of its personality. Does not know: what is in the messages.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcs.link.wire.message import Message
+from sim_bridge.protocol.telemetry import motion, places, vitals
+from sim_bridge.protocol.telemetry.sources import Builder, Sources
+
+_LONGEST_US = 2**31 - 1  # that MESSAGE_INTERVAL can tell
+_BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS, **places.BUILDERS}
+_SAME_S = 1e-6
+_FAST_S = 0.2
+_LATER_S = 1e12  # than any flight
+_ALL_GROUPS = 0  # REQUEST_DATA_STREAM's id for every group
+
+
+class Telemetry:
+    """Builds messages and says which are due."""
+
+    def __init__(self, sources: Sources) -> None:
+        self.sources = sources
+        self._streams = sources.personality.streams
+        self._known = {number: build for number, build in _BUILDERS.items() if number not in self._streams.unsent}
+        self._interval_s: dict[int, float] = {number: 1.0 / hz for number, hz in self._streams.unasked_hz.items()}
+        self._due_s: dict[int, float] = {}
+        self._next_s = -math.inf
+
+    def due(self, t_s: float) -> list[Message]:
+        """Messages whose time has come."""
+        if t_s < self._next_s - _SAME_S:
+            return []
+        if math.isinf(self._next_s):
+            self._switch_on(t_s)
+        messages = []
+        for number, due_s in self._due_s.items():
+            if due_s <= t_s + _SAME_S:
+                self._due_s[number] = max(due_s + self._given_s(self._interval_s[number]), t_s)
+                message = self._known[number](self.sources) if number not in self._streams.mute else None
+                if message is not None:
+                    messages.append(message)
+        self._next_s = min(self._due_s.values(), default=_LATER_S)
+        return messages
+
+    def build(self, number: int) -> Message | None:
+        """One message by number, now; None where there is no such message, or nothing to say yet."""
+        builder = self._known.get(number)
+        return builder(self.sources) if builder is not None else None
+
+    def knows(self, number: int) -> bool:
+        """Whether the vehicle can send message `number` at all."""
+        return number in self._known
+
+    def streams(self, number: int) -> bool:
+        """Whether it can send message `number` as often as it is asked to."""
+        return self.knows(number) and number not in self._streams.fixed
+
+    def interval_us(self, number: int) -> int:
+        """MESSAGE_INTERVAL's value: microseconds, -1 when it is not sent by itself."""
+        return round(self._interval_s[number] * 1e6) if number in self._interval_s else -1
+
+    def set_interval(self, number: int, interval_us: float) -> None:
+        """Send message `number` every so often from now on; below 0 never, 0 is up to the autopilot."""
+        self._interval_s.pop(number, None)
+        self._due_s.pop(number, None)
+        if interval_us == 0.0 and self._streams.default_hz:
+            interval_us = 1e6 / self._streams.default_hz
+        if interval_us > 0:
+            self._interval_s[number] = min(interval_us, _LONGEST_US) / 1e6
+            self._due_s[number] = t_s = self.sources.instruments.t_s
+            self._next_s = min(self._next_s, t_s)
+
+    def set_group(self, group: int, rate_hz: float) -> None:
+        """REQUEST_DATA_STREAM: send a group of messages so often, 0 for never."""
+        groups = self._streams.groups
+        numbers = groups.get(group, frozenset()) if group != _ALL_GROUPS else frozenset().union(*groups.values())
+        for number in sorted(numbers):
+            self.set_interval(number, 1e6 / rate_hz if rate_hz > 0.0 else -1.0)
+
+    def _given_s(self, interval_s: float) -> float:
+        return interval_s if interval_s >= _FAST_S else interval_s / self._streams.fast_share
+
+    def _switch_on(self, t_s: float) -> None:
+        """Every message comes for the first time after its own interval."""
+        for number, interval_s in self._interval_s.items():
+            self._due_s.setdefault(number, t_s + self.sources.personality.boot.pace * interval_s)

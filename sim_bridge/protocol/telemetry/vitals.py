@@ -1,0 +1,198 @@
+"""How a vehicle is: HEARTBEAT, sensors, filter, battery, receiver, ground contact.
+
+Knows: fields and units of these messages. Does not know: when they are due.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcs.frames import to_degE7
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavState, MavType, MessageId, ModeFlag
+from sim_bridge.personality import Intent, Milestone
+from sim_bridge.protocol.telemetry.sources import Builder, Sources
+
+_PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+_UNKNOWN = 0xFFFF
+_RTK_FIXED, _FIX_3D = 6, 3
+_SATELLITES = 18
+_DILUTION = {"rtk": (60, 100), "gnss": (121, 200)}  # of precision, in hundredths: horizontal, vertical
+_LARGEST_INT16 = 0x7FFF
+
+
+def heartbeat(tell: Sources) -> Message:
+    """HEARTBEAT."""
+    pilot, habits = tell.autopilot, tell.personality
+    flags = int(pilot.mode.flags)
+    if pilot.mode.intent is Intent.GUIDED and pilot.setpoints.ever:
+        flags |= habits.modes.streamed
+    if pilot.armed:
+        flags |= ModeFlag.ARMED
+    return Message(
+        "HEARTBEAT",
+        {
+            "type": int(MavType.QUADROTOR),
+            "autopilot": int(habits.identity.autopilot),
+            "base_mode": flags,
+            "custom_mode": pilot.mode.number,
+            "system_status": int(_status(tell)),
+            "mavlink_version": 3,
+        },
+    )
+
+
+def _status(tell: Sources) -> MavState:
+    pilot = tell.autopilot
+    if not tell.reached(Milestone.RUNNING):
+        return tell.personality.boot.starting
+    if pilot.failing:
+        return MavState.CRITICAL
+    if not tell.personality.arming.status_tells:
+        return MavState.ACTIVE if pilot.helm.ground.aloft else MavState.STANDBY
+    if pilot.armed:
+        return MavState.ACTIVE
+    return MavState.STANDBY if pilot.can_arm(tell.instruments.t_s) else MavState.UNINIT
+
+
+def _sys_status(tell: Sources) -> Message:
+    health, instruments = tell.personality.health, tell.instruments
+    present, enabled, healthy = health.present, health.enabled, health.healthy
+    if not tell.reached(Milestone.FIXED):
+        present, enabled = present & ~health.gnss, enabled & ~health.gnss
+    if not (tell.reached(Milestone.FIXED) and instruments.has_fix):
+        healthy &= ~health.gnss
+    if tell.autopilot.can_arm(instruments.t_s):
+        healthy |= _PREARM
+    volt, ampere, share, _ = instruments.battery
+    counts = ("drop_rate_comm", "errors_comm", "errors_count1", "errors_count2", "errors_count3", "errors_count4")
+    return Message(
+        "SYS_STATUS",
+        {
+            "onboard_control_sensors_present": present,
+            "onboard_control_sensors_enabled": enabled,
+            "onboard_control_sensors_health": healthy,
+            "load": 0,
+            "voltage_battery": min(round(volt * 1000.0), _UNKNOWN),
+            "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
+            "battery_remaining": math.ceil(share * 100.0),
+            **dict.fromkeys(counts, 0),
+        },
+    )
+
+
+def _battery_status(tell: Sources) -> Message:
+    volt, ampere, share, used_Ah = tell.instruments.battery
+    return Message(
+        "BATTERY_STATUS",
+        {
+            "id": 0,
+            "battery_function": 1,  # all
+            "type": 1,  # lithium polymer
+            "temperature": _LARGEST_INT16,  # unknown
+            "voltages": [min(round(volt * 1000.0), _UNKNOWN)] + [_UNKNOWN] * 9,
+            "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
+            "current_consumed": round(used_Ah * 1000.0),
+            "energy_consumed": round(tell.instruments.used_J / 100.0),
+            "battery_remaining": math.ceil(share * 100.0),
+            "charge_state": 1,
+        },
+    )
+
+
+def _ekf_status(tell: Sources) -> Message:
+    ratios, row = tell.instruments.airframes.innovation, tell.instruments.row
+    return Message(
+        "EKF_STATUS_REPORT",
+        {
+            "flags": _filter_flags(tell),
+            "velocity_variance": float(ratios.velocity[row]),
+            "pos_horiz_variance": float(ratios.position_horizontal[row]),
+            "pos_vert_variance": float(ratios.position_vertical[row]),
+            "compass_variance": float(ratios.compass[row]),
+            "terrain_alt_variance": 0.0,
+        },
+    )
+
+
+def _estimator_status(tell: Sources) -> Message:
+    instruments = tell.instruments
+    ratios, accuracy, row = instruments.airframes.innovation, instruments.airframes.accuracy, instruments.row
+    return Message(
+        "ESTIMATOR_STATUS",
+        {
+            "time_usec": instruments.boot_ms * 1000,
+            "flags": _filter_flags(tell),
+            "vel_ratio": float(ratios.velocity[row]),
+            "pos_horiz_ratio": float(ratios.position_horizontal[row]),
+            "pos_vert_ratio": float(ratios.position_vertical[row]),
+            "mag_ratio": float(ratios.compass[row]),
+            "hagl_ratio": 0.0,
+            "tas_ratio": math.nan,
+            "pos_horiz_accuracy": float(accuracy.position_horizontal_m[row]),
+            "pos_vert_accuracy": float(accuracy.position_vertical_m[row]),
+        },
+    )
+
+
+def _filter_flags(tell: Sources) -> int:
+    health = tell.personality.health
+    return health.ready if tell.autopilot.ready and tell.instruments.healthy else health.before_ready
+
+
+def _gps_raw(tell: Sources) -> Message:
+    instruments = tell.instruments
+    fields = {"time_usec": 0, "fix_type": 0, "lat": 0, "lon": 0, "alt": 0}
+    fields |= {"eph": _UNKNOWN, "epv": _UNKNOWN, "vel": 0, "cog": 0, "satellites_visible": 0}
+    if tell.reached(Milestone.FIXED) and instruments.has_fix:
+        v_north, v_east = instruments.gnss[3:5].tolist()
+        grade = instruments.airframes.grade
+        place = instruments.fixed
+        eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
+        fields = {
+            "time_usec": instruments.boot_ms * 1000,
+            "fix_type": _RTK_FIXED if grade.name == "rtk" and tell.personality.streams.tells_rtk else _FIX_3D,
+            "lat": to_degE7(place.lat_deg),
+            "lon": to_degE7(place.lon_deg),
+            "alt": round(place.alt_amsl_m * 1000.0),
+            "eph": eph,
+            "epv": epv,
+            "vel": min(round(math.hypot(v_north, v_east) * 100.0), _UNKNOWN),
+            "cog": round(math.degrees(math.atan2(v_east, v_north)) * 100.0) % 36000,
+            "satellites_visible": _SATELLITES,
+            "alt_ellipsoid": round(place.alt_amsl_m * 1000.0),
+            "h_acc": round(1000.0 * (grade.gnss_horizontal_m + grade.gnss_horizontal_drift_m.sigma)),
+            "v_acc": round(1000.0 * (grade.gnss_vertical_m + grade.gnss_vertical_drift_m.sigma)),
+            "vel_acc": round(1000.0 * grade.gnss_horizontal_mps),
+        }
+    return Message("GPS_RAW_INT", fields)
+
+
+def _extended_state(tell: Sources) -> Message:
+    state, kind = int(tell.autopilot.landed_state), tell.personality.identity.vtol_state
+    return Message("EXTENDED_SYS_STATE", {"vtol_state": kind, "landed_state": state})
+
+
+def _fence_status(tell: Sources) -> Message:
+    failsafe = tell.failsafe
+    return Message(
+        "FENCE_STATUS",
+        {
+            "breach_status": int(failsafe.breach != 0),
+            "breach_count": failsafe.breaches & _UNKNOWN,
+            "breach_type": int(failsafe.breach),
+            "breach_time": round(failsafe.breached_s * 1000.0),
+        },
+    )
+
+
+BUILDERS: dict[int, Builder] = {
+    MessageId.HEARTBEAT: heartbeat,
+    MessageId.SYS_STATUS: _sys_status,
+    MessageId.GPS_RAW_INT: _gps_raw,
+    MessageId.BATTERY_STATUS: _battery_status,
+    MessageId.FENCE_STATUS: _fence_status,
+    MessageId.EKF_STATUS_REPORT: _ekf_status,
+    MessageId.ESTIMATOR_STATUS: _estimator_status,
+    MessageId.EXTENDED_SYS_STATE: _extended_state,
+}

@@ -1,0 +1,151 @@
+"""Between bytes and vehicles: who hears what, when, and in which state.
+
+Knows: frames, which vehicle a message is for, bad links on the way. Does not know: sockets, what a message means
+to a vehicle.
+
+Commands for the emulator (`fault_commands`) are taken out here. On a bad link a frame travels in simulated time. It
+leaves when it comes in; a setpoint that carries its time leaves `LEAD_S` before that, however much earlier the ground
+station sent it: then the same setpoints come as late in every run, and a link slower than that shows.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterable, Sequence
+
+from gcs.link.ftp.payload import NAME as FTP
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
+from sim_bridge.faults.fault_commands import answer, is_fault_command, read_order
+from sim_bridge.faults.injector import FaultDesk
+from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.protocol.endpoints.switchboard import Switchboard
+from sim_bridge.protocol.missions.ftp_files import items_in
+from sim_bridge.protocol.position_targets import is_stamp
+
+LEAD_S = 0.1
+_SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
+_ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
+
+
+class Traffic:
+    """Carries messages between a switchboard and vehicles, whose members may be replaced."""
+
+    def __init__(self, board: Switchboard, vehicles: Sequence[Vehicle], desk: FaultDesk) -> None:
+        self._board = board
+        self._vehicles = vehicles
+        self._desk = desk
+        self._row_of = {vehicle.station.sysid: row for row, vehicle in enumerate(vehicles)}
+        self._encoders = [Codec(*vehicle.station) for vehicle in vehicles]
+        self._decoders = [Codec(0, 0) for _ in board.rows]
+        self._after: dict[int, Codec] = {}  # decoders behind bad links
+        self._stamp_s: dict[int, float] = {}  # newest setpoint that came in, lost or not
+        self._watched = -1
+        self.sent = 0  # messages
+
+    def watch(self, file: int) -> None:
+        """Let `listen` tell when this file descriptor ends."""
+        self._watched = file
+        self._board.watch(file)
+
+    def listen(self, timeout_s: float, t_s: float) -> bool:
+        """Hand on what has come in, waiting for it at most `timeout_s`; False when the watched file ended."""
+        goes_on = True
+        for line, data, source in self._board.receive(timeout_s, time.monotonic()):
+            if line < 0:
+                goes_on = bool(os.read(self._watched, 4096))
+                continue
+            messages = self._decoders[line].decode(data, source)
+            if messages:
+                now_s = time.monotonic()
+                self._board.heard(line, source, now_s)
+                for message in messages:
+                    for row in self._addressed(line, message):
+                        self._hand_on(row, message, t_s, now_s)
+        self._board.flush(time.monotonic())
+        return goes_on
+
+    def send(self, row: int, messages: Sequence[Message], t_s: float) -> None:
+        """Tell the ground; goes out with `carry`, or the next `listen`."""
+        encode, signature = self._encoders[row].encode, self._vehicles[row].signature
+        now_s = time.monotonic()
+        frames = [encode(message, signature(now_s)) for message in messages]
+        self.sent += len(frames)
+        radio = self._desk.radios.get(row)
+        if radio is None:
+            self._board.put(row, frames)
+            return
+        for frame in frames:
+            radio.down.put(frame, t_s)
+
+    def carry(self, t_s: float, now_s: float) -> None:
+        """Let arrive what is due on bad links, and send what waits."""
+        for row, radio in self._desk.radios.items():
+            for frame in radio.up.take(t_s):
+                decoder = self._after.setdefault(row, Codec(0, 0))
+                for message in decoder.decode(frame):
+                    self._deliver(row, message, t_s, now_s)
+            self._board.put(row, list(radio.down.take(t_s)))
+        self._board.flush(now_s)
+
+    def restarted(self, row: int) -> None:
+        """The vehicle of this row numbers its frames from 0 again."""
+        self._encoders[row] = Codec(*self._vehicles[row].station)
+
+    def tell_time(self) -> None:
+        """Say again what time it is on board; not over bad links, whose luck is that of the flight."""
+        for row, vehicle in enumerate(self._vehicles):
+            if row not in self._desk.radios and (message := vehicle.time_message()) is not None:
+                signature = vehicle.signature(time.monotonic())
+                self._board.put(row, [self._encoders[row].encode(message, signature)])
+        self._board.flush(time.monotonic())
+
+    def departed_s(self, row: int, t_s: float) -> float | None:
+        """Stamp of the newest setpoint that came in to leave over a bad link; None where there is none."""
+        stamp_s = self._stamp_s.get(row)
+        if stamp_s is None or row not in self._desk.radios or not is_stamp(stamp_s, t_s):
+            return None
+        return stamp_s
+
+    def _addressed(self, line: int, message: Message) -> Iterable[int]:
+        sysid = message.fields.get("target_system", 0)
+        rows = self._board.rows[line]
+        if sysid == 0:
+            return rows
+        row = self._row_of.get(sysid, -1)
+        return (row,) if row in rows else ()
+
+    def _hand_on(self, row: int, message: Message, t_s: float, now_s: float) -> None:
+        if is_fault_command(message):
+            order = read_order(message)
+            self._desk.end(row, order.ends, t_s)
+            for fault in order.begins:
+                self._desk.add(row, fault, t_s)
+            self._board.put(row, [self._encoders[row].encode(answer(message, order))])
+            return
+        radio = self._desk.radios.get(row)
+        if radio is None:
+            self._deliver(row, message, t_s, now_s)
+        else:
+            radio.up.put(message.raw, self._leaves_s(row, message, t_s))
+
+    def _leaves_s(self, row: int, message: Message, t_s: float) -> float:
+        if message.name != _SETPOINT:
+            return t_s
+        stamp_s = self._vehicles[row].simulated_s(message.fields["time_boot_ms"])
+        if not is_stamp(stamp_s, t_s):
+            return t_s
+        self._stamp_s[row] = max(stamp_s, self._stamp_s.get(row, -math.inf))
+        return max(stamp_s - LEAD_S, t_s)
+
+    def _deliver(self, row: int, message: Message, t_s: float, now_s: float) -> None:
+        if message.name in _ITEMS:
+            self._desk.uploaded(row, message.fields["seq"], t_s)
+        elif message.name == FTP:
+            for item in items_in(message):
+                self._desk.uploaded(row, item, t_s)
+        answers = self._vehicles[row].receive(message, now_s)
+        if answers:
+            self.send(row, answers, t_s)

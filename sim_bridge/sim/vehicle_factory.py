@@ -1,0 +1,103 @@
+"""Makes the vehicles of a scenario: bodies on their pads, and an autopilot for each.
+
+Knows: what a scenario says about vehicles, what every vehicle has of its own (uid, boot clock). Does not know: time
+that passes, links.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from gcs.autopilots.navigation.calibration import by_name as navigator_named
+from gcs.errors import UsageError
+from gcs.frames import Origin
+from gcs.physics.wind import STILL
+from gcs.scenario import si
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
+from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.dynamics.body.airframes import Airframes
+from sim_bridge.dynamics.body.presets import power_train_of
+from sim_bridge.dynamics.body.sensors import GRADES
+from sim_bridge.dynamics.body.wind_field import CALM, Wind
+from sim_bridge.dynamics.control.lqr_gains import ControlLimits
+from sim_bridge.personality import Personality
+from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.protocol.telemetry import Instruments, Whereabouts
+
+LARGEST_SYSID = 254  # 255 is the ground station
+_BOOT_SPREAD_MS = (5_000, 60_000)
+
+
+class Hangar:
+    """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        personality: Personality,
+        seed: int,
+        epoch_unix_s: float,
+        *,
+        ideal: bool = False,
+        wind: Wind = CALM,
+    ) -> None:
+        """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice.
+
+        `ideal` vehicles fly the waypoints of missions on time; others as their original does.
+        """
+        self.sysids = si.sysids(scenario)
+        if max(self.sysids) > LARGEST_SYSID:
+            raise UsageError(
+                f"{len(self.sysids)} vehicles do not fit on one MAVLink network: a system id is one byte, "
+                f"and {LARGEST_SYSID} is the last a vehicle may have.",
+                hint=f"fly at most {LARGEST_SYSID} vehicles, or several sim-bridges on links of their own",
+            )
+        self._personality = personality
+        self._seed = seed
+        self._epoch_s = epoch_unix_s
+        quadrotor = replace(si.quadrotor(scenario), wind=STILL)  # here air is what the wind field says
+        self._pads_ned_m = si.pads_ned_m(scenario)
+        self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
+        self.airframes = Airframes(
+            quadrotor,
+            partial(ground_height_m, scenario.terrain),
+            self._pads_ned_m,
+            np.full(len(self.sysids), self._yaw_rad),
+            GRADES[scenario.sensors.grade],
+            seed=seed,
+            limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+            power=power_train_of(quadrotor).described(scenario.vehicle.power),
+            wind=wind.over(si.steady_wind(scenario)),
+        )
+        self._motion = MotionLimits.of(quadrotor, scenario.limits)
+        self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)
+        self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
+        self._whereabouts = Whereabouts(self.airframes, self._origin)
+        random = np.random.default_rng([seed, 1])
+        self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
+
+    def vehicle(self, row: int, boot_s: float | None = None) -> Vehicle:
+        """The vehicle of a row as it comes out of its box; its own clock began at simulated time `boot_s`."""
+        pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
+        # speeds come from the parameters
+        guide = Guide(
+            self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s, navigator=self._navigator
+        )
+        instruments = Instruments(
+            airframes=self.airframes,
+            whereabouts=self._whereabouts,
+            row=row,
+            pad_ned_m=pad_ned_m,
+            origin=self._origin,
+            boot_offset_ms=self.boot_ms[row] if boot_s is None else -round(boot_s * 1000.0),
+            epoch_unix_us=round(self._epoch_s * 1e6),
+            uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
+        )
+        return Vehicle(sysid, Autopilot(self._personality, guide, self._yaw_rad), instruments, self._personality)

@@ -1,0 +1,199 @@
+"""All vehicles of a scenario in one loop: physics, decisions, conversation, and the pace of time.
+
+Knows: the order of things within a step, and when to wait. Does not know: what vehicles decide or say.
+
+Time. A step is 10 ms of simulated time. `speedup` says how fast steps follow one another; three things hold it
+back:
+- orders: while a vehicle stands armed or hovers with nothing to do, or nobody is armed at all, time runs at most
+  `WAITING_RATE` times real time, because ground stations answer in real time (10 s to disarming would be 0.2 s);
+- the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on
+  (`StreamPatience`), so that a flight is the same at any speed-up;
+- the machine: what it cannot do in time is made up for later, within reason (`Pace`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.autopilot.guidance.piece import PieceBatch
+from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
+from sim_bridge.dynamics.body.wind_field import CALM, Wind
+from sim_bridge.faults.fault_spec import Fault
+from sim_bridge.faults.injector import FaultDesk
+from sim_bridge.personality import Personality, by_name
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, LinkSpec
+from sim_bridge.protocol.endpoints.line import Place
+from sim_bridge.protocol.endpoints.switchboard import Switchboard
+from sim_bridge.protocol.traffic import LEAD_S, Traffic
+from sim_bridge.sim.lockstep import StreamPatience
+from sim_bridge.sim.pace import Pace
+from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
+from sim_bridge.sim.vehicle_factory import Hangar
+
+WAITING_RATE = 10.0
+OFF_S = 1.0  # that a restart takes
+_STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
+
+
+@dataclass(frozen=True)
+class WorldOptions:
+    """How to run a fleet. `epoch_unix_s` is the GNSS time at simulated time 0."""
+
+    links: Sequence[LinkSpec] = (CALL_GROUND,)
+    speedup: float = 1.0  # simulated seconds per second; inf for as fast as the machine can
+    seed: int = 0
+    faults: Mapping[int, Sequence[Fault]] = field(default_factory=dict)  # by system id
+    epoch_unix_s: float | None = None  # default: now
+    record_truth: bool = False
+    personality: Personality | None = None  # default: that of the scenario
+    ideal: bool = False  # missions are flown on time, as no original does
+    wind: Wind = CALM
+
+
+class World:
+    """Everything emulated: the vehicles of a scenario, their time, and where they can be reached.
+
+    `places` by system id; `t_s` simulated time; `airframes` with the true states; `step` to go on by hand, `run`
+    to go on until `stop` is called (from a signal handler or another thread).
+    """
+
+    def __init__(self, scenario: Scenario, options: WorldOptions | None = None) -> None:
+        """Put the vehicles on their pads and open their endpoints. Raises `LinkError` or `UsageError`."""
+        self.options = options = options or WorldOptions()
+        personality = options.personality or by_name(scenario.mission.autopilot)
+        epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
+        o = options
+        self._hangar = hangar = Hangar(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
+        self.sysids = hangar.sysids
+        self.airframes = hangar.airframes
+        self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
+        self._steps = 0
+        self._stopped = False
+        self._calls: deque[Callable[[], None]] = deque()
+        self._pace = Pace(options.speedup)
+        self._patience = StreamPatience()
+        self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
+        boot_s = [ms / 1000.0 for ms in hangar.boot_ms]
+        self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
+        self.desk = FaultDesk(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
+        self._board = Switchboard(options.links, self.sysids)
+        self.traffic = Traffic(self._board, self.vehicles, self.desk)
+        self.places: dict[int, list[Place]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let the endpoints go."""
+        self._board.close()
+
+    @property
+    def ports(self) -> dict[int, int]:
+        """Each vehicle's port on the first link that has ports."""
+        numbered = {s: [place for place in places if place.port] for s, places in self.places.items()}
+        return {sysid: places[0].port for sysid, places in numbered.items() if places}
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time since the vehicles were put on their pads."""
+        return self._steps / _STEPS_PER_S  # the same double as a stamp in milliseconds / 1000
+
+    def stop(self) -> None:
+        """Let `run` return after the present step."""
+        self._stopped = True
+
+    def call(self, work: Callable[[], None]) -> None:
+        """Have `work` done between two steps; for other threads."""
+        self._calls.append(work)
+
+    def stop_at_end_of(self, file: int) -> None:
+        """Let `run` return when this file descriptor (standard input) ends, as it does when a parent dies."""
+        self.traffic.watch(file)
+
+    def run(self, until_s: float = math.inf) -> None:
+        """Go on, in the pace asked for, until simulated time `until_s` or `stop`."""
+        while not self._stopped and self._steps < until_s * _STEPS_PER_S:
+            while self._calls:
+                self._calls.popleft()()
+            now_s = time.monotonic()
+            wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
+            if not wait_s and self.options.speedup > 1.0:
+                wait_s = self._stream_wait_s(now_s)
+            if wait_s > 0.0:
+                self._listen(wait_s)
+            else:
+                self.step()
+
+    def step(self) -> None:
+        """Listen, decide, move, tell: one control period, whatever the wall's clock says."""
+        self._listen(0.0)
+        now_s, t_s = time.monotonic(), self.t_s
+        vehicles, landed = self.vehicles, self.airframes.landed.tolist()
+        self.desk.step(t_s)
+        self.traffic.carry(t_s, now_s)
+        for row, vehicle in enumerate(vehicles):
+            messages = vehicle.step(t_s, now_s, landed[row])
+            if messages:
+                self.traffic.send(row, messages, t_s)
+            self._batch.put(row, vehicle.autopilot.piece)
+        self._board.flush(now_s)
+        if self.truth is not None and self._steps % PERIOD_STEPS == 0:
+            pilots = [vehicle.autopilot for vehicle in vehicles]
+            self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in pilots])
+        motors_on = np.array([vehicle.autopilot.flying for vehicle in vehicles])
+        self.airframes.step(self._batch.reference(t_s), motors_on)
+        self._steps += 1
+
+    def save_truth(self, path: Path) -> None:
+        """Write the record asked for by `record_truth`. Raises `GcsError`."""
+        if self.truth is not None:
+            self.truth.save(path)
+
+    def _reboot(self, row: int) -> None:
+        """Restart an autopilot, whose motors stop wherever it is."""
+        on_s = self.t_s + OFF_S
+        vehicle = self._hangar.vehicle(row, on_s)
+        vehicle.remember(self.vehicles[row])
+        vehicle.on_from_s = on_s
+        self.vehicles[row] = vehicle
+        self.traffic.restarted(row)
+
+    def _rate(self) -> float:
+        pilots = [vehicle.autopilot for vehicle in self.vehicles]
+        under_way = any(pilot.flying for pilot in pilots) and not any(pilot.awaits_orders for pilot in pilots)
+        return self.options.speedup if under_way else min(self.options.speedup, WAITING_RATE)
+
+    def _stream_wait_s(self, now_s: float) -> float:
+        t_s = self.t_s
+        newest_s = {row: self._awaits_after_s(row, t_s) for row in range(len(self.vehicles))}
+        wait_s = self._patience.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
+        if self._patience.reminds(now_s):
+            self.traffic.tell_time()
+        return wait_s
+
+    def _awaits_after_s(self, row: int, t_s: float) -> float | None:
+        """The newest stamp a vehicle has that has to guess how its stream goes on; None for those who know.
+
+        On a bad link it is the setpoint's departure that is waited for: it may never arrive.
+        """
+        pilot = self.vehicles[row].autopilot
+        departed_s = self.traffic.departed_s(row, t_s) if pilot.flying else None
+        if departed_s is not None:
+            return departed_s if departed_s <= t_s + LEAD_S else None
+        return pilot.awaits_setpoint_after_s(t_s)
+
+    def _listen(self, timeout_s: float) -> None:
+        if not self.traffic.listen(timeout_s, self.t_s):
+            self._stopped = True
