@@ -19,7 +19,14 @@ import typer
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, LOOPBACK, Kind, LinkSpec, is_loopback, parse_link
+from sim_bridge.protocol.endpoints.address import (
+    CALL_GROUND,
+    LOOPBACK,
+    EndpointKind,
+    EndpointSpec,
+    is_loopback,
+    parse_link,
+)
 
 if TYPE_CHECKING:
     from sim_bridge.sim.world import World
@@ -114,26 +121,28 @@ def fly(
             fleet.save_truth(truth)
 
 
-def parse_links(udp: str | None, texts: Sequence[str], *, bind: str = LOOPBACK, shared: bool = False) -> list[LinkSpec]:
+def parse_links(
+    udp: str | None, texts: Sequence[str], *, bind: str = LOOPBACK, shared: bool = False
+) -> list[EndpointSpec]:
     """The endpoints of a command line; vehicles call the usual port where none is named. Raises `UsageError`."""
     links = [parse_link(text, bind=bind, shared=shared) for text in texts]
     if udp is not None or not links:
         host, port = parse_ground(udp) if udp is not None else (CALL_GROUND.host, CALL_GROUND.port)
-        links.insert(0, LinkSpec(Kind.UDP_OUT, host, port, shared=shared))
+        links.insert(0, EndpointSpec(EndpointKind.UDP_OUT, host, port, shared=shared))
     return links
 
 
-def _warn(links: Sequence[LinkSpec]) -> None:
+def _warn(links: Sequence[EndpointSpec]) -> None:
     """Say so when others are let in."""
     for spec in links:
-        if spec.kind in (Kind.UDP_IN, Kind.TCP_IN) and not is_loopback(spec.host):
+        if spec.kind in (EndpointKind.UDP_IN, EndpointKind.TCP_IN) and not is_loopback(spec.host):
             text = f"listening at {spec.host}: whoever reaches that address may command these vehicles"
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def _ready(fleet: World, links: Sequence[LinkSpec], seed: int) -> dict[str, Any]:
+def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, Any]:
     """`ports` are those of the first link that has any, `places` all."""
-    called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is Kind.UDP_OUT), None)
+    called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}
     return {"ready": True, "ground": called, "ports": fleet.ports, "places": places, "seed": seed}
 

@@ -26,7 +26,7 @@ from sim_bridge.dynamics.body.wind_field import parse_wind
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, parse_link
-from sim_bridge.protocol.endpoints.line import Place
+from sim_bridge.protocol.endpoints.line import PeerAddress
 from sim_bridge.sim.default_scenario import scenario_for
 from sim_bridge.sim.world import World, WorldOptions
 
@@ -93,7 +93,7 @@ class Fleet:
         )
         self._world = World(known, options)
         self.sysids: tuple[int, ...] = self._world.sysids
-        self.places: dict[int, list[Place]] = self._world.places
+        self.places: dict[int, list[PeerAddress]] = self._world.places
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
 
@@ -173,7 +173,7 @@ class Fleet:
         if self.t_s > end_s:
             raise NotInTime(f"what was waited for did not come about in {patience_s:g} s of simulated time.")
 
-    def _place(self, sysid: int, link: int) -> Place:
+    def _place(self, sysid: int, link: int) -> PeerAddress:
         return self.places[self.sysids[self._row(sysid)]][link]
 
     def _row(self, sysid: int) -> int:

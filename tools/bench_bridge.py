@@ -35,7 +35,7 @@ from gcs.mavlink import CopterMode, MavCommand, MessageId
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
@@ -140,7 +140,7 @@ def profile(vehicles: int, autopilot: str, lines: int) -> str:
     return "\n".join([f"{'own':>6} {'whole':>6} {'calls':>9}  function, {vehicles} vehicles", *told[:lines]])
 
 
-def _ask_for_telemetry(vehicle: Vehicle) -> None:
+def _ask_for_telemetry(vehicle: Conversation) -> None:
     for number, rate_hz in RATES_HZ.items():
         params = {f"param{i}": 0.0 for i in range(1, 8)} | {"param1": float(number), "param2": 1e6 / rate_hz}
         fields = {"command": int(MavCommand.SET_MESSAGE_INTERVAL), "target_system": vehicle.station.sysid}

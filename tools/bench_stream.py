@@ -32,9 +32,9 @@ from rich.table import Table
 
 from gcs.aio import sleep_sharply
 from gcs.flight.offboard.deadlines import Grid, Scheduler
-from gcs.flight.offboard.reference_trajectory import TimedCourse
+from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, send_due, wait_s
-from gcs.link.session.linked_fleet import Fleet
+from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
@@ -112,7 +112,7 @@ def telemetry(turn: int, boot_unix_s: float) -> list[Message]:
 
 async def ours(count: int, rate_hz: float, port: int, seconds: float) -> dict[str, float]:
     """Stream to them as `gcs fly` does."""
-    async with Fleet.open(f"udpin:127.0.0.1:{port}") as fleet:
+    async with LinkedFleet.open(f"udpin:127.0.0.1:{port}") as fleet:
         sessions = await fleet.vehicles(range(1, count + 1), 20.0)
         loop = asyncio.get_running_loop()
         while not all(s.clock.ready for s in sessions.values()):
@@ -125,7 +125,7 @@ async def ours(count: int, rate_hz: float, port: int, seconds: float) -> dict[st
         streamed = {}
         for row, (sysid, session) in enumerate(sessions.items()):
             scheduler.start(sysid, 0, len(stream.t_s))
-            streamed[sysid] = Streamed(session.station, session.clock, np.zeros(3), TimedCourse(stream, row))
+            streamed[sysid] = Streamed(session.station, session.clock, np.zeros(3), PlanReference(stream, row))
         before = processor_s()
         began_s = loop.time()
         while not scheduler.finished:

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
-from gcs.autopilots.navigation.navigator import Navigator, Orders
+from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
 from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.physics.quadrotor import Array
 
@@ -37,7 +37,7 @@ class Recording:
     """One mission as flown: times (M,) from leaving the start, positions (M, 3), and when each waypoint was passed."""
 
     name: str
-    orders: Orders
+    orders: NavigatorOrders
     t_s: Array
     position_ned_m: Array
     passed_s: Array
@@ -103,11 +103,11 @@ def read_recording(folder: Path, name: str) -> Recording:
     rising = track[:, 3] < zero_ned_m[2] - _LIFTED_M
     airborne_s = -float(track[np.argmax(rising), 0])
     flown = track[track[:, 0] >= 0.0]
-    orders = Orders.through(points, [row["speed"] for row in plan[1:]], airborne_s=airborne_s)
+    orders = NavigatorOrders.through(points, [row["speed"] for row in plan[1:]], airborne_s=airborne_s)
     return Recording(name, orders, flown[:, 0], flown[:, 1:], _passed(orders, flown[:, 0], flown[:, 1:]))
 
 
-def _passed(orders: Orders, t_s: Array, position_ned_m: Array) -> Array:
+def _passed(orders: NavigatorOrders, t_s: Array, position_ned_m: Array) -> Array:
     """The recorded path comes near each waypoint once, so the nearest sample of all tells which legs lie where."""
     nearest = [
         t_s[np.linalg.norm(position_ned_m[:, :2] - point[:2], axis=1).argmin()] for point in orders.waypoints_ned_m

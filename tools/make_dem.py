@@ -13,10 +13,10 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.schema.scenario import Origin
+from gcs.scenario.schema.scenario import OriginTable
 
 FILE = Path(__file__).resolve().parent.parent / "missions" / "ridge" / "ridge.tif"
-ORIGIN = Origin(lat_deg=-33.42, lon_deg=-70.58, alt_amsl_m=740.0)
+ORIGIN = OriginTable(lat_deg=-33.42, lon_deg=-70.58, alt_amsl_m=740.0)
 CRS, PIXEL_M = "EPSG:32719", 10.0
 SOUTH_M, NORTH_M, WEST_M, EAST_M = -100.0, 800.0, -250.0, 250.0
 

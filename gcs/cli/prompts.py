@@ -11,7 +11,7 @@ import sys
 from rich.table import Table
 
 from gcs.cli.console import Screen
-from gcs.flight.setup.preflight import Check
+from gcs.flight.setup.preflight import PreflightCheck
 
 
 async def typed_line() -> str:
@@ -31,7 +31,7 @@ async def typed_line() -> str:
     return sys.stdin.readline().strip()
 
 
-def show_checks(screen: Screen, checks: tuple[Check, ...]) -> None:
+def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
     """A row per check, a column per vehicle; what is not good is marked."""
     sysids = list(dict.fromkeys(c.sysid for c in checks))
     found = {(c.name, c.sysid): c for c in checks}

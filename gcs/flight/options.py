@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gcs.flight.contingency.detection import Limits
+from gcs.flight.contingency.detection import DetectionLimits
 from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
 
 
@@ -37,4 +37,4 @@ class FlightOptions:
     follow: bool = False  # followers fly where their leader is, not where it should be
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
-    limits: Limits = field(default_factory=Limits)
+    limits: DetectionLimits = field(default_factory=DetectionLimits)

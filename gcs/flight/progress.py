@@ -59,8 +59,8 @@ class Event:
 
 
 if TYPE_CHECKING:
-    from gcs.flight.sequence.flight import Flight
-    from gcs.flight.setup.preflight import Check
+    from gcs.flight.sequence.flight import FlightSequence
+    from gcs.flight.setup.preflight import PreflightCheck
 
 
 class Watcher:
@@ -77,11 +77,11 @@ class Watcher:
     def lap(self, name: str) -> None:
         """This part of the work is done."""
 
-    def checks(self, checks: tuple[Check, ...]) -> None:
+    def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
         """What the pre-flight found, good or not."""
 
     async def confirm(self) -> None:
         """All vehicles on a link are fit to fly: may they be armed? Raises `UsageError` for a no."""
 
-    async def follow(self, flight: Flight) -> None:
+    async def follow(self, flight: FlightSequence) -> None:
         """Runs beside the flight until it is cancelled: `flight.snapshot()` tells how it goes."""

@@ -25,14 +25,14 @@ from gcs.flight.lateness import skew_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step, Watcher
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
-from gcs.flight.recording.flight_state import Logbook, write_logbook
-from gcs.flight.sequence.flight import Flight
+from gcs.flight.recording.flight_state import FlightState, write_flight_state
+from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import build_loads
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, put_back
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
-from gcs.link.session.linked_fleet import Fleet
+from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints.setpoint_stream import build_stream
@@ -57,7 +57,7 @@ class Emulated:
 
 
 @dataclass(frozen=True)
-class Sortie:
+class FlightRun:
     """Everything one flight needs to know."""
 
     plan: Plan
@@ -105,7 +105,7 @@ def fly(
     report = verify(plan)
     if not report.ok:
         raise VerificationError("the plan does not hold, and is not flown.", hint="see gcs.verify(plan).failures")
-    sortie = Sortie(
+    sortie = FlightRun(
         plan,
         report,
         TimeKeeping(FlightMode(mode), emulated=link is None),
@@ -114,10 +114,10 @@ def fly(
         Path(to),
         FlightOptions(follow=follow),
     )
-    return fly_sortie(sortie, watcher or Watcher())
+    return fly_run(sortie, watcher or Watcher())
 
 
-def fly_sortie(sortie: Sortie, watcher: Watcher) -> Flown:
+def fly_run(sortie: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge from the truth where vehicles are emulated, and leave the folder. Raises as `fly`."""
     plan = sortie.plan
     folder = new_folder(sortie.root, plan.scenario.name, datetime.now())
@@ -142,14 +142,14 @@ def fly_sortie(sortie: Sortie, watcher: Watcher) -> Flown:
 
 
 async def _fly(
-    sortie: Sortie, watcher: Watcher, folder: Path, missions: tuple[VehicleMission, ...], navigator: str
+    sortie: FlightRun, watcher: Watcher, folder: Path, missions: tuple[VehicleMission, ...], navigator: str
 ) -> tuple[FlightTimes, dict[int, float]]:
     """Fly; returns when what happened, and how late each vehicle flew the plan."""
     plan = sortie.plan
     lead_s = SIM_LEAD_S if sortie.link is None else 0.0
     options = replace(sortie.options, mode=sortie.keeping.mode, lead_s=lead_s)
     loop = asyncio.get_running_loop()
-    fleet: Fleet | None = None
+    fleet: LinkedFleet | None = None
 
     def vehicles_time_s() -> float | None:
         if fleet is None:
@@ -173,7 +173,7 @@ async def _fly(
             watcher.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
-            book = Logbook(
+            book = FlightState(
                 mission=plan.scenario.name,
                 plan_hash=plan.hash,
                 links=() if sortie.link is None else sortie.link.links,
@@ -184,7 +184,7 @@ async def _fly(
                 t0_unix_s=t0_unix_s,
                 pid=os.getpid(),
             )
-            write_logbook(folder, book)
+            write_flight_state(folder, book)
 
         flight = _flight(sortie, watcher, missions, stream, fleet, sessions, options, tell, log_step)
         showing = asyncio.ensure_future(watcher.follow(flight))
@@ -199,20 +199,20 @@ async def _fly(
 
 
 def _flight(
-    sortie: Sortie,
+    sortie: FlightRun,
     watcher: Watcher,
     missions: tuple[VehicleMission, ...],
     stream: SetpointStream,
-    fleet: Fleet,
+    fleet: LinkedFleet,
     sessions: dict[int, VehicleSession],
     options: FlightOptions,
     tell: Callable[[Event], None],
     log_step: Callable[[Step, float | None], None],
-) -> Flight:
+) -> FlightSequence:
     """Emulated vehicles get their missions; others everything that is exported, once they have been looked at."""
     plan = sortie.plan
     if sortie.link is None:
-        return Flight(plan, missions, stream, sessions, options, tell, log_step)
+        return FlightSequence(plan, missions, stream, sessions, options, tell, log_step)
     autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
     loads = build_loads(
         plan, autopilots, timed=False, safety=sortie.safety, warn=lambda text: watcher.say(f"WARNING: {text}")
@@ -226,7 +226,7 @@ def _flight(
         await watcher.confirm()
 
     held = [load.mission for load in loads]
-    return Flight(plan, held, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
+    return FlightSequence(plan, held, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
 
 
 def _refuse_others(plan: Plan, autopilots: dict[int, int]) -> None:
@@ -240,7 +240,7 @@ def _refuse_others(plan: Plan, autopilots: dict[int, int]) -> None:
             )
 
 
-def _simulator_options(sortie: Sortie, folder: Path, port: int, navigator: str) -> SimulatorOptions:
+def _simulator_options(sortie: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:
     """The emulated vehicles get the scenario the plan was made from, not what the file says by now."""
     scenario = folder / "scenario.json"
     scenario.write_text(sortie.plan.scenario.model_dump_json(indent=2))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from gcs.errors import UsageError
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.linked_fleet import Fleet, FrameHook
+from gcs.link.session.linked_fleet import FrameHook, LinkedFleet
 from gcs.link.wire.signing_keys import signing_with
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Connection:
     transfer: str = "auto"  # one of TRANSFERS: how ArduPilot gets its mission
 
     @asynccontextmanager
-    async def open_backend(self, backend: str) -> AsyncIterator[Fleet | MavsdkFleet]:
+    async def open_backend(self, backend: str) -> AsyncIterator[LinkedFleet | MavsdkFleet]:
         """The links by one of BACKENDS. Raises `UsageError`, `LinkError`."""
         if backend not in BACKENDS:
             raise UsageError(f"--backend {backend}: there are {' and '.join(BACKENDS)}")
@@ -51,10 +51,10 @@ class Connection:
             yield foreign
 
     @asynccontextmanager
-    async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[Fleet]:
+    async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[LinkedFleet]:
         """The links, open. Raises `UsageError`, `LinkError`."""
         signing = signing_with(self.key, asyncio.get_running_loop().time())
-        async with Fleet.open(
+        async with LinkedFleet.open(
             self.links, on_frame=on_frame, signing=signing, transfer=Transfer(self.transfer)
         ) as fleet:
             yield fleet

@@ -36,7 +36,7 @@ class FenceCommand(IntEnum):
 
 
 @dataclass(frozen=True)
-class Place:
+class GeoPoint:
     """A point on the map, as the wire has it."""
 
     lat_degE7: int
@@ -47,7 +47,7 @@ class Place:
 class FencePolygon:
     """Vertices in order, the last joined to the first."""
 
-    points: tuple[Place, ...]
+    points: tuple[GeoPoint, ...]
     inclusion: bool
 
 
@@ -55,7 +55,7 @@ class FencePolygon:
 class FenceCircle:
     """All points within a radius."""
 
-    center: Place
+    center: GeoPoint
     radius_m: float
     inclusion: bool
 
@@ -64,7 +64,7 @@ class FenceCircle:
 class RallyPoint:
     """A place to return to, and the height above home to arrive at."""
 
-    place: Place
+    place: GeoPoint
     alt_m: float
 
 
@@ -150,9 +150,9 @@ def _vertices(item: MissionItem, index: int) -> int:
     return round(count)
 
 
-def _item(command: FenceCommand, frame: Frame, p1: float, place: Place, alt_m: float = 0.0) -> MissionItem:
+def _item(command: FenceCommand, frame: Frame, p1: float, place: GeoPoint, alt_m: float = 0.0) -> MissionItem:
     return MissionItem(command, frame, (p1, 0.0, 0.0, 0.0), place.lat_degE7, place.lon_degE7, alt_m)
 
 
-def _place(item: MissionItem) -> Place:
-    return Place(item.lat_degE7, item.lon_degE7)
+def _place(item: MissionItem) -> GeoPoint:
+    return GeoPoint(item.lat_degE7, item.lon_degE7)

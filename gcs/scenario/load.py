@@ -14,9 +14,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
-from gcs.frames import Origin
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import ground_needed
+from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.mistakes import Mistake, from_pydantic
 from gcs.scenario.validation.toml_lines import key_lines, line_of
@@ -76,7 +75,7 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
         return scenario, []
     from gcs.scenario.environment.dem import DemError, read_dem  # noqa: PLC0415 (GDAL takes long to load, and few need it)
 
-    origin = Origin(**scenario.origin.model_dump())
+    origin = local_origin(scenario)
     try:
         relief = read_dem(folder / terrain.dem.file, origin, ground_needed(scenario), terrain.dem.unit)
     except DemError as problem:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.frames import Origin
 from gcs.physics.quadrotor import Array, Quadrotor, hover_trim
 from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.heightmap import Region
@@ -16,6 +17,11 @@ from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
+
+
+def local_origin(scenario: Scenario) -> Origin:
+    """The point on Earth that is (0, 0, 0) of the scenario's local NED frame."""
+    return Origin(**scenario.origin.model_dump())
 
 
 def quadrotor(scenario: Scenario) -> Quadrotor:

@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from gcs.errors import UsageError
-from gcs.scenario.schema.scenario import Origin, Scenario
+from gcs.scenario.schema.scenario import OriginTable, Scenario
 
 
 def scenario_text(folder: Path, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> str:
@@ -23,7 +23,7 @@ def scenario_text(folder: Path, lat_deg: float, lon_deg: float, alt_amsl_m: floa
             f'"{name}" cannot be the name of a scenario.', hint="use small letters, digits, - and _, a letter first"
         )
     try:
-        Origin(lat_deg=lat_deg, lon_deg=lon_deg, alt_amsl_m=alt_amsl_m)
+        OriginTable(lat_deg=lat_deg, lon_deg=lon_deg, alt_amsl_m=alt_amsl_m)
     except ValueError:
         raise UsageError(
             f"there is no place at {lat_deg:g}, {lon_deg:g}, {alt_amsl_m:g} m.",

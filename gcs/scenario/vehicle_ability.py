@@ -9,12 +9,12 @@ import math
 
 from gcs.autopilots.navigation.navigator import Ability
 from gcs.physics.quadrotor import Quadrotor
-from gcs.scenario.schema.scenario import Limits
+from gcs.scenario.schema.scenario import LimitsTable
 
 _SHARE = 0.6  # of what physics allows: feedback needs the rest
 
 
-def ability_of(vehicle: Quadrotor, limits: Limits) -> Ability:
+def ability_of(vehicle: Quadrotor, limits: LimitsTable) -> Ability:
     """Upwards counts the thrust beyond the weight, sideways the horizontal part of full thrust at constant height.
 
     A quadrotor accelerates sideways by tilting, so its jerk and snap are bounded by its roll rate and by the roll

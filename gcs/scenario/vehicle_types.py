@@ -14,7 +14,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.scenario import Performance, Vehicle
+from gcs.scenario.schema.scenario import Performance, VehicleTable
 
 KEY = "vehicle_type"
 _PRESETS = files("gcs.scenario") / "presets"
@@ -23,7 +23,7 @@ _PRESETS = files("gcs.scenario") / "presets"
 class VehicleFile(Part):
     """One type of vehicle: its body, what it can do, and what flies it."""
 
-    vehicle: Vehicle
+    vehicle: VehicleTable
     limits: Performance
     autopilot: Literal["ardupilot", "px4"] | None = Field(default=None, description="whose dialect it speaks")
 

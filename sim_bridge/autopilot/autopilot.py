@@ -19,11 +19,11 @@ from gcs.mission.model import Command, MissionItem
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.arming import Arming
 from sim_bridge.autopilot.events import Event, ModeChanged, Voice
-from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import Piece
-from sim_bridge.autopilot.guidance.stream import Setpoint
-from sim_bridge.autopilot.mode_actions import Helm
-from sim_bridge.autopilot.offboard_timeout import SetpointWatch
+from sim_bridge.autopilot.guidance.stream import StampedSetpoint
+from sim_bridge.autopilot.mode_actions import ModeActions
+from sim_bridge.autopilot.offboard_timeout import OffboardTimeout
 from sim_bridge.autopilot.readiness import Readiness
 from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality, Setting
 
@@ -31,16 +31,16 @@ _PLACED_FOR_S = 1.0  # since the estimate was healthy last
 _HOVERING = frozenset({Intent.MANUAL, Intent.HOLD, Intent.GUIDED})
 
 
-class Autopilot:
+class EmulatedAutopilot:
     """Decides for one vehicle. `piece` is what it flies now, `events` what the outside has yet to be told."""
 
-    def __init__(self, personality: Personality, guide: Guide, yaw_ned_rad: float) -> None:
+    def __init__(self, personality: Personality, guide: PathGenerator, yaw_ned_rad: float) -> None:
         self.personality = personality
         self.voice = Voice(personality.words)
         self.readiness = Readiness(personality.boot, self.voice)
         self.arming = Arming(personality, self.readiness, self.voice)
-        self.helm = Helm(personality, guide, yaw_ned_rad, self.arming, self.voice)
-        self.setpoints = SetpointWatch(personality.streaming.proof_s)
+        self.helm = ModeActions(personality, guide, yaw_ned_rad, self.arming, self.voice)
+        self.setpoints = OffboardTimeout(personality.streaming.proof_s)
         self.mode = self._numbered(personality.modes.at_boot)
         self.failing = False  # a failsafe has the say
         self._mode_after = self.mode  # disarming, where that is a habit
@@ -152,7 +152,7 @@ class Autopilot:
             self._begin(t_s)
         return result
 
-    def follow(self, t_s: float, setpoint: Setpoint, *, to_rest: bool = False) -> None:
+    def follow(self, t_s: float, setpoint: StampedSetpoint, *, to_rest: bool = False) -> None:
         """Take a setpoint of a stream, or one `to_rest`: a place to fly to. Ignored outside guided modes."""
         self.setpoints.heard(t_s, setpoint.t_s)
         if self.mode.intent is Intent.GUIDED and self.armed and not self.failing:
@@ -249,7 +249,7 @@ class Autopilot:
         return self.helm.progress.seq
 
     @property
-    def guide(self) -> Guide:
+    def guide(self) -> PathGenerator:
         """What it works out courses with: abilities, speeds, home."""
         return self.helm.guide
 

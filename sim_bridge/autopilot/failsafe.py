@@ -1,7 +1,7 @@
 """Failsafes: a ground station that fell silent, a battery that runs low, a fence that was crossed.
 
 Knows: the guards of its personality, the parameters that set them, when something has gone wrong. Does not know:
-messages, motion. What is then done, the autopilot decides (`Autopilot.fail`).
+messages, motion. What is then done, the autopilot decides (`EmulatedAutopilot.fail`).
 
 Silence of the ground station is measured on the wall's clock `now_s`, because links are real; all else in simulated
 time. The loss of a setpoint stream is the autopilot's own business.
@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.personality import Intent, Note, Setting
-from sim_bridge.personality.failsafe_settings import Actions, BatteryGuard
-from sim_bridge.protocol.missions.fence import Shape
+from sim_bridge.personality.failsafe_settings import Actions, BatteryFailsafe
+from sim_bridge.protocol.missions.fence import FenceShape
 
 _PERIOD_S = 0.2
 _HEIGHT, _RADIUS, _SHAPES = 1, 2, 4  # bits of FENCE_KINDS
@@ -50,11 +50,11 @@ class Readings:
 class Failsafe:
     """Watches over one vehicle. `breach` is of the fence, now; `breaches` counts them."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: EmulatedAutopilot) -> None:
         self._autopilot = autopilot
         self._guards = autopilot.personality.guards
         self._settings: Mapping[Setting, float] = {}
-        self._shapes: tuple[Shape, ...] = ()
+        self._shapes: tuple[FenceShape, ...] = ()
         self._look_s = -math.inf
         self._heard_s: float | None = None
         self._link_lost = False
@@ -69,7 +69,7 @@ class Failsafe:
         """Go by these settings from now on."""
         self._settings = settings
 
-    def fence(self, shapes: Sequence[Shape]) -> None:
+    def fence(self, shapes: Sequence[FenceShape]) -> None:
         """Keep to these polygons and circles from now on."""
         self._shapes = tuple(shapes)
 
@@ -136,7 +136,7 @@ class Failsafe:
                 self._autopilot.voice.say(guard.note, volt=readings.volt, mAh=1000.0 * readings.used_Ah)
                 self._act(t_s, self._chosen(guard.action, guard.actions))
 
-    def _is_low(self, guard: BatteryGuard, readings: Readings) -> bool:
+    def _is_low(self, guard: BatteryFailsafe, readings: Readings) -> bool:
         if guard.volt is not None and readings.volt < self._setting(guard.volt):
             return True
         if guard.left is not None and readings.left_Ah < self._setting(guard.left):

@@ -11,7 +11,7 @@ from __future__ import annotations
 _LIFT_OFF_PATIENCE_S = 3.0  # after a take-off that never left the ground
 
 
-class GroundWatch:
+class LandDetector:
     """`flying` from the order to lift until the landing; `aloft` once the ground was left."""
 
     def __init__(self, landed_after_s: float) -> None:

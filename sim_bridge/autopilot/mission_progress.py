@@ -18,7 +18,7 @@ from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.autopilot.events import Reached, Voice
 from sim_bridge.autopilot.guidance.path_generator import Mark, is_navigation
 from sim_bridge.personality import Intent, Note
-from sim_bridge.personality.flight_traits import Reports
+from sim_bridge.personality.flight_traits import ReportTraits
 
 _MANOEUVRES = frozenset({Intent.TAKEOFF, Intent.LAND})
 _PLACEHOLDER = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0,) * 4, 0, 0, 0.0)
@@ -35,10 +35,10 @@ class MissionState(IntEnum):
     COMPLETE = 5
 
 
-class Progress:
+class MissionProgress:
     """`items` as the vehicle holds them, `seq` the current one, `running` while they are flown."""
 
-    def __init__(self, reports: Reports, home_is_item_0: bool, voice: Voice) -> None:
+    def __init__(self, reports: ReportTraits, home_is_item_0: bool, voice: Voice) -> None:
         self._reports = reports
         self._voice = voice
         self._shift = 0 if home_is_item_0 else 1

@@ -18,11 +18,11 @@ from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.arming import Arming
 from sim_bridge.autopilot.events import Placed, Voice
 from sim_bridge.autopilot.guidance.flight_path import Flightpath, Passed
-from sim_bridge.autopilot.guidance.path_generator import Course, Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator, PiecePath
 from sim_bridge.autopilot.guidance.piece import Piece
-from sim_bridge.autopilot.guidance.stream import Setpoint
-from sim_bridge.autopilot.land_detector import GroundWatch
-from sim_bridge.autopilot.mission_progress import Progress
+from sim_bridge.autopilot.guidance.stream import StampedSetpoint
+from sim_bridge.autopilot.land_detector import LandDetector
+from sim_bridge.autopilot.mission_progress import MissionProgress
 from sim_bridge.personality import Intent, Note, Personality, Setting
 
 _FAR_M = 2.0  # a setpoint further from where the vehicle should be is flown to, not jumped to
@@ -32,16 +32,16 @@ _LIFT_S = 2.0
 _LEAST_RETURN_M = 4.0  # height above home, however near
 
 
-class Helm:
+class ModeActions:
     """`guide` works out courses, `path` is what is flown, `ground` knows contact, `progress` the mission."""
 
     def __init__(
-        self, personality: Personality, guide: Guide, yaw_ned_rad: float, arming: Arming, voice: Voice
+        self, personality: Personality, guide: PathGenerator, yaw_ned_rad: float, arming: Arming, voice: Voice
     ) -> None:
         self.guide = guide
         self.path = Flightpath(np.append(guide.home_ned_m, yaw_ned_rad), self._end_stream)
-        self.ground = GroundWatch(personality.flight.landed_after_s)
-        self.progress = Progress(personality.reports, personality.missions.home_is_item_0, voice)
+        self.ground = LandDetector(personality.flight.landed_after_s)
+        self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, voice)
         self.takeoff_m = math.nan  # above home, as last asked for
         self._habits = personality.flight
         self._from_ground = personality.streaming.from_ground
@@ -52,7 +52,7 @@ class Helm:
         self._least_takeoff_m = 0.0
         self._intent = Intent.HOLD
         self._settings: Mapping[Setting, float] = {}
-        self._lift_off: Callable[[float], Course] | None = None  # waits for the motors
+        self._lift_off: Callable[[float], PiecePath] | None = None  # waits for the motors
 
     @property
     def waits_for_motors(self) -> bool:
@@ -139,7 +139,7 @@ class Helm:
         target[3] = flat[0, 3] + math.remainder(target[3] - flat[0, 3], math.tau)
         self.path.start(t_s, self.guide.go_to(t_s, flat, target), target)
 
-    def follow(self, t_s: float, setpoint: Setpoint, *, to_rest: bool) -> None:
+    def follow(self, t_s: float, setpoint: StampedSetpoint, *, to_rest: bool) -> None:
         """Fly a setpoint of a stream, or to one; on the ground it lifts the vehicle where setpoints do that."""
         if not self.ground.aloft and not self._lifts(t_s, setpoint):
             return
@@ -198,7 +198,7 @@ class Helm:
         climbing = self.path.piece.start_s < self.path.course.climbing_until_s
         return LandedState.TAKEOFF if climbing else LandedState.IN_AIR
 
-    def _end_stream(self, t_s: float, flat: Array) -> Course:
+    def _end_stream(self, t_s: float, flat: Array) -> PiecePath:
         if self._comes_back:
             return self.guide.go_to(t_s, flat, flat[0])
         return self.guide.stop(t_s, flat)
@@ -214,7 +214,7 @@ class Helm:
         climb_m = self._climb_before(items[first])
         self._voice.say(Note.MISSION_CLIMBS, height_m=climb_m or items[first].alt_m)
 
-        def course(t_s: float) -> Course:
+        def course(t_s: float) -> PiecePath:
             if not climb_m:
                 return self.guide.fly_mission(t_s, self.path.piece.at(t_s), items, first, landed=True)
             climb = self.guide.take_off(t_s, self.path.piece.at(t_s), climb_m)
@@ -252,7 +252,7 @@ class Helm:
         self._voice.say(Note.RETURN_BEGINS, alt_m=alt_m, height_m=height_m)
         self.path.start(t_s, guide.return_home(t_s, flat))
 
-    def _lift(self, t_s: float, course: Callable[[float], Course]) -> None:
+    def _lift(self, t_s: float, course: Callable[[float], PiecePath]) -> None:
         if t_s < self._arming.lifts_from_s:
             self._lift_off = course
             return
@@ -260,7 +260,7 @@ class Helm:
         self.ground.lift()
         self.path.start(t_s, course(t_s))
 
-    def _lifts(self, t_s: float, setpoint: Setpoint) -> bool:
+    def _lifts(self, t_s: float, setpoint: StampedSetpoint) -> bool:
         if self.ground.flying:
             return self._from_ground
         here = self.path.piece
@@ -268,5 +268,5 @@ class Helm:
         if not (self._from_ground and wanted and t_s >= self._arming.lifts_from_s):
             return False
         self.ground.lift()
-        self.path.start(t_s, Course((Piece(t_s, math.inf, here.coefficients),), climbing_until_s=t_s + _LIFT_S))
+        self.path.start(t_s, PiecePath((Piece(t_s, math.inf, here.coefficients),), climbing_until_s=t_s + _LIFT_S))
         return True

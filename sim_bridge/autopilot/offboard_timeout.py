@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 
-class SetpointWatch:
+class OffboardTimeout:
     """A stream of setpoints is believed once it has run for `proof_s` without a gap, and lost after one."""
 
     def __init__(self, proof_s: float) -> None:

@@ -24,12 +24,12 @@ from gcs.link.microservices.command import command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavResult
 from sim_bridge.faults import fault_spec as f
-from sim_bridge.faults.fault_spec import Direction, Fault, Kind, When, make_fault
+from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection, When, make_fault
 
 INJECT_FAILURE = 420
 USER_1 = 31010
 _COMMANDS = (INJECT_FAILURE, USER_1)
-_DIRECTIONS = (Direction.BOTH, Direction.UP, Direction.DOWN)
+_DIRECTIONS = (LinkDirection.BOTH, LinkDirection.UP, LinkDirection.DOWN)
 _EVERYTHING = 0
 
 # FAILURE_UNIT and FAILURE_TYPE
@@ -38,7 +38,7 @@ _OK, _OFF, _IS_STUCK, _GARBAGE, _WRONG, _DELAYED, _INTERMITTENT = 0, 1, 2, 3, 4,
 _SENSOR_OF = {_GYRO: 0.0, _ACCEL: 1.0, _MAG: 2.0, _BARO: 3.0, _GPS: 4.0}
 _MOTORS = (1.0, 2.0, 3.0, 4.0)
 
-_FAILURES: dict[tuple[int, int], tuple[Kind, tuple[float, ...]]] = {
+_FAILURES: dict[tuple[int, int], tuple[FaultKind, tuple[float, ...]]] = {
     **{(unit, _IS_STUCK): (f.STUCK, (sensor,)) for unit, sensor in _SENSOR_OF.items()},
     (_GPS, _OFF): (f.GNSS_OUTAGE, ()),
     (_GPS, _WRONG): (f.GNSS_JUMP, (20.0, 0.0, 0.0)),
@@ -48,7 +48,7 @@ _FAILURES: dict[tuple[int, int], tuple[Kind, tuple[float, ...]]] = {
     (_LINK, _DELAYED): (f.DELAY, (0.5, 0.2)),
     (_LINK, _INTERMITTENT): (f.LOSS, (0.3,)),
 }
-_UNITS: dict[int, tuple[Kind, ...]] = {
+_UNITS: dict[int, tuple[FaultKind, ...]] = {
     **dict.fromkeys(_SENSOR_OF, (f.STUCK,)),
     _GPS: (f.STUCK, f.GNSS_OUTAGE, f.GNSS_JUMP),
     _BATTERY: (f.BATTERY,),
@@ -58,15 +58,15 @@ _UNITS: dict[int, tuple[Kind, ...]] = {
 
 
 @dataclass(frozen=True)
-class Order:
+class FaultOrder:
     """What a command asks for: kinds to end, faults to begin, and what it is answered."""
 
     result: MavResult
-    ends: Sequence[Kind] = ()
+    ends: Sequence[FaultKind] = ()
     begins: Sequence[Fault] = ()
 
 
-_REFUSED = Order(MavResult.DENIED)
+_REFUSED = FaultOrder(MavResult.DENIED)
 
 
 def is_fault_command(message: Message) -> bool:
@@ -74,23 +74,23 @@ def is_fault_command(message: Message) -> bool:
     return message.name in ("COMMAND_LONG", "COMMAND_INT") and message.fields["command"] in _COMMANDS
 
 
-def read_order(message: Message) -> Order:
+def read_order(message: Message) -> FaultOrder:
     """What the command asks for."""
     if message.name != "COMMAND_LONG":
-        return Order(MavResult.COMMAND_LONG_ONLY)
+        return FaultOrder(MavResult.COMMAND_LONG_ONLY)
     params = [float(message.fields[f"param{i}"]) for i in range(1, 8)]
     return _injected(params) if message.fields["command"] == INJECT_FAILURE else _said(params)
 
 
-def answer(message: Message, order: Order) -> Message:
+def answer(message: Message, order: FaultOrder) -> Message:
     """The COMMAND_ACK."""
     return command_ack(message, order.result)
 
 
-def _said(params: Sequence[float]) -> Order:
+def _said(params: Sequence[float]) -> FaultOrder:
     number, way = params[0], params[4]
     if number == _EVERYTHING:
-        return Order(MavResult.ACCEPTED, ends=f.KINDS)
+        return FaultOrder(MavResult.ACCEPTED, ends=f.KINDS)
     kind = f.kind_of(round(number)) if math.isfinite(number) else None
     if kind is None or way not in (0.0, 1.0, 2.0):
         return _REFUSED
@@ -105,21 +105,21 @@ def _said(params: Sequence[float]) -> Order:
         fault = make_fault(kind, values, _DIRECTIONS[round(way)], When(begin_s, end_s))
     except UsageError:
         return _REFUSED
-    return Order(MavResult.ACCEPTED, begins=(fault,))
+    return FaultOrder(MavResult.ACCEPTED, begins=(fault,))
 
 
-def _injected(params: Sequence[float]) -> Order:
+def _injected(params: Sequence[float]) -> FaultOrder:
     if not all(map(math.isfinite, params[:3])):
         return _REFUSED
     unit, kind, instance = (round(number) for number in params[:3])
     if kind == _OK and unit in _UNITS:
-        return Order(MavResult.ACCEPTED, ends=_UNITS[unit])
+        return FaultOrder(MavResult.ACCEPTED, ends=_UNITS[unit])
     if (unit, kind) == (_MOTOR, _OFF):
         motors = _MOTORS if instance == 0 else (float(instance),)
         if not set(motors) <= set(_MOTORS):
             return _REFUSED
-        return Order(MavResult.ACCEPTED, begins=tuple(make_fault(f.MOTOR, (motor,)) for motor in motors))
+        return FaultOrder(MavResult.ACCEPTED, begins=tuple(make_fault(f.MOTOR, (motor,)) for motor in motors))
     failure = _FAILURES.get((unit, kind))
     if failure is None:
-        return Order(MavResult.UNSUPPORTED)
-    return Order(MavResult.ACCEPTED, begins=(make_fault(*failure),))
+        return FaultOrder(MavResult.UNSUPPORTED)
+    return FaultOrder(MavResult.ACCEPTED, begins=(make_fault(*failure),))

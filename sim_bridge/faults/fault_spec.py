@@ -21,7 +21,7 @@ from enum import StrEnum
 from gcs.errors import UsageError
 
 
-class Direction(StrEnum):
+class LinkDirection(StrEnum):
     """Which way frames go that suffer."""
 
     BOTH = ""
@@ -62,7 +62,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """One kind of fault. `number` is its name in live commands; `at_once` means that it never ends."""
 
     name: str
@@ -77,9 +77,9 @@ class Kind:
 class Fault:
     """A fault of one vehicle."""
 
-    kind: Kind
+    kind: FaultKind
     values: tuple[float, ...] = ()
-    direction: Direction = Direction.BOTH
+    direction: LinkDirection = LinkDirection.BOTH
     when: When = ALWAYS
 
 
@@ -88,41 +88,41 @@ _FAR_M = 1e5
 _LONG_S = 3600.0
 SENSORS = ("gyro", "accelerometer", "compass", "barometer", "gnss")
 
-LOSS = Kind("loss", 1, "frames are lost", _CHANCE, directed=True)
-DUPLICATE = Kind("duplicate", 2, "frames come twice", _CHANCE, directed=True)
-REORDER = Kind("reorder", 3, "frames are overtaken by those of the next 0.1 s", _CHANCE, directed=True)
-CORRUPT = Kind("corrupt", 4, "one to eight bits of a frame are turned over", _CHANCE, directed=True)
-DELAY = Kind(
+LOSS = FaultKind("loss", 1, "frames are lost", _CHANCE, directed=True)
+DUPLICATE = FaultKind("duplicate", 2, "frames come twice", _CHANCE, directed=True)
+REORDER = FaultKind("reorder", 3, "frames are overtaken by those of the next 0.1 s", _CHANCE, directed=True)
+CORRUPT = FaultKind("corrupt", 4, "one to eight bits of a frame are turned over", _CHANCE, directed=True)
+DELAY = FaultKind(
     "delay",
     5,
     "frames come late by the mean, give or take the jitter",
     (Value("mean_s", 0.0, _LONG_S), Value("jitter_s", 0.0, _LONG_S, 0.0)),
     directed=True,
 )
-SILENT = Kind("silent", 6, "no frame passes", directed=True)
-DIE = Kind("die", 7, "motors stop for good, and nothing is heard any more", at_once=True)
-REJECT_MISSION = Kind("reject-mission", 8, "every upload is refused at its first item")
-REBOOT = Kind("reboot", 9, "the autopilot restarts: it keeps what real ones keep", at_once=True)
-GNSS_OUTAGE = Kind("gnss-outage", 10, "there is no fix")
-GNSS_JUMP = Kind(
+SILENT = FaultKind("silent", 6, "no frame passes", directed=True)
+DIE = FaultKind("die", 7, "motors stop for good, and nothing is heard any more", at_once=True)
+REJECT_MISSION = FaultKind("reject-mission", 8, "every upload is refused at its first item")
+REBOOT = FaultKind("reboot", 9, "the autopilot restarts: it keeps what real ones keep", at_once=True)
+GNSS_OUTAGE = FaultKind("gnss-outage", 10, "there is no fix")
+GNSS_JUMP = FaultKind(
     "gnss-jump",
     11,
     "fixes lie off",
     (Value("north_m", -_FAR_M, _FAR_M), Value("east_m", -_FAR_M, _FAR_M, 0.0), Value("down_m", -_FAR_M, _FAR_M, 0.0)),
 )
-MOTOR = Kind(
+MOTOR = FaultKind(
     "motor",
     12,
     "a motor (1 to 4) gives a share of its thrust less",
     (Value("motor", 1.0, 4.0), Value("share", 0.0, 1.0, 1.0)),
 )
-BATTERY = Kind("battery", 13, "no more than this share of the charge is left", (Value("share", 0.0, 1.0, 0.15),))
-STUCK = Kind(
+BATTERY = FaultKind("battery", 13, "no more than this share of the charge is left", (Value("share", 0.0, 1.0, 0.15),))
+STUCK = FaultKind(
     "stuck", 14, "a sensor repeats its last sample", (Value("sensor", 0.0, len(SENSORS) - 1.0, words=SENSORS),)
 )
-SLOW = Kind("slow", 15, "it flies no faster than this", (Value("speed_mps", 0.01, 1000.0),))
+SLOW = FaultKind("slow", 15, "it flies no faster than this", (Value("speed_mps", 0.01, 1000.0),))
 _STRONGEST_MPS, _HARDEST_MPS2 = 30.0, 30.0
-WIND = Kind(
+WIND = FaultKind(
     "wind",
     16,
     "the air around it moves by so much more",
@@ -132,7 +132,7 @@ WIND = Kind(
         Value("down_mps", -_STRONGEST_MPS, _STRONGEST_MPS, 0.0),
     ),
 )
-PUSH = Kind(
+PUSH = FaultKind(
     "push",
     17,
     "something pushes it",
@@ -156,7 +156,7 @@ _TEXT = re.compile(
 
 
 def make_fault(
-    kind: Kind, values: Sequence[float] = (), direction: Direction = Direction.BOTH, when: When = ALWAYS
+    kind: FaultKind, values: Sequence[float] = (), direction: LinkDirection = LinkDirection.BOTH, when: When = ALWAYS
 ) -> Fault:
     """A fault with its numbers checked; those left out take their defaults. Raises `UsageError`."""
     if len(values) > len(kind.values):
@@ -169,14 +169,14 @@ def make_fault(
         if not wanted.low <= value <= wanted.high or (wanted.name in _WHOLE and value != round(value)):
             raise UsageError(f"{kind.name}: {wanted.name} lies between {wanted.low:g} and {wanted.high:g}.", hint=_HINT)
         full.append(float(value))
-    if direction is not Direction.BOTH and not kind.directed:
+    if direction is not LinkDirection.BOTH and not kind.directed:
         raise UsageError(f"{kind.name} is no fault of the link and goes neither up nor down.", hint=_HINT)
     if not 0.0 <= when.from_s < when.until_s:
         raise UsageError(f"{kind.name} would end before it begins.", hint=_HINT)
     return Fault(kind, tuple(full), direction, when)
 
 
-def kind_of(number: int) -> Kind | None:
+def kind_of(number: int) -> FaultKind | None:
     """The kind that live commands call by this number."""
     return next((kind for kind in KINDS if kind.number == number), None)
 
@@ -206,7 +206,7 @@ def parse_fault(text: str) -> tuple[int | None, Fault]:
         raise UsageError(f"there is no fault {found['kind']!r} as in {text!r}; there are {_names()}.", hint=_HINT)
     try:
         values = [_number(part, kind.values[i : i + 1]) for i, part in enumerate(_parts(found["values"]))]
-        fault = make_fault(kind, values, Direction(found["direction"] or ""), _when(found["when"]))
+        fault = make_fault(kind, values, LinkDirection(found["direction"] or ""), _when(found["when"]))
     except ValueError:
         raise UsageError(f"fault {text!r} has something else where a number should be.", hint=_HINT) from None
     except UsageError as error:

@@ -1,7 +1,7 @@
 """Brings faults about: what is in force now becomes trouble on links, breakage of bodies, and orders to vehicles.
 
-Knows: every kind of fault and who has to suffer for it. Does not know: when faults begin (that is `Agenda`), how links
-and bodies fail.
+Knows: every kind of fault and who has to suffer for it. Does not know: when faults begin (that is `FaultSchedule`),
+how links and bodies fail.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from sim_bridge.dynamics.body.airframes import Airframes
 from sim_bridge.dynamics.body.failures import (
-    Breakdown,
+    Failure,
     GnssJump,
     GnssOutage,
     LowBattery,
@@ -23,10 +23,10 @@ from sim_bridge.dynamics.body.failures import (
     WindStep,
 )
 from sim_bridge.faults import fault_spec as f
-from sim_bridge.faults.fault_spec import Direction, Fault, Kind
-from sim_bridge.faults.lossy_link import NO_TROUBLE, FaultyLink, Trouble
-from sim_bridge.faults.schedule import Agenda
-from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection
+from sim_bridge.faults.lossy_link import NO_TROUBLE, LossyLink, Trouble
+from sim_bridge.faults.schedule import FaultSchedule
+from sim_bridge.protocol.conversation import Conversation
 
 _UP, _DOWN = 0, 1  # in the links' seeds
 _LINK_SEED = 2  # apart from the seeds of sensors and clocks
@@ -36,11 +36,11 @@ class Radio:
     """Both directions of one vehicle's link."""
 
     def __init__(self, seed: int, sysid: int) -> None:
-        self.up = FaultyLink(seed, _LINK_SEED, sysid, _UP)
-        self.down = FaultyLink(seed, _LINK_SEED, sysid, _DOWN)
+        self.up = LossyLink(seed, _LINK_SEED, sysid, _UP)
+        self.down = LossyLink(seed, _LINK_SEED, sysid, _DOWN)
 
 
-_TROUBLE: dict[Kind, Callable[[Trouble, Sequence[float]], Trouble]] = {
+_TROUBLE: dict[FaultKind, Callable[[Trouble, Sequence[float]], Trouble]] = {
     f.LOSS: lambda trouble, v: replace(trouble, loss=v[0]),
     f.DUPLICATE: lambda trouble, v: replace(trouble, duplicate=v[0]),
     f.REORDER: lambda trouble, v: replace(trouble, reorder=v[0]),
@@ -49,7 +49,7 @@ _TROUBLE: dict[Kind, Callable[[Trouble, Sequence[float]], Trouble]] = {
     f.SILENT: lambda trouble, v: replace(trouble, loss=1.0),
 }
 
-_BREAKDOWN: dict[Kind, Callable[[float, Sequence[float]], Breakdown]] = {
+_BREAKDOWN: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
     f.GNSS_OUTAGE: lambda t_s, v: GnssOutage(from_s=t_s),
     f.GNSS_JUMP: lambda t_s, v: GnssJump(from_s=t_s, offset_ned_m=(v[0], v[1], v[2])),
     f.MOTOR: lambda t_s, v: MotorLoss(from_s=t_s, motor=round(v[0]), share=v[1]),
@@ -65,17 +65,17 @@ _BREAKDOWN: dict[Kind, Callable[[float, Sequence[float]], Breakdown]] = {
 class _Patient:
     """One vehicle with faults."""
 
-    agenda: Agenda
+    agenda: FaultSchedule
     flying: bool = False
-    broken: dict[int, Breakdown] = field(default_factory=dict)  # by identity of the fault
+    broken: dict[int, Failure] = field(default_factory=dict)  # by identity of the fault
 
 
-class FaultDesk:
+class FaultInjector:
     """The faults of a fleet, by row. `reboot` restarts the autopilot of a row."""
 
     def __init__(
         self,
-        vehicles: Sequence[Vehicle],
+        vehicles: Sequence[Conversation],
         airframes: Airframes,
         faults: Mapping[int, Sequence[Fault]],
         seed: int,
@@ -95,13 +95,13 @@ class FaultDesk:
     def add(self, row: int, fault: Fault, t_s: float) -> None:
         """One more fault; its times count from now unless it names another moment."""
         if row not in self._patients:
-            self._patients[row] = _Patient(Agenda(()))
+            self._patients[row] = _Patient(FaultSchedule(()))
         if fault.kind.directed and row not in self.radios:
             self.radios[row] = Radio(self._seed, self._vehicles[row].station.sysid)
         self._patients[row].agenda.add(fault, t_s)
         self._go_on(row, self._patients[row], t_s)
 
-    def end(self, row: int, kinds: Sequence[Kind], t_s: float) -> None:
+    def end(self, row: int, kinds: Sequence[FaultKind], t_s: float) -> None:
         """End the faults of these kinds, those to come included. What died stays dead."""
         if row in self._patients:
             self._patients[row].agenda.end(kinds)
@@ -132,8 +132,8 @@ class FaultDesk:
         vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
         if row in self.radios:
             radio = self.radios[row]
-            radio.up.trouble = _trouble(active, Direction.UP)
-            radio.down.trouble = _trouble(active, Direction.DOWN)
+            radio.up.trouble = _trouble(active, LinkDirection.UP)
+            radio.down.trouble = _trouble(active, LinkDirection.DOWN)
         self._break(row, patient, active, t_s)
         for fault in began:
             if fault.kind is f.DIE:
@@ -155,9 +155,9 @@ class FaultDesk:
             patient.broken = broken
 
 
-def _trouble(active: Sequence[Fault], direction: Direction) -> Trouble:
+def _trouble(active: Sequence[Fault], direction: LinkDirection) -> Trouble:
     trouble = NO_TROUBLE
     for fault in active:
-        if fault.kind in _TROUBLE and fault.direction in (Direction.BOTH, direction):
+        if fault.kind in _TROUBLE and fault.direction in (LinkDirection.BOTH, direction):
             trouble = _TROUBLE[fault.kind](trouble, fault.values)
     return trouble

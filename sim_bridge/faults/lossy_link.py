@@ -44,7 +44,7 @@ class Trouble:
 NO_TROUBLE = Trouble()
 
 
-class FaultyLink:
+class LossyLink:
     """Frames in, frames out, later. `trouble` may be replaced at any time and holds for frames put in from then on."""
 
     def __init__(self, *key: int) -> None:

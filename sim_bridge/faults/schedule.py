@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from sim_bridge.faults.fault_spec import Fault, Kind, Since
+from sim_bridge.faults.fault_spec import Fault, FaultKind, Since
 
 
 @dataclass(eq=False)
@@ -24,7 +24,7 @@ class Spell:
     begun: bool = field(default=False)
 
 
-class Agenda:
+class FaultSchedule:
     """The faults of one vehicle. `awaits_takeoff` and `awaits_upload` tell what is worth being told."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
@@ -68,7 +68,7 @@ class Agenda:
                 self._later.remove(fault)
                 self._anchor(fault, t_s)
 
-    def end(self, kinds: Iterable[Kind]) -> None:
+    def end(self, kinds: Iterable[FaultKind]) -> None:
         """No more faults of these kinds, now or later."""
         ended = set(kinds)
         self._later = [fault for fault in self._later if fault.kind not in ended]

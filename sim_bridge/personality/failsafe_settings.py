@@ -53,7 +53,7 @@ Actions = Mapping[int, Intent]  # a parameter's value -> what the vehicle then d
 
 
 @dataclass(frozen=True)
-class LinkGuard:
+class LinkFailsafe:
     """The ground station's heartbeat stays away."""
 
     actions: Actions
@@ -62,7 +62,7 @@ class LinkGuard:
 
 
 @dataclass(frozen=True)
-class BatteryGuard:
+class BatteryFailsafe:
     """One level of the battery; a setting that the autopilot does not have counts as never reached."""
 
     note: Note
@@ -74,7 +74,7 @@ class BatteryGuard:
 
 
 @dataclass(frozen=True)
-class FenceGuard:
+class FenceFailsafe:
     """The vehicle leaves where it may be."""
 
     actions: Actions
@@ -83,7 +83,7 @@ class FenceGuard:
 
 
 @dataclass(frozen=True)
-class EstimateGuard:
+class EstimateFailsafe:
     """The filter does not know where the vehicle is; without a setting it does `always` the same."""
 
     patience_s: float  # longer than a filter needs to believe a receiver that was moved
@@ -93,12 +93,12 @@ class EstimateGuard:
 
 
 @dataclass(frozen=True)
-class Guards:
+class FailsafeSettings:
     """All failsafes of one autopilot."""
 
-    link: LinkGuard
-    battery: tuple[BatteryGuard, ...]  # from the mildest to the worst
+    link: LinkFailsafe
+    battery: tuple[BatteryFailsafe, ...]  # from the mildest to the worst
     battery_patience_s: float  # below a level for so long before it counts
-    fence: FenceGuard
+    fence: FenceFailsafe
     stream: Actions  # setpoints stop coming
-    estimate: EstimateGuard
+    estimate: EstimateFailsafe

@@ -14,7 +14,7 @@ from sim_bridge.personality.modes import Intent
 
 
 @dataclass(frozen=True)
-class Arming:
+class ArmingTraits:
     """To turning motors, and back."""
 
     idle_disarm_s: float
@@ -24,7 +24,7 @@ class Arming:
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightTraits:
     """In the air."""
 
     slow_below_m: float  # above home: there it descends at LAND_MPS ...
@@ -42,7 +42,7 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class Streaming:
+class StreamingTraits:
     """Setpoints that come one after the other."""
 
     from_ground: bool  # a setpoint in the air lifts a vehicle that stands armed
@@ -52,7 +52,7 @@ class Streaming:
 
 
 @dataclass(frozen=True)
-class Reports:
+class ReportTraits:
     """MISSION_CURRENT and MISSION_ITEM_REACHED."""
 
     repeats: int  # MISSION_ITEM_REACHED is said again so often ...
@@ -67,7 +67,7 @@ class Reports:
 
 
 @dataclass(frozen=True)
-class Replies:
+class ReplyTraits:
     """COMMAND_ACK, and the messages around it."""
 
     refused: MavResult  # arming, disarming, take-off
@@ -87,7 +87,7 @@ class Replies:
 
 
 @dataclass(frozen=True)
-class Streams:
+class StreamTraits:
     """What is told without being asked, and what can be asked for."""
 
     unasked_hz: Mapping[int, float]  # by message number
@@ -106,7 +106,7 @@ class Streams:
 
 
 @dataclass(frozen=True)
-class Health:
+class HealthTraits:
     """SYS_STATUS's three bit fields when all is well, and EKF flags on the way there."""
 
     present: int

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class ParamHabits:
+class ParamTraits:
     """The parameter protocol."""
 
     sysid: str  # the parameter that holds the system id
@@ -23,7 +23,7 @@ class ParamHabits:
 
 
 @dataclass(frozen=True)
-class LinkHabits:
+class LinkTraits:
     """TIMESYNC and signing."""
 
     clock_step_ns: int  # in which its clock goes on

@@ -12,12 +12,20 @@ from typing import NamedTuple
 
 from gcs.autopilots.traits import Autopilot
 from sim_bridge.personality.boot import Boot
-from sim_bridge.personality.failsafe_settings import Guards, Setting
-from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
-from sim_bridge.personality.link_traits import LinkHabits, ParamHabits
+from sim_bridge.personality.failsafe_settings import FailsafeSettings, Setting
+from sim_bridge.personality.flight_traits import (
+    ArmingTraits,
+    FlightTraits,
+    HealthTraits,
+    ReplyTraits,
+    ReportTraits,
+    StreamingTraits,
+    StreamTraits,
+)
+from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
 from sim_bridge.personality.modes import Modes
 from sim_bridge.personality.wording import Words
-from sim_bridge.protocol.missions.transfer_traits import MissionHabits
+from sim_bridge.protocol.missions.transfer_traits import MissionTraits
 
 
 class Param(NamedTuple):
@@ -50,19 +58,19 @@ class Personality:
     identity: Identity
     boot: Boot
     modes: Modes
-    arming: Arming
-    flight: Flight
-    streaming: Streaming
-    reports: Reports
-    replies: Replies
-    streams: Streams
-    health: Health
-    guards: Guards
+    arming: ArmingTraits
+    flight: FlightTraits
+    streaming: StreamingTraits
+    reports: ReportTraits
+    replies: ReplyTraits
+    streams: StreamTraits
+    health: HealthTraits
+    guards: FailsafeSettings
     words: Words
-    missions: MissionHabits
+    missions: MissionTraits
     params: tuple[Param, ...]
-    param_habits: ParamHabits
-    link: LinkHabits
+    param_habits: ParamTraits
+    link: LinkTraits
 
     @property
     def name(self) -> str:

@@ -17,7 +17,7 @@ from gcs.link.microservices.command import CommandMemory, command_ack
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, WireFrame
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.personality import Intent, Note
 from sim_bridge.protocol.telemetry import Telemetry
 
@@ -42,7 +42,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CommandAnswer:
     """The result, and what it brought forth."""
 
     result: MavResult
@@ -58,31 +58,31 @@ class _Task:
     say_s: float
 
 
-class Commands:
+class CommandServer:
     """Carries out the commands of one vehicle."""
 
-    def __init__(self, autopilot: Autopilot, telemetry: Telemetry) -> None:
+    def __init__(self, autopilot: EmulatedAutopilot, telemetry: Telemetry) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
         self._replies = autopilot.personality.replies
         self._memory = CommandMemory()
         self._task: _Task | None = None
-        self._handlers: dict[int, Callable[[Request, float], Answer]] = {
+        self._handlers: dict[int, Callable[[Request, float], CommandAnswer]] = {
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.NAV_TAKEOFF: self._take_off,
-            MavCommand.NAV_LAND: lambda r, t: Answer(autopilot.pursue(t, Intent.LAND)),
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: Answer(autopilot.pursue(t, Intent.RETURN)),
+            MavCommand.NAV_LAND: lambda r, t: CommandAnswer(autopilot.pursue(t, Intent.LAND)),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda r, t: CommandAnswer(autopilot.pursue(t, Intent.RETURN)),
             MavCommand.DO_SET_MODE: self._set_mode,
-            MavCommand.DO_CHANGE_SPEED: lambda r, t: Answer(autopilot.set_speed(t, r.params[0], r.params[1])),
+            MavCommand.DO_CHANGE_SPEED: lambda r, t: CommandAnswer(autopilot.set_speed(t, r.params[0], r.params[1])),
             MavCommand.DO_SET_HOME: self._set_home,
             MavCommand.DO_REPOSITION: self._reposition,
-            MavCommand.MISSION_START: lambda r, t: Answer(autopilot.start_mission(t, self._estimate)),
+            MavCommand.MISSION_START: lambda r, t: CommandAnswer(autopilot.start_mission(t, self._estimate)),
             MavCommand.DO_SET_MISSION_CURRENT: self._set_current,
             MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
             MavCommand.GET_MESSAGE_INTERVAL: self._get_interval,
             MavCommand.REQUEST_MESSAGE: lambda r, t: self._request(_whole(r.params[0])),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda r, t: self._request(MessageId.AUTOPILOT_VERSION),
-            MavCommand.GET_HOME_POSITION: lambda r, t: Answer(MavResult.ACCEPTED, self._home()),
+            MavCommand.GET_HOME_POSITION: lambda r, t: CommandAnswer(MavResult.ACCEPTED, self._home()),
         }
 
     def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
@@ -98,7 +98,7 @@ class Commands:
             answer = self._format(message, t_s)
         else:
             handler = self._handlers.get(request.command) if request.command not in self._replies.unsupported else None
-            answer = handler(request, t_s) if handler is not None else Answer(MavResult.UNSUPPORTED)
+            answer = handler(request, t_s) if handler is not None else CommandAnswer(MavResult.UNSUPPORTED)
         ack = command_ack(message, answer.result)
         self._memory.answered(message, ack, now_s)
         changed = request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED
@@ -123,82 +123,82 @@ class Commands:
         """Whether `step` has something to say, now or later."""
         return self._task is not None
 
-    def _arm(self, request: Request, t_s: float) -> Answer:
+    def _arm(self, request: Request, t_s: float) -> CommandAnswer:
         arm, force = request.params[0], request.params[1] == _FORCE
         if arm == 1.0:
-            return Answer(self._autopilot.arm(t_s, self._estimate))
+            return CommandAnswer(self._autopilot.arm(t_s, self._estimate))
         if arm == 0.0:
-            return Answer(self._autopilot.disarm(force=force))
-        return Answer(MavResult.UNSUPPORTED)
+            return CommandAnswer(self._autopilot.disarm(force=force))
+        return CommandAnswer(MavResult.UNSUPPORTED)
 
-    def _take_off(self, request: Request, t_s: float) -> Answer:
+    def _take_off(self, request: Request, t_s: float) -> CommandAnswer:
         home_amsl_m = self._home_amsl_m if self._autopilot.personality.flight.takeoff_above_sea else 0.0
-        return Answer(self._autopilot.take_off(t_s, request.z - home_amsl_m))
+        return CommandAnswer(self._autopilot.take_off(t_s, request.z - home_amsl_m))
 
-    def _set_mode(self, request: Request, t_s: float) -> Answer:
+    def _set_mode(self, request: Request, t_s: float) -> CommandAnswer:
         flags, mode, sub = (_whole(p) for p in request.params[:3])
         if not max(flags, 0) & _CUSTOM_MODE:
-            return Answer(MavResult.DENIED)
+            return CommandAnswer(MavResult.DENIED)
         if self._autopilot.personality.modes.two_part:
             mode = (max(mode, 0) & 0xFF) << 16 | (max(sub, 0) & 0xFF) << 24
-        return Answer(self._autopilot.set_mode(t_s, mode))
+        return CommandAnswer(self._autopilot.set_mode(t_s, mode))
 
-    def _set_current(self, request: Request, t_s: float) -> Answer:
+    def _set_current(self, request: Request, t_s: float) -> CommandAnswer:
         result = self._autopilot.set_current(t_s, _whole(request.params[0]))
-        return Answer(result, self._request(MessageId.MISSION_CURRENT).messages)
+        return CommandAnswer(result, self._request(MessageId.MISSION_CURRENT).messages)
 
-    def _set_home(self, request: Request, _: float) -> Answer:
+    def _set_home(self, request: Request, _: float) -> CommandAnswer:
         if not self._autopilot.ready:
-            return Answer(self._replies.refused)
+            return CommandAnswer(self._replies.refused)
         here = request.params[0] == 1.0
         told = all(map(math.isfinite, (request.x, request.y, request.z)))
         place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if told else None
         if place is None:
-            return Answer(MavResult.DENIED)
+            return CommandAnswer(MavResult.DENIED)
         self._autopilot.set_home(place)
-        return Answer(MavResult.ACCEPTED)
+        return CommandAnswer(MavResult.ACCEPTED)
 
-    def _reposition(self, request: Request, t_s: float) -> Answer:
+    def _reposition(self, request: Request, t_s: float) -> CommandAnswer:
         now = self._autopilot.piece.at(t_s)[0]
         place = self._place(request, WireFrame.GLOBAL)
         if place is None:
-            return Answer(MavResult.DENIED)
+            return CommandAnswer(MavResult.DENIED)
         yaw_rad = request.params[3]
         turn = math.remainder(yaw_rad - now[3], math.tau) if math.isfinite(yaw_rad) else 0.0
         change = bool(max(_whole(request.params[1]), 0) & _CHANGE_MODE)
         target, speed_mps = np.append(place, now[3] + turn), request.params[0]
-        return Answer(self._autopilot.reposition(t_s, target, change_mode=change, speed_mps=speed_mps))
+        return CommandAnswer(self._autopilot.reposition(t_s, target, change_mode=change, speed_mps=speed_mps))
 
-    def _set_interval(self, request: Request, _: float) -> Answer:
+    def _set_interval(self, request: Request, _: float) -> CommandAnswer:
         number = _whole(request.params[0])
         if not self._telemetry.streams(number) or not math.isfinite(request.params[1]):
             self._autopilot.voice.say(Note.STREAM_UNKNOWN, number=number)
-            return Answer(self._replies.unknown_stream)
+            return CommandAnswer(self._replies.unknown_stream)
         self._telemetry.set_interval(number, request.params[1])
-        return Answer(MavResult.ACCEPTED)
+        return CommandAnswer(MavResult.ACCEPTED)
 
-    def _get_interval(self, request: Request, _: float) -> Answer:
+    def _get_interval(self, request: Request, _: float) -> CommandAnswer:
         number = _whole(request.params[0])
         if not self._telemetry.knows(number):
-            return Answer(self._replies.unknown_message)
+            return CommandAnswer(self._replies.unknown_message)
         fields = {"message_id": number, "interval_us": self._telemetry.interval_us(number)}
-        return Answer(MavResult.ACCEPTED, [Message("MESSAGE_INTERVAL", fields)])
+        return CommandAnswer(MavResult.ACCEPTED, [Message("MESSAGE_INTERVAL", fields)])
 
-    def _request(self, number: int) -> Answer:
+    def _request(self, number: int) -> CommandAnswer:
         if not self._telemetry.knows(number):
-            return Answer(self._replies.unknown_message)
+            return CommandAnswer(self._replies.unknown_message)
         message = self._telemetry.build(number)
-        return Answer(MavResult.ACCEPTED, [message] if message is not None else [])
+        return CommandAnswer(MavResult.ACCEPTED, [message] if message is not None else [])
 
     def _home(self) -> list[Message]:
         both = (MessageId.HOME_POSITION, MessageId.GPS_GLOBAL_ORIGIN)
         return [m for m in map(self._telemetry.build, both) if m is not None]
 
-    def _format(self, message: Message, t_s: float) -> Answer:
+    def _format(self, message: Message, t_s: float) -> CommandAnswer:
         if self._autopilot.armed or self._task is not None:
-            return Answer(MavResult.FAILED)
+            return CommandAnswer(MavResult.FAILED)
         self._task = _Task(message, t_s + _FORMAT_S, t_s + _SAY_S)
-        return Answer(MavResult.IN_PROGRESS)
+        return CommandAnswer(MavResult.IN_PROGRESS)
 
     def _progress(self, task: _Task, t_s: float) -> Message:
         done = 100 - math.ceil(100.0 * (task.end_s - t_s) / _FORMAT_S)

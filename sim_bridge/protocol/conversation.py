@@ -16,19 +16,19 @@ from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import Signature
 from gcs.mavlink import MavType, MessageId, MissionType, Severity
 from gcs.mission.model import MissionItem
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.events import Event, ModeChanged, Placed, Reached, Said
 from sim_bridge.autopilot.failsafe import Failsafe
 from sim_bridge.personality import Milestone, Personality
-from sim_bridge.protocol.command_server import Commands
+from sim_bridge.protocol.command_server import CommandServer
 from sim_bridge.protocol.ftp_server import FileServer
 from sim_bridge.protocol.missions.acceptance import flyable
 from sim_bridge.protocol.missions.fence import places, shapes
 from sim_bridge.protocol.missions.ftp_files import MissionFiles
-from sim_bridge.protocol.missions.store import MissionShelf
-from sim_bridge.protocol.param_server import Params
+from sim_bridge.protocol.missions.store import MissionStore
+from sim_bridge.protocol.param_server import ParamServer
 from sim_bridge.protocol.position_targets import SETPOINTS, setpoint_in
-from sim_bridge.protocol.statustext_sender import Texts
+from sim_bridge.protocol.statustext_sender import StatusTextSender
 from sim_bridge.protocol.telemetry import Instruments, Sources, Telemetry, heartbeat
 from sim_bridge.protocol.timesync_signing import TimeKeeper, Trust
 
@@ -36,20 +36,22 @@ _COMPID = 1
 _SILENCE: tuple[Message, ...] = ()
 
 
-class Vehicle:
+class Conversation:
     """Sans-I/O: messages in, messages out."""
 
-    def __init__(self, sysid: int, autopilot: Autopilot, instruments: Instruments, personality: Personality) -> None:
+    def __init__(
+        self, sysid: int, autopilot: EmulatedAutopilot, instruments: Instruments, personality: Personality
+    ) -> None:
         self.station = Station(sysid, _COMPID)
         self.autopilot = autopilot
         self._instruments = instruments
         self._personality = personality
         self._failsafe = Failsafe(autopilot)
         self._telemetry = Telemetry(Sources(instruments, autopilot, self._failsafe, personality))
-        self._texts = Texts(personality.replies.numbered_texts)
-        self._commands = Commands(autopilot, self._telemetry)
-        self._params = Params(personality, sysid)
-        self._shelf = MissionShelf(
+        self._texts = StatusTextSender(personality.replies.numbered_texts)
+        self._commands = CommandServer(autopilot, self._telemetry)
+        self._params = ParamServer(personality, sysid)
+        self._shelf = MissionStore(
             self.station,
             personality.missions,
             instruments.place(autopilot.guide.home_ned_m),
@@ -83,7 +85,7 @@ class Vehicle:
         self._dead = True
         self.autopilot.fall()
 
-    def remember(self, earlier: Vehicle) -> None:
+    def remember(self, earlier: Conversation) -> None:
         """Restart: take over what survives it. Modes, message rates and half an upload do not."""
         self._params.remember(earlier._params)
         self._shelf.remember(earlier._shelf)

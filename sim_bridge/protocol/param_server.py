@@ -30,7 +30,7 @@ _UNSIGNED = struct.Struct("<I")
 _FLOAT = struct.Struct("<f")
 
 
-class Params:
+class ParamServer:
     """Name, value and type of every parameter, in order."""
 
     def __init__(self, personality: Personality, sysid: int) -> None:
@@ -42,7 +42,7 @@ class Params:
         self._values[self._habits.sysid] = float(sysid)
         self._news: list[Message] = []
 
-    def remember(self, earlier: Params) -> None:
+    def remember(self, earlier: ParamServer) -> None:
         """Take over the values from before a restart."""
         self._values |= earlier._values
 

@@ -14,7 +14,7 @@ from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.wire.message import Message
 from gcs.mavlink import SetpointMask, WireFrame
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.stream import Setpoint
+from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.protocol.telemetry import Instruments
 
 SETPOINTS = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"})
@@ -31,7 +31,7 @@ _NOTHING = SetpointMask.IGNORE_POSITION | SetpointMask.IGNORE_VELOCITY | Setpoin
 
 def setpoint_in(
     message: Message, instruments: Instruments, flat_now: Array, home_ned_m: Array
-) -> tuple[Setpoint, bool] | None:
+) -> tuple[StampedSetpoint, bool] | None:
     """The setpoint of a message, and whether it is a place to rest at; None where it is not to be obeyed.
 
     `flat_now` (DERIVATIVES, 4) is what the vehicle flies now: what the message leaves open stays as it is.
@@ -60,10 +60,10 @@ def setpoint_in(
         return None
     t_s = instruments.t_s
     if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
-        return Setpoint(t_s, flat, stamped=False), True
+        return StampedSetpoint(t_s, flat, stamped=False), True
     stamp_s = instruments.simulated_s(fields["time_boot_ms"])
     stamped = is_stamp(stamp_s, t_s)
-    return Setpoint(stamp_s if stamped else t_s, flat, stamped), False
+    return StampedSetpoint(stamp_s if stamped else t_s, flat, stamped), False
 
 
 def is_stamp(stamp_s: float, t_s: float) -> bool:

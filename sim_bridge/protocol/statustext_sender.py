@@ -11,7 +11,7 @@ _CHUNK_BYTES = 50
 _HIGHEST_ID = 0xFFFF
 
 
-class Texts:
+class StatusTextSender:
     """Numbers one vehicle's texts."""
 
     def __init__(self, numbers_all: bool) -> None:

@@ -1,6 +1,6 @@
 """What a vehicle does for its link besides flying: its clock for others, and signatures.
 
-Knows: the habits of its make of autopilot (`LinkHabits`). Does not know: sockets, which messages matter.
+Knows: the habits of its make of autopilot (`LinkTraits`). Does not know: sockets, which messages matter.
 Two clocks, as everywhere: `t_ns` is the vehicle's own time since boot, `now_s` the wall's.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import KEY_BYTES, Signature, Signing
-from sim_bridge.personality.link_traits import LinkHabits
+from sim_bridge.personality.link_traits import LinkTraits
 
 _NS_PER_S = 1_000_000_000
 
@@ -16,7 +16,7 @@ _NS_PER_S = 1_000_000_000
 class TimeKeeper:
     """TIMESYNC: answers with the vehicle's clock as finely as the original tells it, and asks in turn."""
 
-    def __init__(self, habits: LinkHabits, me: Station) -> None:
+    def __init__(self, habits: LinkTraits, me: Station) -> None:
         self._habits = habits
         self._me = me
         self._next_ns: float | None = None
@@ -41,7 +41,7 @@ class TimeKeeper:
 class Trust:
     """Signing as a vehicle does it: SETUP_SIGNING sets the key, or switches signing off."""
 
-    def __init__(self, habits: LinkHabits) -> None:
+    def __init__(self, habits: LinkTraits) -> None:
         self._habits = habits
         self._signing = Signing()
 

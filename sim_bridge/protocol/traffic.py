@@ -19,8 +19,8 @@ from gcs.link.ftp.payload import NAME as FTP
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from sim_bridge.faults.fault_commands import answer, is_fault_command, read_order
-from sim_bridge.faults.injector import FaultDesk
-from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.faults.injector import FaultInjector
+from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
 from sim_bridge.protocol.missions.ftp_files import items_in
 from sim_bridge.protocol.position_targets import is_stamp
@@ -33,7 +33,7 @@ _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 class Traffic:
     """Carries messages between a switchboard and vehicles, whose members may be replaced."""
 
-    def __init__(self, board: Switchboard, vehicles: Sequence[Vehicle], desk: FaultDesk) -> None:
+    def __init__(self, board: Switchboard, vehicles: Sequence[Conversation], desk: FaultInjector) -> None:
         self._board = board
         self._vehicles = vehicles
         self._desk = desk

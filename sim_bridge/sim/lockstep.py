@@ -16,7 +16,7 @@ PATIENCE_S = 3.0
 REMIND_S = 0.03
 
 
-class StreamPatience:
+class Lockstep:
     """Of a whole fleet. All times but stamps are of the wall's clock."""
 
     def __init__(self) -> None:

@@ -19,23 +19,23 @@ from gcs.physics.wind import STILL
 from gcs.scenario import si
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
-from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.dynamics.body.airframes import Airframes
 from sim_bridge.dynamics.body.presets import power_train_of
 from sim_bridge.dynamics.body.sensors import GRADES
 from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits
 from sim_bridge.personality import Personality
-from sim_bridge.protocol.conversation import Vehicle
+from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.telemetry import Instruments, Whereabouts
 
 LARGEST_SYSID = 254  # 255 is the ground station
 _BOOT_SPREAD_MS = (5_000, 60_000)
 
 
-class Hangar:
+class VehicleFactory:
     """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
 
     def __init__(
@@ -83,11 +83,11 @@ class Hangar:
         random = np.random.default_rng([seed, 1])
         self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
 
-    def vehicle(self, row: int, boot_s: float | None = None) -> Vehicle:
+    def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
         """The vehicle of a row as it comes out of its box; its own clock began at simulated time `boot_s`."""
         pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
         # speeds come from the parameters
-        guide = Guide(
+        guide = PathGenerator(
             self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s, navigator=self._navigator
         )
         instruments = Instruments(
@@ -100,4 +100,6 @@ class Hangar:
             epoch_unix_us=round(self._epoch_s * 1e6),
             uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
         )
-        return Vehicle(sysid, Autopilot(self._personality, guide, self._yaw_rad), instruments, self._personality)
+        return Conversation(
+            sysid, EmulatedAutopilot(self._personality, guide, self._yaw_rad), instruments, self._personality
+        )

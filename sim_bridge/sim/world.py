@@ -7,7 +7,7 @@ back:
 - orders: while a vehicle stands armed or hovers with nothing to do, or nobody is armed at all, time runs at most
   `WAITING_RATE` times real time, because ground stations answer in real time (10 s to disarming would be 0.2 s);
 - the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on
-  (`StreamPatience`), so that a flight is the same at any speed-up;
+  (`Lockstep`), so that a flight is the same at any speed-up;
 - the machine: what it cannot do in time is made up for later, within reason (`Pace`).
 """
 
@@ -28,16 +28,16 @@ from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.faults.fault_spec import Fault
-from sim_bridge.faults.injector import FaultDesk
+from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.personality import Personality, by_name
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, LinkSpec
-from sim_bridge.protocol.endpoints.line import Place
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec
+from sim_bridge.protocol.endpoints.line import PeerAddress
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
 from sim_bridge.protocol.traffic import LEAD_S, Traffic
-from sim_bridge.sim.lockstep import StreamPatience
+from sim_bridge.sim.lockstep import Lockstep
 from sim_bridge.sim.pace import Pace
 from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
-from sim_bridge.sim.vehicle_factory import Hangar
+from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 WAITING_RATE = 10.0
 OFF_S = 1.0  # that a restart takes
@@ -48,7 +48,7 @@ _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 class WorldOptions:
     """How to run a fleet. `epoch_unix_s` is the GNSS time at simulated time 0."""
 
-    links: Sequence[LinkSpec] = (CALL_GROUND,)
+    links: Sequence[EndpointSpec] = (CALL_GROUND,)
     speedup: float = 1.0  # simulated seconds per second; inf for as fast as the machine can
     seed: int = 0
     faults: Mapping[int, Sequence[Fault]] = field(default_factory=dict)  # by system id
@@ -72,7 +72,7 @@ class World:
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
         o = options
-        self._hangar = hangar = Hangar(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
+        self._hangar = hangar = VehicleFactory(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
         self.sysids = hangar.sysids
         self.airframes = hangar.airframes
         self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
@@ -80,14 +80,14 @@ class World:
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()
         self._pace = Pace(options.speedup)
-        self._patience = StreamPatience()
+        self._patience = Lockstep()
         self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
         boot_s = [ms / 1000.0 for ms in hangar.boot_ms]
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
-        self.desk = FaultDesk(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
+        self.desk = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
         self._board = Switchboard(options.links, self.sysids)
         self.traffic = Traffic(self._board, self.vehicles, self.desk)
-        self.places: dict[int, list[Place]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
+        self.places: dict[int, list[PeerAddress]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
 
     def __enter__(self) -> Self:
         return self

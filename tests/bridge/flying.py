@@ -17,9 +17,9 @@ from gcs.errors import GcsError
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step
 from gcs.flight.recording.flight_folder import TelemetryLog
-from gcs.flight.sequence.flight import Flight
+from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import build_loads
-from gcs.link.session.linked_fleet import Fleet
+from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
 from gcs.mission.setpoints.setpoint_stream import build_stream
@@ -64,7 +64,7 @@ class Flown:
     """What became of a flight. Positions are true ones."""
 
     plan: Plan
-    flight: Flight
+    flight: FlightSequence
     world: World
     times: FlightTimes | None = None
     error: GcsError | None = None
@@ -113,7 +113,7 @@ class Flown:
 def fly(
     plan: Plan,
     *faults: str,
-    during: Callable[[World, Flight], Any] | None = None,
+    during: Callable[[World, FlightSequence], Any] | None = None,
     speedup: float = math.inf,
     safety: bool = False,
     folder: Path | None = None,
@@ -144,7 +144,7 @@ async def _fly(
     world: World,
     port: int,
     options: FlightOptions,
-    during: Callable[[World, Flight], Any] | None,
+    during: Callable[[World, FlightSequence], Any] | None,
     safety: bool,
     folder: Path | None,
     stop: tuple[Step, float] | None,
@@ -152,7 +152,7 @@ async def _fly(
     async with AsyncExitStack() as stack:
         log = None if folder is None else stack.enter_context(TelemetryLog(folder / "telemetry.tlog", lambda: None))
         on_frame = None if log is None else log.write
-        fleet = await stack.enter_async_context(Fleet.open(f"udpin:127.0.0.1:{port}", on_frame=on_frame))
+        fleet = await stack.enter_async_context(LinkedFleet.open(f"udpin:127.0.0.1:{port}", on_frame=on_frame))
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         events: list[Event] = []
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
@@ -164,7 +164,7 @@ async def _fly(
                 for again_s in (0.0, 0.02, 0.2):  # people press Ctrl-C more than once
                     asyncio.get_running_loop().call_later(stop[1] + again_s, work.cancel)
 
-        flight = Flight(plan, build_missions(plan), stream, sessions, options, events.append, step, loads=loads)
+        flight = FlightSequence(plan, build_missions(plan), stream, sessions, options, events.append, step, loads=loads)
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
         try:
@@ -192,7 +192,7 @@ def take_over(world: World, sysid: int, mode: int) -> None:
     say(world, sysid, "COMMAND_LONG", command=int(MavCommand.DO_SET_MODE), confirmation=0, **params)
 
 
-async def _look(world: World, flight: Flight, during: Callable[[World, Flight], Any] | None) -> None:
+async def _look(world: World, flight: FlightSequence, during: Callable[[World, FlightSequence], Any] | None) -> None:
     while during is not None:
         during(world, flight)
         await asyncio.sleep(0.002)

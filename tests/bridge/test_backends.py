@@ -13,10 +13,10 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.cli import main
 from gcs.errors import UsageError
-from gcs.flight.sequence.single_vehicle import hands_of
+from gcs.flight.sequence.single_vehicle import control_of
 from gcs.flight.setup.build_loads import build_loads
 from gcs.link.connection import BACKENDS, Connection
-from gcs.link.fleet_upload.onboard import read_held
+from gcs.link.fleet_upload.onboard import read_onboard
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet
 from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
 from gcs.link.session.vehicle_api import Loadable, Setpoint
@@ -71,7 +71,7 @@ def test_everything_is_loaded_read_and_put_back(
             held.require(simulation1_plan.hash, SYSIDS)
             assert held.changes == before
             for load in loads:
-                assert (await read_held(found[load.sysid])).differences(load) == []
+                assert (await read_onboard(found[load.sysid])).differences(load) == []
             assert await preview(found, loads) == ()
             await restore(found, held.changes)
             assert await preview(found, loads) == before
@@ -95,7 +95,7 @@ def test_one_bad_item_leaves_nobody_with_a_mission(
                 await upload_fleet(found, (first, second), simulation1_plan.hash)
             assert all("cleared" in state for state in caught.value.states.values()), str(caught.value)
             for vehicle in found.values():
-                held = await read_held(vehicle)
+                held = await read_onboard(vehicle)
                 assert held.mission == held.fence == held.rally == ()
 
     run(scene())
@@ -136,7 +136,7 @@ def test_a_vehicle_takes_off_follows_and_lands(make_fleet: Callable[..., Fleet],
         pad = fleet.state(1).position_ned_m
         async with Connection((f"udpin:127.0.0.1:{port}",)).open_backend(backend) as ground:
             vehicle = (await ground.vehicles((1, 2), 20.0))[1]
-            hands = hands_of(vehicle)
+            hands = control_of(vehicle)
             try:
                 await hands.arm()
                 assert fleet.state(1).armed
@@ -173,7 +173,7 @@ def test_those_in_the_air_are_told(
     async def up() -> None:
         await fleet.until(lambda: fleet.t_s > 6.0)
         async with Connection((link,)).open() as ground:
-            hands = hands_of((await ground.vehicles((1, 2), 20.0))[1])
+            hands = control_of((await ground.vehicles((1, 2), 20.0))[1])
             await hands.arm()
             await hands.take_off(8.0)
             await fleet.until(lambda: fleet.state(1).flying)

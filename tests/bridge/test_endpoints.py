@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import LinkError, UsageError
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, Kind, LinkSpec, is_loopback, parse_link
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec, is_loopback, parse_link
 from sim_bridge.protocol.endpoints.line import DATAGRAM_BYTES, datagrams
 from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
 
@@ -22,7 +22,7 @@ PATIENCE_S = 5.0
 
 
 @contextlib.contextmanager
-def board(*specs: LinkSpec) -> Iterator[Switchboard]:
+def board(*specs: EndpointSpec) -> Iterator[Switchboard]:
     made = Switchboard(specs, SYSIDS)
     try:
         yield made
@@ -71,11 +71,11 @@ def send(made: Switchboard, row: int, *frames: bytes, now_s: float = 0.0) -> Non
     ("text", "spec"),
     [
         ("udpout:127.0.0.1:14550", CALL_GROUND),
-        ("udpin:14540", LinkSpec(Kind.UDP_IN, "127.0.0.1", 14540)),
-        ("tcpin:localhost:0", LinkSpec(Kind.TCP_IN, "localhost", 0)),
-        ("udpout:ground.example:1", LinkSpec(Kind.UDP_OUT, "ground.example", 1)),
-        ("pty", LinkSpec(Kind.PTY)),
-        ("pty:/tmp/v", LinkSpec(Kind.PTY, path="/tmp/v")),
+        ("udpin:14540", EndpointSpec(EndpointKind.UDP_IN, "127.0.0.1", 14540)),
+        ("tcpin:localhost:0", EndpointSpec(EndpointKind.TCP_IN, "localhost", 0)),
+        ("udpout:ground.example:1", EndpointSpec(EndpointKind.UDP_OUT, "ground.example", 1)),
+        ("pty", EndpointSpec(EndpointKind.PTY)),
+        ("pty:/tmp/v", EndpointSpec(EndpointKind.PTY, path="/tmp/v")),
     ],
 )
 def test_links_by_name(text, spec):
@@ -107,11 +107,11 @@ def test_loopback_addresses():
 
 
 def test_ports_one_by_one_and_no_further_than_there_are():
-    assert [LinkSpec(Kind.UDP_IN, port=14540).port_of(row) for row in (0, 5)] == [14540, 14545]
-    assert LinkSpec(Kind.UDP_IN, port=14540, shared=True).port_of(5) == 14540
-    assert LinkSpec(Kind.TCP_IN).port_of(5) == 0
+    assert [EndpointSpec(EndpointKind.UDP_IN, port=14540).port_of(row) for row in (0, 5)] == [14540, 14545]
+    assert EndpointSpec(EndpointKind.UDP_IN, port=14540, shared=True).port_of(5) == 14540
+    assert EndpointSpec(EndpointKind.TCP_IN).port_of(5) == 0
     with pytest.raises(UsageError, match="no port left"):
-        LinkSpec(Kind.TCP_IN, port=65_530).port_of(6)
+        EndpointSpec(EndpointKind.TCP_IN, port=65_530).port_of(6)
 
 
 def test_frames_share_datagrams_uncut():
@@ -127,7 +127,7 @@ def test_frames_share_datagrams_uncut():
 
 
 def test_vehicles_call_the_ground_each_from_its_own_port():
-    with udp() as ground, board(LinkSpec(Kind.UDP_OUT, port=ground.getsockname()[1])) as made:
+    with udp() as ground, board(EndpointSpec(EndpointKind.UDP_OUT, port=ground.getsockname()[1])) as made:
         for row in range(3):
             send(made, row, b"%d" % row, b"+")
         heard = dict(reversed(ground.recvfrom(100)) for _ in range(3))
@@ -139,7 +139,7 @@ def test_vehicles_call_the_ground_each_from_its_own_port():
 
 
 def test_a_shared_port_is_one_port_for_all():
-    with udp() as ground, board(LinkSpec(Kind.UDP_OUT, port=ground.getsockname()[1], shared=True)) as made:
+    with udp() as ground, board(EndpointSpec(EndpointKind.UDP_OUT, port=ground.getsockname()[1], shared=True)) as made:
         for row in range(3):
             made.put(row, [b"%d" % row])
         made.flush(0.0)
@@ -152,7 +152,7 @@ def test_a_shared_port_is_one_port_for_all():
 
 
 def test_who_speaks_is_answered_until_it_has_been_silent_for_long():
-    with udp() as one, udp() as other, board(LinkSpec(Kind.UDP_IN)) as made:
+    with udp() as one, udp() as other, board(EndpointSpec(EndpointKind.UDP_IN)) as made:
         send(made, 0, b"nobody listens")
         for station, now_s in ((one, 100.0), (other, 125.0)):
             station.sendto(b"hello", where(made, 0))
@@ -166,7 +166,7 @@ def test_who_speaks_is_answered_until_it_has_been_silent_for_long():
 
 
 def test_the_ground_that_is_called_is_never_given_up():
-    with udp() as ground, board(LinkSpec(Kind.UDP_OUT, port=ground.getsockname()[1])) as made:
+    with udp() as ground, board(EndpointSpec(EndpointKind.UDP_OUT, port=ground.getsockname()[1])) as made:
         made.heard(0, ground.getsockname(), 1.0)
         made.heard(0, ("127.0.0.1", 9), 1.0)
         send(made, 0, b"still here", now_s=1000.0)
@@ -174,7 +174,7 @@ def test_the_ground_that_is_called_is_never_given_up():
 
 
 def test_a_flood_of_senders_does_not_become_a_flood_of_stations():
-    with udp() as first, board(LinkSpec(Kind.UDP_IN)) as made:
+    with udp() as first, board(EndpointSpec(EndpointKind.UDP_IN)) as made:
         made.heard(0, first.getsockname(), 0.0)
         for n in range(500):
             made.heard(0, ("127.0.0.1", 1024 + n), 0.0)
@@ -187,7 +187,7 @@ def test_a_flood_of_senders_does_not_become_a_flood_of_stations():
 
 
 def test_tcp_stations_come_and_go():
-    with board(LinkSpec(Kind.TCP_IN)) as made:
+    with board(EndpointSpec(EndpointKind.TCP_IN)) as made:
         assert where(made, 0) != where(made, 1)
         with connected(made, where(made, 1)) as one, connected(made, where(made, 1)) as other:
             one.sendall(b"one")
@@ -205,7 +205,7 @@ def test_tcp_stations_come_and_go():
 
 
 def test_a_station_that_does_not_read_loses_whole_frames_only():
-    with board(LinkSpec(Kind.TCP_IN)) as made, connected(made, where(made, 0)) as station:
+    with board(EndpointSpec(EndpointKind.TCP_IN)) as made, connected(made, where(made, 0)) as station:
         for n in range(60_000):
             send(made, 0, n.to_bytes(4, "big") * 25)
         got = bytearray()
@@ -221,7 +221,7 @@ def test_a_station_that_does_not_read_loses_whole_frames_only():
 
 
 def test_more_than_sixteen_connections_are_turned_away():
-    with board(LinkSpec(Kind.TCP_IN, shared=True)) as made, contextlib.ExitStack() as stack:
+    with board(EndpointSpec(EndpointKind.TCP_IN, shared=True)) as made, contextlib.ExitStack() as stack:
         for _ in range(16):
             stack.enter_context(connected(made, where(made, 0)))
         late = stack.enter_context(connected(made, where(made, 0)))
@@ -233,7 +233,7 @@ def test_more_than_sixteen_connections_are_turned_away():
 
 
 def test_a_terminal_carries_every_byte_both_ways(tmp_path: Path):
-    with board(LinkSpec(Kind.PTY, path=str(tmp_path / "vehicle"))) as made:
+    with board(EndpointSpec(EndpointKind.PTY, path=str(tmp_path / "vehicle"))) as made:
         assert [made.places(row)[0].address for row in range(3)] == [str(tmp_path / f"vehicle{n}") for n in SYSIDS]
         every = bytes(range(256))
         file = os.open(tmp_path / "vehicle7", os.O_RDWR | os.O_NOCTTY)
@@ -250,7 +250,7 @@ def test_a_terminal_carries_every_byte_both_ways(tmp_path: Path):
 
 
 def test_a_terminal_that_nobody_reads_loses_whole_frames_only():
-    with board(LinkSpec(Kind.PTY, shared=True)) as made:
+    with board(EndpointSpec(EndpointKind.PTY, shared=True)) as made:
         file = os.open(made.places(0)[0].address, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             got = bytearray()
@@ -270,7 +270,7 @@ def test_a_terminal_that_nobody_reads_loses_whole_frames_only():
 
 def test_a_name_left_behind_by_a_run_that_was_killed_is_taken_over(tmp_path: Path):
     (tmp_path / "v1").symlink_to("/dev/pts/100000")
-    with board(LinkSpec(Kind.PTY, path=str(tmp_path / "v"))):
+    with board(EndpointSpec(EndpointKind.PTY, path=str(tmp_path / "v"))):
         assert (tmp_path / "v1").exists()
 
 
@@ -281,10 +281,10 @@ def test_a_taken_port_or_name_is_told_and_nothing_stays_open(tmp_path: Path):
     with udp() as taken:
         port = taken.getsockname()[1]
         with pytest.raises(LinkError, match=str(port)):
-            Switchboard([LinkSpec(Kind.UDP_IN, port=port, shared=True)], SYSIDS)
+            Switchboard([EndpointSpec(EndpointKind.UDP_IN, port=port, shared=True)], SYSIDS)
     (tmp_path / "v1").touch()
     with pytest.raises(LinkError, match="v1"):
-        Switchboard([LinkSpec(Kind.PTY, path=str(tmp_path / "v"))], SYSIDS)
+        Switchboard([EndpointSpec(EndpointKind.PTY, path=str(tmp_path / "v"))], SYSIDS)
     with pytest.raises(LinkError, match=r"no\.such\.host"):
-        Switchboard([LinkSpec(Kind.UDP_OUT, "no.such.host.invalid", 1)], SYSIDS)
+        Switchboard([EndpointSpec(EndpointKind.UDP_OUT, "no.such.host.invalid", 1)], SYSIDS)
     assert [path.name for path in tmp_path.iterdir()] == ["v1"]

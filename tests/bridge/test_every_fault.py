@@ -17,7 +17,7 @@ from sim_bridge.faults.fault_commands import USER_1
 from sim_bridge.faults.fault_file import read_fault_file
 from sim_bridge.faults.fault_spec import Fault, parse_fault, parse_faults
 from sim_bridge.faults.lossy_link import Trouble
-from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
@@ -76,7 +76,7 @@ IDS = range(1, len(EFFECTS) + 1)  # each has a fault of its own; one more vehicl
 
 
 def in_the_air(faults: dict[int, tuple[Fault, ...]]) -> World:
-    options = WorldOptions(links=[LinkSpec(Kind.UDP_IN)], seed=4, epoch_unix_s=EPOCH_UNIX_S, faults=faults)
+    options = WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN)], seed=4, epoch_unix_s=EPOCH_UNIX_S, faults=faults)
     fleet = World(plain_scenario(len(EFFECTS) + 1), options)
     while not all(vehicle.autopilot.ready for vehicle in fleet.vehicles):
         fleet.step()

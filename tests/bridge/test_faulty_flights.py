@@ -12,7 +12,7 @@ from gcs.mavlink import CopterMode, MessageId
 from gcs.scenario import si
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
 from sim_bridge.sim.world import WorldOptions
 from tests.bridge.test_links import udp_station
 from tests.fleets import ask, running_fleet
@@ -41,7 +41,7 @@ def wanted(t_s: np.ndarray) -> np.ndarray:
 def flown(scenario: Scenario, speedup: float, *texts: str, beats: int = 1) -> np.ndarray:
     """True states of vehicle 1 along a stamped stream; a ground station that talks more says `beats` > 1."""
     options = WorldOptions(
-        links=[LinkSpec(Kind.UDP_IN, shared=True)],
+        links=[EndpointSpec(EndpointKind.UDP_IN, shared=True)],
         speedup=speedup,
         seed=7,
         faults=parse_faults(texts, si.sysids(scenario)),

@@ -12,12 +12,12 @@ import pytest
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError
 from gcs.link.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
-from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.mission_protocol.verified_upload import Delivery
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from sim_bridge import Fleet
 from sim_bridge.protocol.ftp_server import _nak
 from tools.upload.air import mission_of
@@ -61,7 +61,7 @@ def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -
 
     async def scene() -> None:
         machines, seen = await deliver(link, Transfer.AUTO)
-        assert all(isinstance(machine, FileDelivery) for machine in machines)
+        assert all(isinstance(machine, FileUpload) for machine in machines)
         assert seen[FILE] and not seen[ITEM]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
@@ -73,7 +73,7 @@ def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
 
     async def scene() -> None:
         machines, seen = await deliver(link, Transfer.ITEMS)
-        assert all(isinstance(machine, Delivery) for machine in machines)
+        assert all(isinstance(machine, VerifiedUpload) for machine in machines)
         assert seen[ITEM] and not seen[FILE]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
@@ -86,7 +86,7 @@ def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: 
 
     async def scene() -> None:
         machines, _ = await deliver(link, Transfer.AUTO, Timers(give_up_s=2.0))
-        assert [type(machine) for machine in machines] == [Delivery, FileDelivery]
+        assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
     run(scene())
@@ -97,7 +97,7 @@ def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
 
     async def scene() -> None:
         machines, seen = await deliver(link, Transfer.AUTO)
-        assert all(isinstance(machine, Delivery) for machine in machines)
+        assert all(isinstance(machine, VerifiedUpload) for machine in machines)
         assert not seen[FILE]
         with pytest.raises(PeerError, match="takes no missions as files"):
             await deliver(link, Transfer.FILE)
@@ -123,7 +123,7 @@ def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
         with pytest.raises(FtpRefused, match="FILE_PROTECTED"):
             await deliver(link, Transfer.FILE)
         machines, _ = await deliver(link, Transfer.AUTO)
-        assert [type(machine) for machine in machines] == [Delivery, FileDelivery]
+        assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
     run(scene())

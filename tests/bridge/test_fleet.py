@@ -13,7 +13,7 @@ from gcs.link.microservices.command import CommandRefused, CommandTimers, comman
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused, Timers
 from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.session.linked_fleet import Direction, Fleet
+from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec, Message
 from gcs.link.wire.message import GROUND, Station
@@ -115,7 +115,7 @@ def test_six_vehicles_on_one_port_are_found_and_loaded_at_once():
     async def scene():
         vehicles = [Vehicle(n, Autopilot.ARDUPILOT if n % 2 else Autopilot.PX4) for n in range(1, 7)]
         frames = []
-        async with flying(*vehicles), Fleet.open(SPEC, on_frame=lambda *a: frames.append(a)) as fleet:
+        async with flying(*vehicles), LinkedFleet.open(SPEC, on_frame=lambda *a: frames.append(a)) as fleet:
             sessions = await fleet.vehicles(range(1, 7), 5.0)
             await asyncio.gather(*(s.upload_mission(mission(s.sysid)) for s in sessions.values()))
             assert all(s.armed and s.custom_mode == 4 for s in sessions.values())
@@ -124,7 +124,7 @@ def test_six_vehicles_on_one_port_are_found_and_loaded_at_once():
             home = 1 if vehicle.autopilot == Autopilot.ARDUPILOT else 0
             assert vehicle.stored[home:] == ITEMS
             assert len(vehicle.stored) == len(ITEMS) + home
-        assert {d for d, _ in frames} == {Direction.IN, Direction.OUT}
+        assert {d for d, _ in frames} == {FrameDirection.IN, FrameDirection.OUT}
         assert all(len(Codec(1, 1).decode(frame)) == 1 for _, frame in frames)
 
     run(scene())
@@ -134,7 +134,7 @@ def test_a_vehicle_that_stores_something_else_is_found_out():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.spoil = lambda items: (*items[:2], items[1], *items[3:])
-        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(PeerError, match="item 2: latitude"):
                 await session.upload_mission(mission(1))
@@ -146,7 +146,7 @@ def test_a_refused_item_is_named():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.check = lambda seq, _: MissionResult.UNSUPPORTED if seq == 3 else MissionResult.ACCEPTED
-        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             with pytest.raises(MissionRefused, match="item 3"):
                 await session.upload_mission(mission(1))
@@ -159,7 +159,7 @@ def test_a_lost_ack_is_made_good_by_reading_back():
     async def scene():
         vehicle = Vehicle(1)
         vehicle.swallow_ack = True
-        async with flying(vehicle), Fleet.open(SPEC, timers=QUICK) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC, timers=QUICK) as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             await session.upload_mission(mission(1))
         assert vehicle.stored == ITEMS
@@ -171,7 +171,7 @@ def test_commands_refusals_and_silence():
     async def scene():
         vehicle = Vehicle(3)
         quick = CommandTimers(reply_s=0.1, retries=1)
-        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
             session = (await fleet.vehicles({3}, 5.0))[3]
             current = await session.request_message(42, "MISSION_CURRENT")
             assert current.fields["seq"] == 7
@@ -189,7 +189,7 @@ def test_commands_refusals_and_silence():
 
 def test_two_vehicles_with_one_id_are_refused():
     async def scene():
-        async with flying(Vehicle(2), Vehicle(2)), Fleet.open(SPEC) as fleet:
+        async with flying(Vehicle(2), Vehicle(2)), LinkedFleet.open(SPEC) as fleet:
             with pytest.raises(DuplicateSystemId, match="system id 2"):
                 await fleet.vehicles({2, 3}, 5.0)
 
@@ -200,7 +200,7 @@ def test_another_component_at_another_address_is_no_second_vehicle():
     async def scene():
         vehicle, companion = Vehicle(2), Vehicle(2)
         companion.codec = Codec(2, 191)
-        async with flying(vehicle), Fleet.open(SPEC) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
             session = (await fleet.vehicles({2}, 5.0))[2]
             async with flying(companion):
                 await asyncio.sleep(0.2)
@@ -213,7 +213,7 @@ def test_another_component_at_another_address_is_no_second_vehicle():
 def test_a_vehicle_that_falls_silent_ends_the_upload():
     async def scene():
         vehicle = Vehicle(1)
-        async with flying(vehicle), Fleet.open(SPEC, timers=QUICK) as fleet:
+        async with flying(vehicle), LinkedFleet.open(SPEC, timers=QUICK) as fleet:
             session = (await fleet.vehicles({1}, 5.0))[1]
             vehicle.mute = True
             with pytest.raises(PeerTimeout, match="first mission item"):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import FlightError
-from gcs.flight.sequence.flight import Flight
+from gcs.flight.sequence.flight import FlightSequence
 from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.trajectory import Plan
@@ -37,11 +37,11 @@ def column(repo_root: Path) -> Plan:
     return make_plan(Scenario.model_validate(data))
 
 
-def modes_at(sysid: int, *story: tuple[float, int]) -> Callable[[World, Flight], None]:
+def modes_at(sysid: int, *story: tuple[float, int]) -> Callable[[World, FlightSequence], None]:
     """A pilot who puts a vehicle into these modes at these plan times."""
     left = list(story)
 
-    def look(world: World, flight: Flight) -> None:
+    def look(world: World, flight: FlightSequence) -> None:
         t_s = flight.monitor.plan_time_s
         if left and t_s is not None and t_s >= left[0][0]:
             take_over(world, sysid, left.pop(0)[1])
@@ -78,7 +78,7 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
 def test_who_is_blown_over_the_fence_goes_home(hop: Plan) -> None:
     """Twice: vehicle 3 only tells of it, as it was set, and is called home; vehicle 2 turns back by itself."""
 
-    def only_tell(world: World, flight: Flight) -> None:
+    def only_tell(world: World, flight: FlightSequence) -> None:
         if not said:
             said.append(True)
             say(world, 3, "PARAM_SET", param_id="FENCE_ACTION", param_value=NOTHING, param_type=INT8)

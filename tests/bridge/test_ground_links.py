@@ -10,7 +10,7 @@ import pytest
 from gcs.errors import LinkError, PeerTimeout, UsageError
 from gcs.link.endpoints.base import parse_link_spec
 from gcs.link.endpoints.udp import UdpEndpoint
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message

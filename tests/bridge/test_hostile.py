@@ -18,7 +18,7 @@ from gcs.mission.model import Home, MissionItem
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
 from sim_bridge.protocol.endpoints.switchboard import Arrival
 from sim_bridge.protocol.traffic import Traffic
 from sim_bridge.sim.world import World, WorldOptions
@@ -103,7 +103,10 @@ def field(repo_root) -> Scenario:
 @pytest.mark.parametrize("autopilot", SEEDS)
 def test_hostile_frames_change_nothing(field: Scenario, autopilot: str, frames: int, capsys) -> None:
     options = WorldOptions(
-        links=[LinkSpec(Kind.UDP_IN, shared=True)], seed=1, personality=by_name(autopilot), epoch_unix_s=EPOCH_UNIX_S
+        links=[EndpointSpec(EndpointKind.UDP_IN, shared=True)],
+        seed=1,
+        personality=by_name(autopilot),
+        epoch_unix_s=EPOCH_UNIX_S,
     )
     home = Home(field.origin.lat_deg, field.origin.lon_deg, field.origin.alt_amsl_m)
     items = mission(field)
@@ -164,7 +167,7 @@ def test_right_frames_are_right(simulation1: Scenario) -> None:
 
 
 def test_a_flood_on_one_port_does_not_drown_the_others(simulation1: Scenario) -> None:
-    options = WorldOptions(links=[LinkSpec(Kind.UDP_IN)], speedup=math.inf)
+    options = WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN)], speedup=math.inf)
     noise = np.random.default_rng(5).bytes(1200)
     with (
         running_fleet(simulation1, options) as fleet,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import ScenarioError, UsageError
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import CopterMode, MavCommand, MavResult
 from gcs.scenario.validation.cross_table import check
 from sim_bridge import Fleet, NotInTime

@@ -22,7 +22,7 @@ from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.cli import parse_links
 from sim_bridge.faults.fault_commands import INJECT_FAILURE, USER_1
 from sim_bridge.faults.fault_spec import parse_faults
-from sim_bridge.protocol.endpoints.address import CALL_GROUND, Kind, LinkSpec
+from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, EndpointSpec
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import running_fleet
 
@@ -88,15 +88,15 @@ def serial_station(path: str) -> Iterator[Station]:
 
 def station_at(fleet: World, sysid: int) -> contextlib.AbstractContextManager[Station]:
     place = fleet.places[sysid][0]
-    if place.kind == Kind.PTY:
+    if place.kind == EndpointKind.PTY:
         return serial_station(place.address)
-    return tcp_station(place.port) if place.kind == Kind.TCP_IN else udp_station(place.port)
+    return tcp_station(place.port) if place.kind == EndpointKind.TCP_IN else udp_station(place.port)
 
 
 @pytest.mark.parametrize("shared", [False, True], ids=["one each", "one for all"])
-@pytest.mark.parametrize("kind", [Kind.UDP_IN, Kind.TCP_IN, Kind.PTY])
-def test_vehicles_answer_on_every_kind_of_link(simulation1: Scenario, kind: Kind, shared: bool) -> None:
-    with running_fleet(simulation1, WorldOptions(links=[LinkSpec(kind, shared=shared)], speedup=5.0)) as fleet:
+@pytest.mark.parametrize("kind", [EndpointKind.UDP_IN, EndpointKind.TCP_IN, EndpointKind.PTY])
+def test_vehicles_answer_on_every_kind_of_link(simulation1: Scenario, kind: EndpointKind, shared: bool) -> None:
+    with running_fleet(simulation1, WorldOptions(links=[EndpointSpec(kind, shared=shared)], speedup=5.0)) as fleet:
         addresses = {places[0].address for places in fleet.places.values()}
         assert len(addresses) == (1 if shared else 6)
         for sysid in (6, 2):
@@ -109,7 +109,7 @@ def test_vehicles_answer_on_every_kind_of_link(simulation1: Scenario, kind: Kind
 
 
 def test_a_vehicle_may_have_several_links_and_is_heard_on_all(simulation1: Scenario) -> None:
-    links = [LinkSpec(Kind.TCP_IN), LinkSpec(Kind.UDP_IN, shared=True)]
+    links = [EndpointSpec(EndpointKind.TCP_IN), EndpointSpec(EndpointKind.UDP_IN, shared=True)]
     with running_fleet(simulation1, WorldOptions(links=links, speedup=5.0)) as fleet:
         tcp, udp = fleet.places[4]
         with tcp_station(tcp.port) as one, udp_station(udp.port) as other:
@@ -119,11 +119,11 @@ def test_a_vehicle_may_have_several_links_and_is_heard_on_all(simulation1: Scena
 
 def test_command_lines_name_links() -> None:
     assert parse_links(None, []) == [CALL_GROUND]
-    assert parse_links(None, ["tcpin:5760"]) == [LinkSpec(Kind.TCP_IN, port=5760)]
+    assert parse_links(None, ["tcpin:5760"]) == [EndpointSpec(EndpointKind.TCP_IN, port=5760)]
     both = parse_links("10.0.0.1:9", ["udpin:14540"], bind="0.0.0.0", shared=True)
     assert both == [
-        LinkSpec(Kind.UDP_OUT, "10.0.0.1", 9, shared=True),
-        LinkSpec(Kind.UDP_IN, "0.0.0.0", 14540, shared=True),
+        EndpointSpec(EndpointKind.UDP_OUT, "10.0.0.1", 9, shared=True),
+        EndpointSpec(EndpointKind.UDP_IN, "0.0.0.0", 14540, shared=True),
     ]
 
 
@@ -149,7 +149,7 @@ def test_more_vehicles_than_system_ids_are_refused_in_words(simulation1: Scenari
     grid = {"name": "grid", "generator": "grid", "spacing_m": 2.0}
     data["formation"] = {"leader": 1, "count": 255, "start_shape": "grid", "shape": [grid]}
     with pytest.raises(UsageError, match="255 vehicles do not fit on one MAVLink network"):
-        World(Scenario.model_validate(data), WorldOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)]))
+        World(Scenario.model_validate(data), WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN, shared=True)]))
 
 
 # Bad links
@@ -157,7 +157,7 @@ def test_more_vehicles_than_system_ids_are_refused_in_words(simulation1: Scenari
 
 def faulty(scenario: Scenario, *texts: str, speedup: float = 5.0) -> WorldOptions:
     faults = parse_faults(texts, range(1, 7))
-    return WorldOptions(links=[LinkSpec(Kind.UDP_IN, shared=True)], speedup=speedup, faults=faults)
+    return WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN, shared=True)], speedup=speedup, faults=faults)
 
 
 def test_a_dead_link_is_mended_from_outside(simulation1: Scenario) -> None:

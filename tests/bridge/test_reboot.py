@@ -10,7 +10,7 @@ import pytest
 from gcs.errors import PeerTimeout
 from gcs.link.mission_protocol.rules import Timers
 from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.wire.message import Message
 from gcs.mavlink import CopterMode
 from gcs.mission.model import Home, MissionItem, VehicleMission

@@ -23,10 +23,10 @@ from gcs.autopilots.flight_modes import manners_of
 from gcs.cli.main import run
 from gcs.flight.progress import Event
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
-from gcs.flight.recording.flight_state import Logbook, write_logbook
-from gcs.flight.recording.load_recording import recall
-from gcs.link.session.linked_fleet import Direction
-from gcs.link.session.linked_fleet import Fleet as GroundFleet
+from gcs.flight.recording.flight_state import FlightState, write_flight_state
+from gcs.flight.recording.load_recording import load_recording
+from gcs.link.session.linked_fleet import FrameDirection
+from gcs.link.session.linked_fleet import LinkedFleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import POSITION
@@ -65,7 +65,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
             with TelemetryLog(path, time_s) as file:
 
-                def note(direction: Direction, frame: bytes) -> None:
+                def note(direction: FrameDirection, frame: bytes) -> None:
                     if ground is not None:
                         file.write(direction, frame)
 
@@ -91,7 +91,7 @@ def test_other_programs_read_the_log(log: Path) -> None:
 
 
 def test_the_flight_is_there_again(log: Path) -> None:
-    recording = recall(log).recording
+    recording = load_recording(log).recording
     assert recording.sysids == (1, 2)
     assert recording.notes == ()
     for track in recording.tracks:
@@ -181,7 +181,7 @@ def test_another_ground_station_hears_what_vehicles_said_in_order_and_in_time(
         assert run(["replay", str(log), "--from", "2", "--to", "8", "--speed", "6", "--to-link", link]) == 0
         over.set()
         listener.join()
-    recalled = recall(log)
+    recalled = load_recording(log)
     chosen = (recalled.t_s >= 2.0) & (recalled.t_s <= 8.0)
     assert frames == [recalled.frames[n] for n in np.flatnonzero(chosen)]
     assert {frame[5] for frame in frames} == {1, 2}  # what the ground station said stays here
@@ -194,12 +194,12 @@ def test_a_flight_is_shown_beside_its_plan(
 ) -> None:
     """The telemetry of two of the plan's vehicles, which hop on their pads where the plan has them take off."""
     plan = simulation1_plan
-    recalled = recall(log)
+    recalled = load_recording(log)
     t0_unix_s = recalled_start_unix_s(log) - plan.t_start_s
     save_plan(plan, verify(plan), tmp_path / "plan.skein")
     (tmp_path / "telemetry.tlog").write_bytes(log.read_bytes())
-    book = Logbook("simulation1", plan.hash, (), {}, "stream", False, "flying", t0_unix_s, os.getpid())
-    write_logbook(tmp_path, book)
+    book = FlightState("simulation1", plan.hash, (), {}, "stream", False, "flying", t0_unix_s, os.getpid())
+    write_flight_state(tmp_path, book)
     with EventLog(tmp_path / "events.jsonl") as events:
         events.write(Event(t0_unix_s, plan.t_start_s + 5.0, 2, "battery low", "a low battery goes home"))
     with (tmp_path / "events.jsonl").open("a") as file:
@@ -209,7 +209,7 @@ def test_a_flight_is_shown_beside_its_plan(
     assert "vehicle 2 battery low. a low battery goes home" in text
     assert "2 of 6 vehicles heard" in text
     assert "off the plan by at most" in text
-    recording = recall(tmp_path).recording
+    recording = load_recording(tmp_path).recording
     assert len(recording.events) == 1
     pads = np.stack([track.position_ned_m[0] for track in recording.tracks[:2]])
     assert pads == pytest.approx(plan.pads_ned_m[:2], abs=0.3)

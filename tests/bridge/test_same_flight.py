@@ -12,7 +12,7 @@ import pytest
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import CopterMode, MavResult
-from sim_bridge.protocol.endpoints.address import Kind, LinkSpec, call
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec, call
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import EPOCH_UNIX_S
@@ -37,7 +37,7 @@ def setpoint(t_s: float, boot_ms: int) -> Message:
 def flown(seed: int, latest_s: float) -> np.ndarray:
     """True states; setpoints come up to 0.7 s ahead of their time, or as little as `latest_s`."""
     rng = np.random.default_rng(seed)
-    options = WorldOptions(links=[LinkSpec(Kind.UDP_IN)], seed=7, epoch_unix_s=EPOCH_UNIX_S)
+    options = WorldOptions(links=[EndpointSpec(EndpointKind.UDP_IN)], seed=7, epoch_unix_s=EPOCH_UNIX_S)
     with World(plain_scenario(1), options) as fleet:
         vehicle = fleet.vehicles[0]
         pilot = vehicle.autopilot

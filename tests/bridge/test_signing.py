@@ -11,8 +11,8 @@ import pytest
 
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerTimeout
-from gcs.link.session.linked_fleet import Direction
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import FrameDirection
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
@@ -99,7 +99,7 @@ def guarded(fleet: Fleet) -> Iterator[list[bytes]]:
     async def scene() -> None:
         async with opened(fleet, None) as ground:
             await signed_session(fleet, ground)
-        note = lambda way, frame: recorded.append(frame) if way is Direction.OUT else None  # noqa: E731
+        note = lambda way, frame: recorded.append(frame) if way is FrameDirection.OUT else None  # noqa: E731
         async with opened(fleet, KEY, on_frame=note) as ground:
             session = (await ground.vehicles([1], 10.0))[1]
             await session.upload_mission(MISSION)
@@ -211,7 +211,7 @@ def test_what_a_vehicle_said_before_is_not_believed_again(fleet: Fleet) -> None:
         async with opened(fleet, None) as ground:
             await signed_session(fleet, ground)
         heard: list[bytes] = []
-        note = lambda way, frame: heard.append(frame) if way is Direction.IN else None  # noqa: E731
+        note = lambda way, frame: heard.append(frame) if way is FrameDirection.IN else None  # noqa: E731
         async with opened(fleet, KEY, on_frame=note) as ground:
             session = (await ground.vehicles([1], 10.0))[1]
             await session.request_message(148, "AUTOPILOT_VERSION")

@@ -16,10 +16,11 @@ import pytest
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic
 from gcs.link.mission_protocol.rules import MissionRefused
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MavResult, MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
+from gcs.scenario.si import local_origin
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import WorldOptions
@@ -172,7 +173,7 @@ def test_takeoff_hover_and_landing(simulation1, station):
 
 def missions(scenario) -> dict[int, VehicleMission]:
     """A climb, a square of 12 m at its own speed, and a landing, for every vehicle."""
-    origin = Origin(**scenario.origin.model_dump())
+    origin = local_origin(scenario)
     found = {}
     for sysid, pad in zip(si.sysids(scenario), si.pads_ned_m(scenario), strict=True):
         lat, lon, alt = ned_to_geodetic(pad, origin)

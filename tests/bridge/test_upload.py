@@ -17,7 +17,7 @@ from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, restore, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.formats.any_mission import load_missions
 from gcs.plan.trajectory.plan_file import save_plan

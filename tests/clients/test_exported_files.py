@@ -21,7 +21,7 @@ from gcs.mission.export.export import export
 from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
 from gcs.mission.formats.registry import Format
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, fence_items, rally_items
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
 from gcs.plan.trajectory.trajectory import Plan
 
@@ -116,7 +116,7 @@ def test_mavsdk_reads_the_plans(exported: Exported) -> None:
 
 
 def test_mavsdk_reads_circles_and_exclusions() -> None:
-    corners = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))
+    corners = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
     fence = Geofence(
         (FencePolygon(corners, True), FencePolygon(corners[::-1], False)),
         (FenceCircle(corners[0], 138.25, False), FenceCircle(corners[1], 1e3, True)),

@@ -8,12 +8,13 @@ import mavsdk
 import pytest
 from mavsdk.plugins.mission_raw import MissionRaw
 
-from gcs.frames import Origin, ned_to_geodetic
+from gcs.frames import ned_to_geodetic
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.scenario import si
+from gcs.scenario.si import local_origin
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import WorldOptions
 from tests.clients.sdk import client, from_raw, to_raw
@@ -22,7 +23,7 @@ from tests.fleets import free_port, running_fleet
 
 def missions(scenario) -> dict[int, VehicleMission]:
     """Take-off, two timed legs and a landing for every vehicle, different for each."""
-    origin = Origin(**scenario.origin.model_dump())
+    origin = local_origin(scenario)
     found = {}
     for sysid, pad in zip(si.sysids(scenario), si.pads_ned_m(scenario), strict=True):
         lat, lon, alt = map(float, ned_to_geodetic(pad, origin))

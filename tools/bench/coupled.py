@@ -109,7 +109,7 @@ def _instants(program: Program, y: ca.MX) -> ca.MX:
 
 
 def _one_vehicle(
-    problem: Problem, program: Program, parts: stage_functions.Instant, y: ca.MX, z: ca.MX
+    problem: Problem, program: Program, parts: stage_functions.StageFunctions, y: ca.MX, z: ca.MX
 ) -> tuple[ca.MX, ca.MX]:
     """Objective and rows of one vehicle alone, for CasADi to differentiate."""
     layout, nodes = program.layout, program.layout.nodes

@@ -15,7 +15,7 @@ import numpy as np
 
 import gcs
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search.homotopy_classes import best_way
+from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP
@@ -128,7 +128,7 @@ def _turn(seed: int, scenario: Scenario) -> tuple[float, float, Fleet, Fleet]:
 def _own_time_s(scenario: Scenario) -> float:
     """Processor time from the scenario to the flight."""
     began = time.process_time()
-    best_way(flight_problem(scenario), lambda _: None)
+    best_class(flight_problem(scenario), lambda _: None)
     return time.process_time() - began
 
 

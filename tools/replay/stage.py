@@ -20,7 +20,7 @@ from gcs.scenario.schema.scenario import Scenario, Terrain
 from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
-from sim_bridge.sim.vehicle_factory import Hangar
+from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 _LONGEST_BOOT_S = 60.0
 _SIGNED = 0x01
@@ -57,7 +57,7 @@ class Stage:
         self.told: list[Told] = []
         self._boots = boots_s is not None
         self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is 0
-        hangar = Hangar(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
+        hangar = VehicleFactory(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
         self._airframes = hangar.airframes
         self.vehicle = hangar.vehicle(0, 0.0)
         self._codec = Codec(*self.vehicle.station)

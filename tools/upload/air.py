@@ -16,11 +16,11 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.frames import Origin
 from gcs.link.microservices.machine import Machine
-from gcs.link.microservices.rtt import RoundTrip
-from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.microservices.rtt import RttEstimator
+from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import Preferred, Transfer, goes_as_file
-from gcs.link.mission_protocol.verified_upload import Delivery
+from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
+from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
@@ -28,7 +28,7 @@ from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
 from sim_bridge.personality.px4.missions import MISSIONS as PX4
 from sim_bridge.protocol.ftp_server import FileServer
 from sim_bridge.protocol.missions.ftp_files import MissionFiles
-from sim_bridge.protocol.missions.store import MissionShelf
+from sim_bridge.protocol.missions.store import MissionStore
 
 VEHICLE = Station(3, 1)
 OVERTAKEN_S = 0.1
@@ -66,7 +66,7 @@ class Air:
 
     def __init__(self, autopilot: Autopilot, weather: Weather, seed: int) -> None:
         self.autopilot = autopilot
-        self.shelf = MissionShelf(
+        self.shelf = MissionStore(
             VEHICLE, _HABITS[autopilot], Origin(47.0, 8.0, 400.0), lambda *_: None, lambda *_: None
         )
         self.shelf._items[MissionType.MISSION] = mission_of(12, seed=-1)
@@ -82,15 +82,15 @@ class Air:
     def deliver(
         self,
         items: Sequence[MissionItem],
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         transfer: Transfer = Transfer.ITEMS,
     ) -> Arrived:
         """Until the machine has ended. A vehicle that takes files is known to."""
-        learned = round_trip or RoundTrip()
-        by_items = Delivery(items, VEHICLE, self.autopilot, round_trip=learned)
-        as_file = FileDelivery(items, VEHICLE, round_trip=learned)
+        learned = round_trip or RttEstimator()
+        by_items = VerifiedUpload(items, VEHICLE, self.autopilot, round_trip=learned)
+        as_file = FileUpload(items, VEHICLE, round_trip=learned)
         machine: Machine = by_items
-        if goes_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
+        if uploads_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
             machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)
         began_s = self.now_s
         self._send(machine.start(self.now_s), GROUND)

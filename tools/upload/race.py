@@ -26,8 +26,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.linked_fleet import Direction
-from gcs.link.session.linked_fleet import Fleet as Ground
+from gcs.link.session.linked_fleet import FrameDirection
+from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mission.model import MissionItem
@@ -79,7 +79,7 @@ def ours(port: int, items: Sequence[MissionItem], sysids: Sequence[int], transfe
     """Deliveries at once, each read back and compared."""
     count = 0
 
-    def note(direction: Direction, frame: bytes) -> None:
+    def note(direction: FrameDirection, frame: bytes) -> None:
         nonlocal count
         number = int.from_bytes(frame[7:10], "little")
         count += 38 <= number <= 51 or number in (73, 110)

@@ -14,8 +14,8 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from gcs.autopilots.navigation.ardupilot_leg import Corner, Leg, LegMotion, Motion, limit_along
-from gcs.autopilots.navigation.navigator import Ability, Moment, Orders, Vector
+from gcs.autopilots.navigation.ardupilot_leg import Corner, LegMotion, Motion, NavigatorLeg, limit_along
+from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector
 from gcs.autopilots.navigation.scurve import Gentleness, gain
 from gcs.autopilots.navigation.tracking import Follower, Following
 
@@ -66,7 +66,7 @@ class ArduPilotNavigator:
         limits = Gentleness(self.acceleration_mps2, self.jerk_mps3, self.snap_mps4)
         return gain(0.0, self.fastest_mps, 0.5 * length_m, limits).end_mps
 
-    def fly(self, orders: Orders) -> Iterator[Moment]:
+    def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
         """Every moment from the start on, without end."""
         target = _Target(self, orders)
         vehicle = Follower(self.following, orders.begins)
@@ -106,13 +106,13 @@ class ArduPilotNavigator:
 class _Target:
     """Where the vehicle should be: up to three legs at once, the one before, this one, and the one to come."""
 
-    def __init__(self, navigator: ArduPilotNavigator, orders: Orders) -> None:
+    def __init__(self, navigator: ArduPilotNavigator, orders: NavigatorOrders) -> None:
         self._navigator = navigator
         self._orders = orders
         self._corner = Corner(navigator.radius_m, 2.0 * navigator.acceleration_mps2)
         self._points = (orders.start_ned_m, *orders.waypoints_ned_m)
         self.index = 0
-        self._before: Leg | None = None
+        self._before: NavigatorLeg | None = None
         self._this = self._leg_to(0, 0)
         self._next = self._leg_ahead()
         self.arrived = self.finished = False
@@ -165,10 +165,10 @@ class _Target:
                 leg.motion.set_top(self._top(leg.way, self.index))
         self._next = self._leg_ahead()
 
-    def _leg_ahead(self) -> Leg | None:
+    def _leg_ahead(self) -> NavigatorLeg | None:
         return None if self._orders.stops_at(self.index) else self._leg_to(self.index + 1, self.index)
 
-    def _leg_to(self, index: int, speed_of: int) -> Leg:
+    def _leg_to(self, index: int, speed_of: int) -> NavigatorLeg:
         """The leg to a waypoint, at the speed that is in force on the way to `speed_of`."""
         navigator = self._navigator
         origin, destination = self._points[index], self._points[index + 1]
@@ -177,7 +177,7 @@ class _Target:
         vertical = navigator.vertical_mps2
         acceleration = limit_along(way, navigator.acceleration_mps2, vertical, vertical)
         limits = Gentleness(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
-        return Leg(origin, destination, way, LegMotion(length, self._top(way, speed_of), limits))
+        return NavigatorLeg(origin, destination, way, LegMotion(length, self._top(way, speed_of), limits))
 
     def _top(self, way: Vector, speed_of: int) -> float:
         navigator = self._navigator

@@ -157,7 +157,7 @@ Motion = tuple[Vector, Vector, Vector]  # position, velocity, acceleration
 
 
 @dataclass(frozen=True)
-class Leg:
+class NavigatorLeg:
     """A straight line with the motion along it."""
 
     origin: Vector
@@ -188,7 +188,7 @@ class Corner:
     radius_m: float
     acceleration_mps2: float
 
-    def may_begin(self, this: Leg, following: Leg) -> bool:
+    def may_begin(self, this: NavigatorLeg, following: NavigatorLeg) -> bool:
         """Whether `following` may begin now, while `this` ends.
 
         Not before half the leg, nor so early that both would be at speed; and half way through the turn the vehicle

@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 _STILL = (0.0, 0.0, 0.0)
 
 
-class Moment(NamedTuple):
+class NavigatorState(NamedTuple):
     """A vehicle's motion at an instant after the start, and the waypoint that was completed just then, if any."""
 
     t_s: float
@@ -27,7 +27,7 @@ class Moment(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Orders:
+class NavigatorOrders:
     """Waypoints to fly to one after the other, from `start_ned_m`.
 
     Before each leg its speed is asked for (DO_CHANGE_SPEED). At a waypoint with a hold, and at the last, it stops.
@@ -38,7 +38,7 @@ class Orders:
     speeds_mps: tuple[float, ...]  # of the leg to each waypoint
     holds_s: tuple[float, ...]
     airborne_s: float = math.inf  # since take-off, when the first leg begins
-    vehicle: Moment | None = None  # how it moves then; default: it stands at the start
+    vehicle: NavigatorState | None = None  # how it moves then; default: it stands at the start
 
     def __post_init__(self) -> None:
         if not len(self.waypoints_ned_m) == len(self.speeds_mps) == len(self.holds_s) >= 1:
@@ -54,7 +54,7 @@ class Orders:
         holds_s: Sequence[float] | None = None,
         *,
         airborne_s: float = math.inf,
-    ) -> Orders:
+    ) -> NavigatorOrders:
         """From the first of points (N + 1, 3) through the others, each leg at its speed (N,), without holds.
 
         Raises ValueError where the lengths disagree or a speed is not positive.
@@ -64,9 +64,9 @@ class Orders:
         return cls(start, tuple(waypoints), tuple(map(float, speeds_mps)), holds, airborne_s)
 
     @property
-    def begins(self) -> Moment:
+    def begins(self) -> NavigatorState:
         """The vehicle's motion when the first leg begins."""
-        return self.vehicle or Moment(0.0, self.start_ned_m, _STILL, _STILL)
+        return self.vehicle or NavigatorState(0.0, self.start_ned_m, _STILL, _STILL)
 
     @property
     def count(self) -> int:
@@ -106,7 +106,7 @@ class Navigator(Protocol):
     def sustained_mps(self, length_m: float) -> float:
         """The speed it keeps up over straight legs of this length."""
 
-    def fly(self, orders: Orders) -> Iterator[Moment]:
+    def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
         """Every moment from the start on, without end: after the last waypoint the vehicle stays there."""
 
 

@@ -10,7 +10,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator, Orders
+from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
 from gcs.errors import VerificationError
 from gcs.physics.quadrotor import Array
 
@@ -29,7 +29,7 @@ class Prediction:
     completed_s: Array  # (N,) when the autopilot goes on to the next
 
 
-def predict(navigator: Navigator, orders: Orders) -> Prediction:
+def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
     """Fly the orders.
 
     Raises `VerificationError` where a waypoint is not completed in ten times the time that the speeds ask for.
@@ -56,7 +56,7 @@ def predict(navigator: Navigator, orders: Orders) -> Prediction:
     return Prediction(flown[:, 0], flown[:, 1:4], flown[:, 4:], passed, ends)
 
 
-def passing_times(t_s: Array, position_ned_m: Array, orders: Orders, completed_s: Array) -> Array:
+def passing_times(t_s: Array, position_ned_m: Array, orders: NavigatorOrders, completed_s: Array) -> Array:
     """When a flight, sampled at (M,) as positions (M, 3), passed each waypoint (N,), which were completed at (N,).
 
     Passing is being nearest, between the completion of the waypoint before and of the one after; where the vehicle
@@ -74,5 +74,5 @@ def passing_times(t_s: Array, position_ned_m: Array, orders: Orders, completed_s
     return np.array(times)
 
 
-def _points(orders: Orders) -> Array:
+def _points(orders: NavigatorOrders) -> Array:
     return np.array([orders.start_ned_m, *orders.waypoints_ned_m])

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gcs.autopilots.navigation.navigator import Ability, Moment, Orders, Vector
+from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector
 from gcs.autopilots.navigation.px4_speed import Approach, Axis, shed, synchronize, towards
 from gcs.autopilots.navigation.tracking import Follower, Following
 
@@ -65,7 +65,7 @@ class Px4Navigator:
         """What can be shed within a leg: the waypoint after the next counts as a stop."""
         return min(self.fastest_mps, shed(length_m, 0.0, self.acceleration_mps2, self.jerk_mps3))
 
-    def fly(self, orders: Orders) -> Iterator[Moment]:
+    def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
         """Every moment from the start on, without end."""
         target = _Target(self, orders.start_ned_m)
         vehicle = Follower(self.following, orders.begins)

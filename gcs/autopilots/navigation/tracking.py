@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.autopilots.navigation.navigator import Moment, Vector
+from gcs.autopilots.navigation.navigator import NavigatorState, Vector
 
 _GRAVITY_MPS2 = 9.80665
 
@@ -47,7 +47,7 @@ class Following:
 class Follower:
     """A vehicle on its way; `position`, `velocity`, `acceleration` are lists of three."""
 
-    def __init__(self, following: Following, begins: Moment) -> None:
+    def __init__(self, following: Following, begins: NavigatorState) -> None:
         self._loops = (following.horizontal, following.horizontal, following.vertical)
         self._lag_s = following.lag_s
         self._drags = (following.drag_ps, following.drag_ps, 0.0)
@@ -80,9 +80,11 @@ class Follower:
             self.velocity[i] = u + step_s * rate
             self.acceleration[i] = rate
 
-    def moment(self, t_s: float, completed: int | None) -> Moment:
+    def moment(self, t_s: float, completed: int | None) -> NavigatorState:
         """How it moves now."""
-        return Moment(t_s, _vector(self.position), _vector(self.velocity), _vector(self.acceleration), completed)
+        return NavigatorState(
+            t_s, _vector(self.position), _vector(self.velocity), _vector(self.acceleration), completed
+        )
 
 
 def _vector(parts: list[float]) -> Vector:

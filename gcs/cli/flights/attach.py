@@ -38,9 +38,9 @@ def attach(
         raise UsageError("--land, --return and --resume exclude each other")
     from gcs.cli.flights.attach_view import AttachRequest, take_up
     from gcs.flight.recording.flight_state import newest_unfinished
-    from gcs.flight.sequence.resume import TakeUp
+    from gcs.flight.sequence.resume import Resume
 
-    what = TakeUp.LAND if land else TakeUp.RETURN if home else TakeUp.RESUME if resume else TakeUp.SHOW
+    what = Resume.LAND if land else Resume.RETURN if home else Resume.RESUME if resume else Resume.SHOW
     return take_up(
         AttachRequest(folder or newest_unfinished(to), what, tuple(link or ()), signing_key_file, Screen(json=json))
     )

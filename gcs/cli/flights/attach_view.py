@@ -23,9 +23,9 @@ from gcs.errors import FlightError, UsageError
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
-from gcs.flight.recording.flight_state import Logbook, read_logbook, write_logbook
-from gcs.flight.sequence.flight import Flight
-from gcs.flight.sequence.resume import TakeUp, where_in_plan
+from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.sequence.resume import Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import ask_for_telemetry
 from gcs.link.connection import Connection
 from gcs.mission.setpoints.setpoint_stream import build_stream
@@ -39,7 +39,7 @@ class AttachRequest:
     """What is to be taken up, and how."""
 
     folder: Path
-    what: TakeUp
+    what: Resume
     links: tuple[str, ...]
     key_file: Path | None
     screen: Screen
@@ -47,7 +47,7 @@ class AttachRequest:
 
 def take_up(request: AttachRequest) -> int:
     """Take it up; raises GcsError."""
-    book = read_logbook(request.folder)
+    book = read_flight_state(request.folder)
     if book.flown_by_another:
         raise UsageError(
             f"the flight in {request.folder} is still flown by process {book.pid}.",
@@ -65,11 +65,11 @@ def take_up(request: AttachRequest) -> int:
     return 0
 
 
-async def _take_up(request: AttachRequest, book: Logbook, plan: Plan, known: Connection) -> dict[str, Any]:
+async def _take_up(request: AttachRequest, book: FlightState, plan: Plan, known: Connection) -> dict[str, Any]:
     options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow)
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
-        flight: Flight | None = None
+        flight: FlightSequence | None = None
         log = stack.enter_context(
             TelemetryLog(
                 folder / f"telemetry-{datetime.now():%H%M%S}.tlog", lambda: flight.time.now_s() if flight else None
@@ -84,7 +84,7 @@ async def _take_up(request: AttachRequest, book: Logbook, plan: Plan, known: Con
             screen.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
-            write_logbook(
+            write_flight_state(
                 folder,
                 replace(
                     book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
@@ -92,15 +92,15 @@ async def _take_up(request: AttachRequest, book: Logbook, plan: Plan, known: Con
             )
 
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-        flight = Flight(plan, build_missions(plan), stream, sessions, options, tell, log_step)
+        flight = FlightSequence(plan, build_missions(plan), stream, sessions, options, tell, log_step)
         shown = await _show(flight, book, screen)
-        if request.what is not TakeUp.SHOW:
+        if request.what is not Resume.SHOW:
             await flight.take_up(request.what, book.t0_unix_s)
             screen.say("everybody is down")
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 
-async def _show(flight: Flight, book: Logbook, screen: Screen) -> list[dict[str, Any]]:
+async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> list[dict[str, Any]]:
     """A table of the vehicles as they are."""
     stops = [flight.listen(crew) for crew in flight.crews.values()]
     try:

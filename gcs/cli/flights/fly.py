@@ -99,7 +99,7 @@ def fly(
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
     from gcs.flight.options import FlightMode, FlightOptions
-    from gcs.flight.run import Emulated, Sortie
+    from gcs.flight.run import Emulated, FlightRun
     from gcs.flight.setup.mission_choice import TimeKeeping
     from gcs.flight.setup.preflight import PreflightLimits
 
@@ -116,7 +116,7 @@ def fly(
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
-    sortie = Sortie(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
+    sortie = FlightRun(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
     return fly_and_judge(sortie, screen, watch, asks=not yes_arm)
 
 

@@ -18,16 +18,16 @@ from gcs.errors import JudgementError, UsageError
 from gcs.flight.lateness import skew_s
 from gcs.flight.progress import Snapshot, Watcher
 from gcs.flight.recording.flight_folder import asked
-from gcs.flight.run import Flown, Sortie, fly_sortie
-from gcs.flight.sequence.flight import Flight
-from gcs.flight.setup.preflight import Check
+from gcs.flight.run import FlightRun, Flown, fly_run
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.setup.preflight import PreflightCheck
 
 CONFIRMATION = "arm"
 _REFRESH_S = 0.25
 _LINE_EVERY_S = 5.0
 
 
-class Spectator(Watcher):
+class FlightView(Watcher):
     """A person at a terminal, or what reads its lines."""
 
     def __init__(self, screen: Screen, watch: Stopwatch, question: str) -> None:
@@ -49,7 +49,7 @@ class Spectator(Watcher):
         """The stopwatch goes on."""
         self._watch.lap(name)
 
-    def checks(self, checks: tuple[Check, ...]) -> None:
+    def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
         """The go/no-go table."""
         show_checks(self._screen, checks)
 
@@ -65,7 +65,7 @@ class Spectator(Watcher):
         if self._live is not None:
             self._live.start()
 
-    async def follow(self, flight: Flight) -> None:
+    async def follow(self, flight: FlightSequence) -> None:
         """A table that redraws where somebody watches, else a line now and then."""
         if not self._screen.is_watched:
             await _tell(self._screen, flight)
@@ -75,7 +75,7 @@ class Spectator(Watcher):
                 await asyncio.sleep(_REFRESH_S)
 
 
-def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
+def fly_and_judge(sortie: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
     """Fly and show it; raises JudgementError when the flight does not hold.
 
     Vehicles on a link are armed once their table was shown and, with `asks`, a word was typed.
@@ -84,7 +84,7 @@ def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch, *, asks: boo
     if asks and sortie.link is not None:
         many = len(sortie.plan.sysids)
         question = f"This arms and flies {many} vehicles at {sortie.link}. Type '{CONFIRMATION}' to go on:"
-    flown = fly_sortie(sortie, Spectator(screen, watch, question))
+    flown = fly_run(sortie, FlightView(screen, watch, question))
     verdict = flown.verdict
     if verdict is None:
         screen.say(f"landed. Telemetry: {flown.folder / 'telemetry.tlog'}")
@@ -106,7 +106,7 @@ def fly_and_judge(sortie: Sortie, screen: Screen, watch: Stopwatch, *, asks: boo
     raise failure
 
 
-async def _tell(screen: Screen, flight: Flight) -> None:
+async def _tell(screen: Screen, flight: FlightSequence) -> None:
     last_line, due_s = "", 0.0
     while True:
         snapshot = flight.snapshot()

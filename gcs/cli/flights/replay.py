@@ -59,9 +59,9 @@ def replay(
         from gcs.flight.assessment.flight_plot import refuse_kind
 
         refuse_kind(picture)
-    from gcs.flight.recording.load_recording import recall
+    from gcs.flight.recording.load_recording import load_recording
 
-    recalled = recall(flight)
+    recalled = load_recording(flight)
     recording = recalled.recording
     for note in recording.notes:
         screen.say(f"note: {note}")

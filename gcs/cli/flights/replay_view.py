@@ -19,7 +19,7 @@ from rich.table import Table
 from gcs.autopilots.flight_modes import mode_name
 from gcs.cli.console import Screen
 from gcs.flight.progress import Event
-from gcs.flight.recording.load_recording import Recalled
+from gcs.flight.recording.load_recording import LoadedRecording
 from gcs.flight.recording.recording import SILENCE_S, Recording, VehicleTrack, nearest_m
 from gcs.link.endpoints.base import Endpoint
 from gcs.link.endpoints.factory import make_endpoint
@@ -32,7 +32,7 @@ _BURST = 100  # frames before others get their turn
 
 
 @dataclass(frozen=True)
-class Moment:
+class ReplayMoment:
     """One vehicle at an instant of the replay; None where it was not heard of yet."""
 
     sysid: int
@@ -46,7 +46,7 @@ class Moment:
 
 
 async def play(
-    screen: Screen, recalled: Recalled, window: tuple[float, float], rate: float, to_link: str | None
+    screen: Screen, recalled: LoadedRecording, window: tuple[float, float], rate: float, to_link: str | None
 ) -> int:
     """Show a stretch at `rate` times real time; the frames sent. Raises `LinkError`."""
     recording, loop = recalled.recording, asyncio.get_running_loop()
@@ -98,7 +98,7 @@ async def _opened(to_link: str | None, stack: AsyncExitStack) -> Endpoint | None
 class _Frames:
     """What is still to be sent."""
 
-    def __init__(self, recalled: Recalled, window: tuple[float, float]) -> None:
+    def __init__(self, recalled: LoadedRecording, window: tuple[float, float]) -> None:
         self._t_s, self._frames = recalled.t_s, recalled.frames
         self._next = int(np.searchsorted(self._t_s, window[0]))
 
@@ -121,12 +121,12 @@ def _tell(screen: Screen, happened: list[Event], told: int, t_s: float) -> int:
     return told
 
 
-def moments(recording: Recording, t_s: float) -> list[Moment | None]:
+def moments(recording: Recording, t_s: float) -> list[ReplayMoment | None]:
     """Every vehicle as it had last told of itself."""
     return [_moment(recording, track, t_s) for track in recording.tracks]
 
 
-def _moment(recording: Recording, track: VehicleTrack, t_s: float) -> Moment | None:
+def _moment(recording: Recording, track: VehicleTrack, t_s: float) -> ReplayMoment | None:
     at = track.last(t_s)
     if at is None:
         return None
@@ -135,7 +135,7 @@ def _moment(recording: Recording, track: VehicleTrack, t_s: float) -> Moment | N
     error_m = math.nan
     if planned is not None:
         error_m = float(np.linalg.norm(place - planned[0][recording.sysids.index(track.sysid), 0]))
-    return Moment(
+    return ReplayMoment(
         track.sysid,
         mode_name(track.autopilot, int(track.mode[at])),
         bool(track.armed[at]),

@@ -35,11 +35,11 @@ def report(
     from gcs.flight.assessment.judge import load_truth
     from gcs.flight.lateness import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
-    from gcs.flight.recording.flight_state import read_logbook
+    from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
     from gcs.plan.trajectory.plan_file import load_plan
 
-    book = read_logbook(folder)
+    book = read_flight_state(folder)
     if book.t0_unix_s is None:
         raise FileFormatError(f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.")
     plan, _ = load_plan(folder / "plan.skein")

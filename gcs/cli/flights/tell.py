@@ -89,12 +89,12 @@ async def _tell(known: Connection, backend: str, what: str, named: tuple[int, ..
 
 async def _tell_one(vehicle: VehicleSession | MavsdkVehicle, what: str) -> str:
     """One vehicle's trouble is not the others'."""
-    from gcs.flight.sequence.single_vehicle import hands_of
+    from gcs.flight.sequence.single_vehicle import control_of
 
     if not vehicle.armed:
         return _LEFT
     try:
-        hands = hands_of(vehicle)
+        hands = control_of(vehicle)
         try:
             await {"hold": hands.hold, "land": hands.land, "return": hands.return_home}[what]()
         finally:

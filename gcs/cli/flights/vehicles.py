@@ -48,20 +48,20 @@ def vehicles(
 async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[VehicleReport]:
     import asyncio
 
-    from gcs.link.session.linked_fleet import Fleet
-    from gcs.link.session.status_report import survey
+    from gcs.link.session.linked_fleet import LinkedFleet
+    from gcs.link.session.status_report import status_report
 
     async with known.open_backend(backend) as fleet:
         heard = await fleet.listen(listen_s)
         if not heard:
-            foreign = fleet.refused_frames if isinstance(fleet, Fleet) else 0
+            foreign = fleet.refused_frames if isinstance(fleet, LinkedFleet) else 0
             refused = f"; {foreign} frames were not signed with our key" if foreign else ""
             raise PeerTimeout(
                 f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
                 hint="start them, or check the address and port they send to",
             )
-        if isinstance(fleet, Fleet):
-            asked = [survey(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
+        if isinstance(fleet, LinkedFleet):
+            asked = [status_report(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
         else:
             asked = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
         found = await asyncio.gather(*asked)

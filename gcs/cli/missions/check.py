@@ -82,13 +82,13 @@ def check(
     from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
     from gcs.mission.export.provenance import exported_from
     from gcs.mission.formats.any_mission import load_missions
-    from gcs.mission.predicted.autopilot_flight import Modelled
+    from gcs.mission.predicted.autopilot_flight import AutopilotFlight
     from gcs.mission.predicted.planned_flight import fly, surroundings
 
     missions = load_missions(files, None if autopilot is None else Autopilot.named(autopilot))
     asked_m, changed = exported_from(missions)
     timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
-    modelled = Modelled()
+    modelled = AutopilotFlight()
     if terrain is None:
         around = surroundings(missions)
         limits = FlightLimits(separation or asked_m or FlightLimits().separation_m)
@@ -99,7 +99,7 @@ def check(
 
         scenario = load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)
-        modelled = Modelled(ability_of(quadrotor(scenario), scenario.limits))
+        modelled = AutopilotFlight(ability_of(quadrotor(scenario), scenario.limits))
         if timing == "autopilot":
             limits = replace(limits, overspeed=OVERSPEED)
     report = check_fleet(missions, around, limits, modelled if timing == "autopilot" else fly)

@@ -24,7 +24,7 @@ from gcs.errors import PeerError, PeerTimeout
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
-    from gcs.link.fleet_upload.onboard import Held
+    from gcs.link.fleet_upload.onboard import OnboardState
     from gcs.plan.trajectory.trajectory import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and it is not the same
@@ -96,10 +96,10 @@ def diff(
     return 0 if ok else DIFFERENT
 
 
-async def _read_all(known: Connection, backend: str, listen_s: float) -> list[Held]:
+async def _read_all(known: Connection, backend: str, listen_s: float) -> list[OnboardState]:
     import asyncio
 
-    from gcs.link.fleet_upload.onboard import read_held
+    from gcs.link.fleet_upload.onboard import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.listen(listen_s)
@@ -108,7 +108,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[He
                 f"no vehicle was heard at {known} within {listen_s:g} s.",
                 hint="start them, or check the address and port they send to",
             )
-        every = await asyncio.gather(*(read_held(session) for session in sessions.values()))
+        every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
         return list(every)
 
@@ -119,17 +119,17 @@ async def _differences(
     import asyncio
 
     from gcs.flight.setup.build_loads import build_loads
-    from gcs.link.fleet_upload.onboard import read_held
+    from gcs.link.fleet_upload.onboard import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
-        every = await asyncio.gather(*(read_held(sessions[load.sysid]) for load in loads))
+        every = await asyncio.gather(*(read_onboard(sessions[load.sysid]) for load in loads))
         fleet.check()
     return {held.sysid: held.differences(load) for held, load in zip(every, loads, strict=True)}
 
 
-def _write(to: Path, every: list[Held]) -> list[str]:
+def _write(to: Path, every: list[OnboardState]) -> list[str]:
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.export.atomic_folder import replaced
     from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file

@@ -26,7 +26,7 @@ from gcs.cli.shared_options import (
 if TYPE_CHECKING:
     from gcs.cli.plan_argument import Stopwatch
     from gcs.link.connection import Connection
-    from gcs.link.fleet_upload.upload_fleet import Change, Holdings
+    from gcs.link.fleet_upload.upload_fleet import Holdings, ParameterChange
     from gcs.plan.trajectory.trajectory import Plan
 
 FIND_S = 15.0
@@ -131,7 +131,7 @@ async def _upload(
     safety: bool,
     dry_run: bool,
     watch: Stopwatch,
-) -> tuple[Holdings | None, tuple[Change, ...]]:
+) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
     from gcs.flight.setup.build_loads import build_loads
     from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
 
@@ -156,7 +156,7 @@ async def _upload(
         return held, held.changes
 
 
-def _show(screen: Screen, changes: tuple[Change, ...]) -> None:
+def _show(screen: Screen, changes: tuple[ParameterChange, ...]) -> None:
     if not changes:
         return
     from rich.table import Table
@@ -168,7 +168,7 @@ def _show(screen: Screen, changes: tuple[Change, ...]) -> None:
     screen.show(table)
 
 
-def _change_data(change: Change) -> dict[str, Any]:
+def _change_data(change: ParameterChange) -> dict[str, Any]:
     before, after = change.before, change.after
     return {
         "vehicle": change.sysid,
@@ -191,12 +191,12 @@ def _keep(folder: Path, name: str, held: Holdings) -> Path:
     return path
 
 
-def read_record(path: Path) -> tuple[Change, ...]:
+def read_record(path: Path) -> tuple[ParameterChange, ...]:
     """The parameters that an upload changed. Raises `FileFormatError`."""
     import json
 
     from gcs.errors import FileFormatError
-    from gcs.link.fleet_upload.upload_fleet import Change
+    from gcs.link.fleet_upload.upload_fleet import ParameterChange
     from gcs.link.microservices.parameter import Parameter
 
     try:
@@ -209,7 +209,7 @@ def read_record(path: Path) -> tuple[Change, ...]:
             before, after = (Parameter(name, row[key], kind) for key in ("before", "after"))
             if not all(isinstance(p.value, int | float) for p in (before, after)):
                 raise TypeError(name)
-            found.append(Change(int(row["vehicle"]), before, after))
+            found.append(ParameterChange(int(row["vehicle"]), before, after))
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}.") from None
     except (ValueError, KeyError, TypeError) as error:

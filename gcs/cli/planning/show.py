@@ -9,6 +9,7 @@ import typer
 
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -105,11 +106,11 @@ def _plan(plan: Plan) -> dict[str, Any]:
 
 def _pads(scenario: Scenario) -> list[dict[str, Any]]:
     """Where every vehicle has to stand before the flight."""
-    from gcs.frames import Origin, ned_to_geodetic
+    from gcs.frames import ned_to_geodetic
     from gcs.scenario.si import pads_ned_m, sysids
 
     pads = pads_ned_m(scenario)
-    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, Origin(**scenario.origin.model_dump()))
+    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))
     return [
         {
             "sysid": sysid,

@@ -14,7 +14,7 @@ from gcs.autopilots.flight_modes import Manners
 from gcs.link.wire.message import Message
 
 
-class Kind(StrEnum):
+class IncidentKind(StrEnum):
     """What can go wrong in flight, and right again."""
 
     LINK_LOST = "link lost"
@@ -34,7 +34,7 @@ class Kind(StrEnum):
 class Incident:
     """Something that happened to a vehicle at an instant of the fleet's time."""
 
-    kind: Kind
+    kind: IncidentKind
     sysid: int
     unix_s: float
     detail: str = ""
@@ -44,7 +44,7 @@ class Incident:
 
 
 @dataclass(frozen=True)
-class Limits:
+class DetectionLimits:
     """When trouble counts, in seconds of the vehicles' time and shares of a full battery."""
 
     link_lost_s: float = 3.0
@@ -57,7 +57,9 @@ class Limits:
 class VehicleWatch:
     """One vehicle. `obeys` are the modes it was told: any other one means that somebody else has taken over."""
 
-    def __init__(self, sysid: int, manners: Manners, limits: Limits, unix_s: float, obeys: frozenset[int]) -> None:
+    def __init__(
+        self, sysid: int, manners: Manners, limits: DetectionLimits, unix_s: float, obeys: frozenset[int]
+    ) -> None:
         self.sysid = sysid
         self.obeys = obeys
         self.usable = True  # for whoever knows where it should be
@@ -119,8 +121,8 @@ class VehicleWatch:
         found += self._fix(unix_s)
         for level, (kind, limit) in enumerate(
             (
-                (Kind.BATTERY_LOW, self._limits.battery_low_pct),
-                (Kind.BATTERY_CRITICAL, self._limits.battery_critical_pct),
+                (IncidentKind.BATTERY_LOW, self._limits.battery_low_pct),
+                (IncidentKind.BATTERY_CRITICAL, self._limits.battery_critical_pct),
             ),
             start=1,
         ):
@@ -128,12 +130,12 @@ class VehicleWatch:
                 self._battery_told = level
                 found.append(Incident(kind, self.sysid, unix_s, f"{self._battery_pct} % left"))
         if self._fence and not self._fence_told:
-            found.append(Incident(Kind.FENCE, self.sysid, unix_s))
+            found.append(Incident(IncidentKind.FENCE, self.sysid, unix_s))
         self._fence_told = self._fence
         if self._mode is not None and self._mode not in self.obeys:
             if not self._mode_told:
                 name = self._manners.mode_name(self._mode)
-                found.append(Incident(Kind.MODE_LEFT, self.sysid, unix_s, f"it is in {name} now"))
+                found.append(Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, f"it is in {name} now"))
             self._mode_told = True
         else:
             self._mode_told = False
@@ -146,24 +148,24 @@ class VehicleWatch:
                 return []  # a link is back when it tells where the vehicle is
             self._silent = self._lost = False
             usable = self.usable and (self._mode is None or self._mode in self.obeys)
-            return [Incident(Kind.LINK_BACK, self.sysid, unix_s, usable=usable)]
+            return [Incident(IncidentKind.LINK_BACK, self.sysid, unix_s, usable=usable)]
         if silent_s > self._limits.vehicle_lost_s and not self._lost:
             self._lost = True
-            return [Incident(Kind.VEHICLE_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
+            return [Incident(IncidentKind.VEHICLE_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
         if not self._silent:
             self._silent = True
-            return [Incident(Kind.LINK_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
+            return [Incident(IncidentKind.LINK_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
         return []
 
     def _fix(self, unix_s: float) -> list[Incident]:
         if math.isnan(self._no_fix_since_s):
             told, self._no_fix_told = self._no_fix_told, 0
-            return [Incident(Kind.GNSS_BACK, self.sysid, unix_s)] if told else []
+            return [Incident(IncidentKind.GNSS_BACK, self.sysid, unix_s)] if told else []
         if not self._no_fix_told:
             self._no_fix_told = 1
-            return [Incident(Kind.GNSS_LOST, self.sysid, unix_s)]
+            return [Incident(IncidentKind.GNSS_LOST, self.sysid, unix_s)]
         gone_s = unix_s - self._no_fix_since_s
         if self._no_fix_told == 1 and gone_s > self._limits.gnss_gone_s:
             self._no_fix_told = 2
-            return [Incident(Kind.GNSS_GONE, self.sysid, unix_s, f"no fix for {gone_s:.1f} s")]
+            return [Incident(IncidentKind.GNSS_GONE, self.sysid, unix_s, f"no fix for {gone_s:.1f} s")]
         return []

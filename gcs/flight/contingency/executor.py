@@ -18,15 +18,15 @@ import numpy as np
 from gcs.aio import ended
 from gcs.errors import GcsError
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
-from gcs.flight.contingency.detection import Incident, Kind, VehicleWatch
-from gcs.flight.contingency.manoeuvres import LegsCourse, hold_course, return_course, spread_course
-from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, Action, Choices, Director, Order, State
+from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
+from gcs.flight.contingency.manoeuvres import LegsReference, hold_reference, return_reference, spread_reference
+from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, Action, Choices, ContingencyPolicy, Order, State
 from gcs.flight.monitor import Monitor, VehicleView
-from gcs.flight.offboard.streamer import Pilot
+from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.takeoff_landing import Crew, set_mode
+from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.trajectory import Plan
@@ -39,21 +39,21 @@ _TRIES = 3
 _HOVER_M = 1.0  # over home, before the landing
 
 
-class Crisis:
+class ContingencyExecutor:
     """Watches from the start of the formation's flight on. `over` is set once nobody flies the plan any more."""
 
     def __init__(
         self,
         plan: Plan,
-        crews: Mapping[int, Crew],
+        crews: Mapping[int, FlightVehicle],
         monitor: Monitor,
-        pilot: Pilot,
+        pilot: Streamer,
         time: FleetTime,
         returns: ReturnPlan,
         options: FlightOptions,
         on_event: Callable[[Event], None],
     ) -> None:
-        self.director = Director(
+        self.director = ContingencyPolicy(
             plan.sysids,
             plan.sysids[plan.leader],
             Choices(options.on_loss, options.on_leader_loss, options.follow),
@@ -71,10 +71,10 @@ class Crisis:
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
         self._watches = {sysid: self._watch(crew) for sysid, crew in crews.items()}
         self._now_s = -math.inf  # of the fleet; worked out once for many messages
-        self._going_home: dict[int, LegsCourse] = {}
+        self._going_home: dict[int, LegsReference] = {}
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
-    def _watch(self, crew: Crew) -> VehicleWatch:
+    def _watch(self, crew: FlightVehicle) -> VehicleWatch:
         m = crew.manners
         obeys = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
         return VehicleWatch(crew.sysid, m, self._options.limits, math.inf, frozenset(obeys))
@@ -122,7 +122,9 @@ class Crisis:
         """One trouble for people: "vehicle 2 was lost (silent for 10.1 s) at t = 12.3 s"."""
         t_s = incident.unix_s - (self._monitor.t0_unix_s or 0.0)
         detail = f" ({incident.detail})" if incident.detail else ""
-        what = "was lost" if incident.kind is Kind.VEHICLE_LOST else f"left the formation: {incident.kind.value}"
+        what = (
+            "was lost" if incident.kind is IncidentKind.VEHICLE_LOST else f"left the formation: {incident.kind.value}"
+        )
         return f"vehicle {incident.sysid} {what}{detail} at t = {t_s:.1f} s"
 
     def _listener(self, watch: VehicleWatch) -> Callable[[Message], None]:
@@ -162,12 +164,12 @@ class Crisis:
             further, other = sorted(conflict.pair, key=lambda i: -np.nan_to_num(views[i].error_m))
             higher = bool(views[further].position_ned_m[2] <= views[other].position_ned_m[2])
             words = f"{conflict.distance_m:.2f} m"
-            incident = Incident(Kind.CONFLICT, further, now_s, words, other=other, in_s=conflict.in_s)
+            incident = Incident(IncidentKind.CONFLICT, further, now_s, words, other=other, in_s=conflict.in_s)
             self._decide(incident, t_s, higher=higher)
 
     def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
         orders = self.director.take(incident, higher=higher)
-        if incident.kind is not Kind.CONFLICT or orders:
+        if incident.kind is not IncidentKind.CONFLICT or orders:
             self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail)
         for order in orders:
             self._carry_out(order, t_s)
@@ -201,7 +203,7 @@ class Crisis:
                     self._going_home[order.sysid] = course
                 self._start(order.sysid, partial(self._pilot.take_over, crew, course))
 
-    def _course(self, order: Order, view: VehicleView, row: int, begin_s: float) -> LegsCourse:
+    def _course(self, order: Order, view: VehicleView, row: int, begin_s: float) -> LegsReference:
         """From where it will be when it begins."""
         assert self._monitor.t0_unix_s is not None
         ahead_s = min(max(begin_s - (view.unix_s - self._monitor.t0_unix_s), 0.0), 1.0)
@@ -209,11 +211,11 @@ class Crisis:
         at = np.clip(np.array([begin_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
         yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
         if order.action is Action.HOLD:
-            return hold_course(position, velocity, yaw, begin_s)
+            return hold_reference(position, velocity, yaw, begin_s)
         if order.action is Action.SPREAD:
-            return spread_course(position, velocity, yaw, begin_s, SPREAD_M)
+            return spread_reference(position, velocity, yaw, begin_s, SPREAD_M)
         speeds = self.returns.speeds
-        return return_course(
+        return return_reference(
             position,
             velocity,
             yaw,
@@ -224,7 +226,7 @@ class Crisis:
             _HOVER_M,
         )
 
-    async def _change_mode(self, crew: Crew, mode: int) -> None:
+    async def _change_mode(self, crew: FlightVehicle, mode: int) -> None:
         await set_mode(crew, mode)
         self._pilot.leave(crew.sysid)
 

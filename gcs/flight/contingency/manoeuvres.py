@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.flight.offboard.reference_trajectory import Course, Values
+from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
 from gcs.physics.quadrotor import Array
 
 BRAKE_MPS2 = 1.5  # a fifth of what tilting by 60 degrees would give: any vehicle here can
@@ -20,7 +20,7 @@ SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 
 @dataclass(frozen=True)
-class Leg:
+class ReferenceLeg:
     """Straight from `start` by `way` (3,) in `duration_s`: from rest to rest, or from `speed_mps` to rest."""
 
     start: Array
@@ -52,24 +52,26 @@ class Leg:
         return self.start + gone * along, speed * along, push * along
 
 
-def leg(start: Array, end: Array, speed_mps: float, accel_mps2: float = BRAKE_MPS2) -> Leg:
+def leg(start: Array, end: Array, speed_mps: float, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
     """From rest to rest, no faster than told."""
     way = np.asarray(end) - start
     length = float(np.linalg.norm(way))
     top = min(speed_mps, math.sqrt(length * accel_mps2))
-    return Leg(start, way, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
+    return ReferenceLeg(start, way, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
 
 
-def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) -> Leg:
+def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
     """Straight on to a stop."""
     speed = float(np.linalg.norm(velocity))
-    return Leg(position, velocity * speed / (2.0 * accel_mps2), speed / accel_mps2, 0.0, braking=True)
+    return ReferenceLeg(position, velocity * speed / (2.0 * accel_mps2), speed / accel_mps2, 0.0, braking=True)
 
 
-class LegsCourse:
+class LegsReference:
     """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them from then on."""
 
-    def __init__(self, legs: Sequence[Leg], begin_s: float, yaw_ned_rad: float, beside: Leg | None = None) -> None:
+    def __init__(
+        self, legs: Sequence[ReferenceLeg], begin_s: float, yaw_ned_rad: float, beside: ReferenceLeg | None = None
+    ) -> None:
         self.begin_s = begin_s
         durations_s = [sum(one.duration_s for one in legs), beside.duration_s if beside is not None else 0.0]
         self.end_s = begin_s + max(durations_s)
@@ -99,18 +101,20 @@ class LegsCourse:
         return (*position.tolist(), *velocity.tolist(), *acceleration.tolist(), self._yaw_ned_rad)
 
 
-def hold_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float) -> LegsCourse:
+def hold_reference(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float) -> LegsReference:
     """Brake, and stand there."""
-    return LegsCourse([braking(position, velocity)], begin_s, yaw_ned_rad)
+    return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad)
 
 
-def spread_course(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float) -> LegsCourse:
+def spread_reference(
+    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float
+) -> LegsReference:
     """Brake, climb by `up_m` meanwhile, and stand there."""
     climb = leg(np.zeros(3), np.array([0.0, 0.0, -up_m]), SPREAD_MPS, SPREAD_MPS2)
-    return LegsCourse([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
+    return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
 
 
-def return_course(
+def return_reference(
     position: Array,
     velocity: Array,
     yaw_ned_rad: float,
@@ -119,7 +123,7 @@ def return_course(
     level_m: float,
     speeds_mps: tuple[float, float, float],
     end_above_m: float,
-) -> LegsCourse:
+) -> LegsReference:
     """Brake, climb to `level_m` above home, straight there, down to `end_above_m` over it: as returns are verified.
 
     Who is higher already stays as high as it is. `speeds_mps`: climb, cruise, sink.
@@ -131,13 +135,13 @@ def return_course(
     over_here, over_home = np.array([here[0], here[1], top]), np.array([home_ned_m[0], home_ned_m[1], top])
     low = np.array([home_ned_m[0], home_ned_m[1], max(float(home_ned_m[2]) - end_above_m, top)])
     legs = [stop, leg(here, over_here, climb), leg(over_here, over_home, cruise), leg(over_home, low, sink)]
-    return LegsCourse(legs, begin_s, yaw_ned_rad)
+    return LegsReference(legs, begin_s, yaw_ned_rad)
 
 
-class RejoinCourse:
+class RejoinReference:
     """Another course, joined from where the vehicle is: what is off fades in `fade_s`, velocity and all."""
 
-    def __init__(self, base: Course, off_m: Array, off_mps: Array, begin_s: float, fade_s: float) -> None:
+    def __init__(self, base: ReferenceTrajectory, off_m: Array, off_mps: Array, begin_s: float, fade_s: float) -> None:
         self.base = base
         self._begin_s = begin_s
         self._fade_s = fade_s

@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from gcs.flight.contingency.detection import Incident, Kind
+from gcs.flight.contingency.detection import Incident, IncidentKind
 
 
 class State(StrEnum):
@@ -91,7 +91,7 @@ SPREAD_AGAIN_S = 4.0  # that climb takes more than three seconds
 
 
 @dataclass
-class Director:
+class ContingencyPolicy:
     """Decides. `states` by system id; `leader` is whom the others follow, if they do."""
 
     sysids: tuple[int, ...]
@@ -114,34 +114,38 @@ class Director:
         """Orders for an incident. `higher`: of a conflict, whether its first vehicle is not below the other."""
         state = self.states[incident.sysid]
         match incident.kind:
-            case Kind.LINK_LOST:
+            case IncidentKind.LINK_LOST:
                 if state is State.FLYING:
                     self.states[incident.sysid] = State.SILENT
                 return []
-            case Kind.LINK_BACK:
+            case IncidentKind.LINK_BACK:
                 return self._back(incident, state)
-            case Kind.CONFLICT:
+            case IncidentKind.CONFLICT:
                 return self._conflict(incident, higher)
-            case Kind.GNSS_LOST | Kind.GNSS_BACK:
+            case IncidentKind.GNSS_LOST | IncidentKind.GNSS_BACK:
                 return []
-            case Kind.VEHICLE_LOST:
+            case IncidentKind.VEHICLE_LOST:
                 return self._lost(incident, state)
-            case Kind.MODE_LEFT:
+            case IncidentKind.MODE_LEFT:
                 if state in (State.LANDING, State.LEFT, State.LOST):
                     return []
                 return self._out(incident, State.LEFT, Action.LEAVE, "a mode that nobody here asked for is obeyed")
-            case Kind.BATTERY_LOW:
+            case IncidentKind.BATTERY_LOW:
                 if state not in IN_FORMATION:
                     return []
                 return self._out(incident, State.RETURNING, Action.RETURN, "a low battery goes home")
-            case Kind.FENCE:
+            case IncidentKind.FENCE:
                 if state not in IN_FORMATION:
                     return []
                 return self._out(incident, State.RETURNING, Action.RETURN, "who leaves the fence goes home")
-            case Kind.BATTERY_CRITICAL | Kind.GNSS_GONE:
+            case IncidentKind.BATTERY_CRITICAL | IncidentKind.GNSS_GONE:
                 if state in (State.LANDING, State.LEFT, State.LOST):
                     return []
-                what = "a critical battery" if incident.kind is Kind.BATTERY_CRITICAL else "who does not know its place"
+                what = (
+                    "a critical battery"
+                    if incident.kind is IncidentKind.BATTERY_CRITICAL
+                    else "who does not know its place"
+                )
                 return self._out(incident, State.LANDING, Action.LAND, f"{what} lands where it is")
 
     def call_home(self, unix_s: float) -> list[Order]:

@@ -48,7 +48,7 @@ class Grid:
 
 
 @dataclass
-class Progress:
+class StreamProgress:
     """How far one vehicle's stream has come. `late_s` are the last delays behind the deadline."""
 
     next: int
@@ -82,14 +82,14 @@ class Scheduler:
     ) -> None:
         self.grid = grid
         self.t0_unix_s = t0_unix_s
-        self.streams: dict[int, Progress] = {}
+        self.streams: dict[int, StreamProgress] = {}
         self._lead_s = lead_s
         self._lags_s = lags_s or {}
         self._keep_s = keep_s
 
     def start(self, sysid: int, first: int, end: int | None) -> None:
-        """From number `first` on; `end` as in `Progress`."""
-        self.streams[sysid] = Progress(first, end)
+        """From number `first` on; `end` as in `StreamProgress`."""
+        self.streams[sysid] = StreamProgress(first, end)
 
     def stop(self, sysid: int) -> None:
         """Nothing is due to it any more."""

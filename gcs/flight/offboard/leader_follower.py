@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from gcs.flight.monitor import VehicleView
-from gcs.flight.offboard.reference_trajectory import TimedCourse, Values
+from gcs.flight.offboard.reference_trajectory import PlanReference, Values
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.changes.time_scaling import budget
 from gcs.plan.trajectory.trajectory import Plan
@@ -98,10 +98,10 @@ class LeaderDeviation:
         return share * (self._off + self._rate * age_s), share * self._rate
 
 
-class FollowCourse:
+class FollowReference:
     """One follower's share of the stream, moved along with its leader."""
 
-    def __init__(self, base: TimedCourse, leader: LeaderDeviation, last: int) -> None:
+    def __init__(self, base: PlanReference, leader: LeaderDeviation, last: int) -> None:
         self._base = base
         self._leader = leader
         self._last = last

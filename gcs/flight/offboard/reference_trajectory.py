@@ -19,14 +19,14 @@ Values = Sequence[float]  # x, y, z, vx, vy, vz, ax, ay, az, yaw
 _STILL = (0.0,) * 6
 
 
-class Course(Protocol):
+class ReferenceTrajectory(Protocol):
     """Anything with a setpoint for every instant."""
 
     def at(self, k: int, t_s: float) -> Values | None:
         """The setpoint for instant `k` of the grid, plan time `t_s`; None: nothing is to be sent."""
 
 
-class TimedCourse:
+class PlanReference:
     """One vehicle's share of the plan's stream; before and after it, its ends at rest."""
 
     def __init__(self, stream: SetpointStream, row: int) -> None:
@@ -48,7 +48,7 @@ class TimedCourse:
         return (*end[:3], *_STILL, end[9])
 
 
-class HoldCourse:
+class HoldReference:
     """Stand at one place."""
 
     def __init__(self, position_ned_m: Array, yaw_ned_rad: float) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from gcs.flight.offboard.deadlines import Scheduler
-from gcs.flight.offboard.reference_trajectory import Course, Values
+from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import SetpointMask, WireFrame
@@ -23,7 +23,7 @@ class Streamed:
     station: Station
     clock: VehicleClock
     pad_ned_m: Array  # (3,) origin of its own local frame
-    course: Course
+    course: ReferenceTrajectory
 
     @property
     def sysid(self) -> int:

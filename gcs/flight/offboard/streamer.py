@@ -13,15 +13,15 @@ from contextlib import suppress
 import numpy as np
 
 from gcs.aio import each, sleep_sharply
-from gcs.flight.contingency.manoeuvres import RejoinCourse
+from gcs.flight.contingency.manoeuvres import RejoinReference
 from gcs.flight.monitor import VehicleView
 from gcs.flight.offboard.deadlines import Grid, Scheduler
-from gcs.flight.offboard.leader_follower import FollowCourse, LeaderDeviation
-from gcs.flight.offboard.reference_trajectory import Course, TimedCourse
+from gcs.flight.offboard.leader_follower import FollowReference, LeaderDeviation
+from gcs.flight.offboard.reference_trajectory import PlanReference, ReferenceTrajectory
 from gcs.flight.offboard.setpoint_messages import Streamed, numbered_message, send_due, wait_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.takeoff_landing import Crew, set_mode
+from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.microservices.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
@@ -36,20 +36,20 @@ _EMULATED_SOON_S = 0.6
 _NEVER_S = 1e6
 
 
-class Pilot:
+class Streamer:
     """Streams to the vehicles of `crews` (by system id). `vehicles` holds who is streamed to, and what."""
 
     def __init__(
         self,
         plan: Plan,
         stream: SetpointStream,
-        crews: Mapping[int, Crew],
+        crews: Mapping[int, FlightVehicle],
         time: FleetTime,
         options: FlightOptions,
     ) -> None:
         self.vehicles: dict[int, Streamed] = {
             crew.sysid: Streamed(
-                crew.session.station, crew.session.clock, plan.pads_ned_m[crew.row], TimedCourse(stream, crew.row)
+                crew.session.station, crew.session.clock, plan.pads_ned_m[crew.row], PlanReference(stream, crew.row)
             )
             for crew in crews.values()
         }
@@ -105,7 +105,7 @@ class Pilot:
                 if message is not None:
                     self._send(sysid, message)
 
-    async def take_over(self, crew: Crew, course: Course) -> None:
+    async def take_over(self, crew: FlightVehicle, course: ReferenceTrajectory) -> None:
         """Have one vehicle fly this course from now on, whatever it flies now. Raises as switching modes does."""
         assert self.scheduler is not None
         self.vehicles[crew.sysid].course = course
@@ -131,27 +131,29 @@ class Pilot:
                 if values is not None:
                     off_m = crew.view.position_ned_m - np.array(values[:3])
                     off_mps = crew.view.velocity_ned_mps - np.array(values[3:6])
-                    course = RejoinCourse(base, off_m, off_mps, t_s, fade_s)
+                    course = RejoinReference(base, off_m, off_mps, t_s, fade_s)
                     self.vehicles[crew.sysid].course = course
                 now_s = self._time.sure_s() - t0_unix_s
                 end = None if crew.manners.stream_first_s else len(self._stream.t_s)
                 self.scheduler.start(crew.sysid, self.scheduler.grid.ahead_of(now_s), end)
         return t0_unix_s
 
-    async def obey(self, crew: Crew) -> None:
+    async def obey(self, crew: FlightVehicle) -> None:
         """Have it obey setpoints, if it does not. Raises as switching modes does."""
         await self._switch(crew)
 
-    def rejoin(self, crew: Crew, view: VehicleView, begin_s: float, fade_s: float) -> None:
+    def rejoin(self, crew: FlightVehicle, view: VehicleView, begin_s: float, fade_s: float) -> None:
         """Have a vehicle go on with its course from where it is, and be on it in `fade_s`."""
         assert self.scheduler is not None
         vehicle, t0_unix_s = self.vehicles[crew.sysid], self.scheduler.t0_unix_s
-        base = vehicle.course.base if isinstance(vehicle.course, RejoinCourse) else vehicle.course
+        base = vehicle.course.base if isinstance(vehicle.course, RejoinReference) else vehicle.course
         seen_s = view.unix_s - t0_unix_s
         values = base.at(self.scheduler.grid.ahead_of(seen_s) - 1, seen_s)
         if values is not None:
             off_m = view.position_ned_m - np.array(values[:3])
-            vehicle.course = RejoinCourse(base, off_m, view.velocity_ned_mps - np.array(values[3:6]), begin_s, fade_s)
+            vehicle.course = RejoinReference(
+                base, off_m, view.velocity_ned_mps - np.array(values[3:6]), begin_s, fade_s
+            )
 
     def leave(self, sysid: int) -> None:
         """Send it nothing any more."""
@@ -168,8 +170,8 @@ class Pilot:
         if leader is None:
             return
         leader.advance(begin_s)
-        timed = TimedCourse(self._stream, self._crews[sysid].row)
-        self.vehicles[sysid].course = RejoinCourse(timed, leader.position_m, leader.velocity_mps, begin_s, fade_s)
+        timed = PlanReference(self._stream, self._crews[sysid].row)
+        self.vehicles[sysid].course = RejoinReference(timed, leader.position_m, leader.velocity_mps, begin_s, fade_s)
         leader.lead(self._crews[sysid].view)
 
     def _let_follow(self, t0_unix_s: float) -> None:
@@ -178,8 +180,8 @@ class Pilot:
         self._leader.lead(self._crews[sysid].view)
         for crew in self._crews.values():
             if crew.sysid != sysid:
-                timed = TimedCourse(self._stream, crew.row)
-                self.vehicles[crew.sysid].course = FollowCourse(timed, self._leader, len(self._stream.t_s) - 1)
+                timed = PlanReference(self._stream, crew.row)
+                self.vehicles[crew.sysid].course = FollowReference(timed, self._leader, len(self._stream.t_s) - 1)
 
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
         """Stream from now on: points before the first one are the first one, at rest."""
@@ -215,7 +217,7 @@ class Pilot:
     def _send(self, sysid: int, message: Message) -> None:
         self._crews[sysid].session.send(message)
 
-    async def _switch(self, crew: Crew) -> None:
+    async def _switch(self, crew: FlightVehicle) -> None:
         """To the mode that obeys setpoints, where need be once they have come for long enough."""
         if crew.session.custom_mode == crew.manners.guided and crew.options.mode is FlightMode.STREAM:
             return

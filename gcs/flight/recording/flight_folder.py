@@ -18,7 +18,7 @@ from typing import Any, Self
 from gcs.files import atomic_write
 from gcs.flight.assessment.judge import Criterion, Verdict
 from gcs.flight.progress import Event, FlightTimes
-from gcs.link.session.linked_fleet import Direction
+from gcs.link.session.linked_fleet import FrameDirection
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:
@@ -55,7 +55,7 @@ class TelemetryLog:
     ) -> None:
         self._file.close()
 
-    def write(self, direction: Direction, frame: bytes) -> None:
+    def write(self, direction: FrameDirection, frame: bytes) -> None:
         """Note one frame; frames before the vehicles' time is known carry the time 0."""
         unix_s = self._unix_s()
         if unix_s is not None:

@@ -19,7 +19,7 @@ _FORMAT = "skein-flight-1"
 
 
 @dataclass(frozen=True)
-class Logbook:
+class FlightState:
     """How it stands with a flight, as last written."""
 
     mission: str
@@ -51,12 +51,12 @@ class Logbook:
         return True
 
 
-def write_logbook(folder: Path, book: Logbook) -> None:
+def write_flight_state(folder: Path, book: FlightState) -> None:
     """Put it in place of the last one, whole or not at all."""
     atomic_write(folder / NAME, json.dumps({"format": _FORMAT, **asdict(book)}, indent=2) + "\n")
 
 
-def read_logbook(folder: Path) -> Logbook:
+def read_flight_state(folder: Path) -> FlightState:
     """Raises FileFormatError."""
     path = folder / NAME
     try:
@@ -65,7 +65,7 @@ def read_logbook(folder: Path) -> Logbook:
             raise ValueError("another format")
         data["links"] = tuple(map(str, data["links"]))
         data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
-        return Logbook(**data)
+        return FlightState(**data)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         raise FileFormatError(f"{path} is no logbook of a flight ({problem}).", hint="name a flight's folder") from None
 
@@ -74,7 +74,7 @@ def newest_unfinished(root: Path) -> Path:
     """The folder of the last flight under `root` that did not end. Raises UsageError."""
     found = sorted((p.parent for p in root.glob(f"*/{NAME}")), key=lambda folder: (folder / NAME).stat().st_mtime)
     for folder in reversed(found):
-        book = read_logbook(folder)
+        book = read_flight_state(folder)
         if not book.over and book.links:
             return folder
     raise UsageError(

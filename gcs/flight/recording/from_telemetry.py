@@ -47,7 +47,7 @@ def is_ground(message: Message) -> bool:
     return message.name == "HEARTBEAT" and message.fields["type"] == MavType.GCS
 
 
-def retrace(
+def recording_from_telemetry(
     messages: Iterable[tuple[float, Message]],
 ) -> tuple[tuple[VehicleTrack, ...], tuple[Event, ...], tuple[Event, ...], tuple[str, ...]]:
     """Messages with their times, in order -> tracks, what went wrong, what else was said, notes."""

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 from gcs.errors import FileFormatError
 from gcs.flight.recording.flight_folder import EVENTS, read_events
 from gcs.flight.recording.flight_state import NAME as LOGBOOK
-from gcs.flight.recording.flight_state import Logbook, read_logbook
-from gcs.flight.recording.from_telemetry import is_ground, retrace
+from gcs.flight.recording.flight_state import FlightState, read_flight_state
+from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
 from gcs.flight.recording.record_table import NAME as RECORD
 from gcs.flight.recording.record_table import build_record, telemetry_logs
 from gcs.flight.recording.recording import Recording, VehicleTrack
@@ -29,7 +29,7 @@ from gcs.plan.trajectory.plan_file import load_plan
 PLAN = "plan.skein"
 
 
-class Recalled:
+class LoadedRecording:
     """A recording, and the frames that vehicles sent at their times (for who wants to hear them again)."""
 
     def __init__(self, recording: Recording, t_s: Array, frames: tuple[LoggedFrame, ...]) -> None:
@@ -40,12 +40,12 @@ class Recalled:
         self.frames = tuple(frames[n].data for n in chosen)
 
 
-def recall(path: Path) -> Recalled:
+def load_recording(path: Path) -> LoadedRecording:
     """A folder with `telemetry*.tlog` or `record.parquet`, or a log. Raises FileFormatError."""
     if not path.is_dir():
         return _bare(path.name, [load_tlog(path)])
     logs = telemetry_logs(path)
-    book = read_logbook(path) if (path / LOGBOOK).is_file() else None
+    book = read_flight_state(path) if (path / LOGBOOK).is_file() else None
     if book is None or book.t0_unix_s is None or not (path / PLAN).is_file():
         if not logs:
             raise FileFormatError(f"{path} holds no telemetry.", hint="name a flight's folder or a .tlog")
@@ -53,27 +53,27 @@ def recall(path: Path) -> Recalled:
     return _flight(path, book, book.t0_unix_s, [load_tlog(log) for log in logs])
 
 
-def _flight(folder: Path, book: Logbook, t0_unix_s: float, logs: list[Tlog]) -> Recalled:
+def _flight(folder: Path, book: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
     plan, _ = load_plan(folder / PLAN)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
     record = build_record(plan, t0_unix_s, messages, book.systems) if logs else _read_record(folder / RECORD)
-    _, warnings, remarks, _ = retrace(_timed(frames, unix_s - t0_unix_s))
+    _, warnings, remarks, _ = recording_from_telemetry(_timed(frames, unix_s - t0_unix_s))
     vehicle_of = {system: vehicle for vehicle, system in book.systems.items()}
     said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
     said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
     tracks = _from_record(record, plan.sysids)
     events = read_events(folder / EVENTS)
     recording = Recording(f"{book.mission}, {book.step}", tracks, events, tuple(said), plan, notes)
-    return Recalled(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
+    return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
 
 
-def _bare(name: str, logs: list[Tlog]) -> Recalled:
+def _bare(name: str, logs: list[Tlog]) -> LoadedRecording:
     frames, unix_s, notes = _joined(logs)
     t_s = unix_s - unix_s[0]
-    tracks, events, remarks, more = retrace(_timed(frames, t_s))
+    tracks, events, remarks, more = recording_from_telemetry(_timed(frames, t_s))
     recording = Recording(name, tracks, events, remarks, None, (*notes, *more))
-    return Recalled(_not_empty(recording, Path(name)), t_s, frames)
+    return LoadedRecording(_not_empty(recording, Path(name)), t_s, frames)
 
 
 def _joined(logs: list[Tlog]) -> tuple[tuple[LoggedFrame, ...], Array, tuple[str, ...]]:

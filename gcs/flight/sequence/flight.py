@@ -20,16 +20,16 @@ import numpy as np
 from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
 from gcs.autopilots.flight_modes import manners_of
 from gcs.errors import FlightError, GcsError, PeerError
-from gcs.flight.contingency.executor import Crisis
+from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
 from gcs.flight.monitor import Monitor
-from gcs.flight.offboard.streamer import Pilot
+from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.resume import FADE_S, NEAR_M, TakeUp, where_in_plan
+from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
-    Crew,
+    FlightVehicle,
     ask_for_telemetry,
     set_mode,
     start_mission,
@@ -53,7 +53,7 @@ from gcs.plan.trajectory.trajectory import Plan
 T = TypeVar("T")
 
 
-class Flight:
+class FlightSequence:
     """One plan flown once by the vehicles of `sessions` (by system id). Raises PeerError for unknown autopilots."""
 
     def __init__(
@@ -80,7 +80,7 @@ class Flight:
         self.monitor = Monitor(plan)
         self.step = Step.READY
         self.crews = {
-            sysid: Crew(
+            sysid: FlightVehicle(
                 sessions[sysid],
                 manners_of(sysid, sessions[sysid].autopilot),
                 plan,
@@ -91,7 +91,7 @@ class Flight:
             for row, sysid in enumerate(plan.sysids)
         }
         self.time = FleetTime(sessions)
-        self.pilot = Pilot(plan, stream, self.crews, self.time, options)
+        self.pilot = Streamer(plan, stream, self.crews, self.time, options)
         self._leaving_s = next(iter(self.missions.values())).leaves_s
         self._start_unix_s = 0
         self._on_event = on_event
@@ -101,7 +101,7 @@ class Flight:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight); vehicles aloft are landed first."""
         return await self._guarded(self._run())
 
-    async def take_up(self, what: TakeUp, t0_unix_s: float | None) -> float | None:
+    async def take_up(self, what: Resume, t0_unix_s: float | None) -> float | None:
         """Go on with a flight that another process began and left; returns T0. Raises as `run` does.
 
         `t0_unix_s` is that of the process that began, None if it had none yet.
@@ -169,36 +169,36 @@ class Flight:
         self._tell_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
-    async def _take_up(self, what: TakeUp, t0_unix_s: float | None) -> float | None:
+    async def _take_up(self, what: Resume, t0_unix_s: float | None) -> float | None:
         await self._each(ask_for_telemetry)
         await self._each(until_ready)
         await until(self._everybody_told, self.options.find_timeout_s, "a position of every vehicle")
         self.crisis = await self._crisis()
-        if what is TakeUp.LAND or (what is TakeUp.RESUME and not any(s.armed for s in self.sessions.values())):
+        if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in self.sessions.values())):
             self._enter(Step.LAND)
             await self._each(self._land)
             await self._each(until_landed)
             self._enter(Step.DONE)
             return t0_unix_s
-        if what is TakeUp.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
+        if what is Resume.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
             self.pilot.stand_by(t0_unix_s)
             go_on = [t0_unix_s]
         else:
             where = where_in_plan(self.plan, np.array([c.view.position_ned_m for c in self.crews.values()]))
-            if what is TakeUp.RESUME and where.off_m > NEAR_M:
+            if what is Resume.RESUME and where.off_m > NEAR_M:
                 raise FlightError(
                     f"the formation is not where the plan ever has it: at its nearest, t = {where.t_s:.0f} s, somebody"
                     f" is {where.off_m:.1f} m off.",
                     hint="let it --land or --return",
                 )
-            go_on = [self.pilot.go_on(where.t_s, FADE_S if what is TakeUp.RESUME else None)]
+            go_on = [self.pilot.go_on(where.t_s, FADE_S if what is Resume.RESUME else None)]
         async with alongside(self.pilot.run()):
-            if what is TakeUp.RESUME and self.options.mode is FlightMode.STREAM:
+            if what is Resume.RESUME and self.options.mode is FlightMode.STREAM:
                 await self._each(self.pilot.obey)
             self._enter(Step.FLY)
-            await self._watch_over(go_on[0], everybody_home=what is TakeUp.RETURN)
+            await self._watch_over(go_on[0], everybody_home=what is Resume.RETURN)
         self._enter(Step.DONE)
-        if what is TakeUp.RESUME:
+        if what is Resume.RESUME:
             self._tell_troubles()
         return go_on[0]
 
@@ -209,9 +209,11 @@ class Flight:
         self.step = step
         self._on_step(step, self.monitor.t0_unix_s)
 
-    async def _crisis(self) -> Crisis:
+    async def _crisis(self) -> ContingencyExecutor:
         returns = await self._returns()
-        return Crisis(self.plan, self.crews, self.monitor, self.pilot, self.time, returns, self.options, self._on_event)
+        return ContingencyExecutor(
+            self.plan, self.crews, self.monitor, self.pilot, self.time, returns, self.options, self._on_event
+        )
 
     def _check_mode(self) -> None:
         late = [c.sysid for c in self.crews.values() if not c.manners.waits_for_time_of_day]
@@ -251,7 +253,7 @@ class Flight:
             await each(landing, until_landed)
             await self._until_all_are_down()
 
-    async def _land(self, crew: Crew) -> None:
+    async def _land(self, crew: FlightVehicle) -> None:
         await set_mode(crew, crew.manners.land)
         self.pilot.leave(crew.sysid)
 
@@ -303,10 +305,10 @@ class Flight:
         firmware = next(iter(self.crews.values())).manners.firmware
         return await asyncio.to_thread(plan_returns, self.plan, firmware)
 
-    async def _each(self, action: Callable[[Crew], Awaitable[object]]) -> None:
+    async def _each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
         await each(self.crews.values(), action)
 
-    def listen(self, crew: Crew) -> Callable[[], None]:
+    def listen(self, crew: FlightVehicle) -> Callable[[], None]:
         """Take in what a vehicle tells of its place, until the result is called."""
 
         def receive(message: Message) -> None:
@@ -331,7 +333,7 @@ class Flight:
                     hint="the others were told to land; look for it where the last telemetry puts it",
                 )
 
-    def _perhaps_aloft(self) -> list[Crew]:
+    def _perhaps_aloft(self) -> list[FlightVehicle]:
         """Who is not heard may still hear; who was told to arm may be in the air before its heartbeat says so."""
         return [c for c in self.crews.values() if c.session.armed or self.step is Step.TAKEOFF]
 
@@ -347,7 +349,7 @@ class Flight:
     async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
         await ended(work)
 
-        async def land(crew: Crew) -> None:
+        async def land(crew: FlightVehicle) -> None:
             with suppress(GcsError):
                 await crew.session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(crew.manners.land))
 

@@ -18,7 +18,7 @@ FADE_S = 10.0
 _STEP_S = 0.1
 
 
-class TakeUp(StrEnum):
+class Resume(StrEnum):
     """What is to become of the flight."""
 
     SHOW = "show"

@@ -52,12 +52,12 @@ async def until_mode(
         await ended(seen)
 
 
-def hands_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
+def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
     """Whichever backend it was found by; to be closed by whoever asks. Raises `PeerError` for unknown autopilots."""
-    return SessionHands(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.hands()
+    return SessionControl(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.hands()
 
 
-class SessionHands:
+class SessionControl:
     """`Flyable` by our own machines."""
 
     def __init__(self, session: VehicleSession) -> None:

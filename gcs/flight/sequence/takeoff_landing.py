@@ -26,7 +26,7 @@ _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
 
 @dataclass(frozen=True)
-class Crew:
+class FlightVehicle:
     """Everything about one vehicle of a flight."""
 
     session: VehicleSession
@@ -48,7 +48,7 @@ class Crew:
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
 
 
-async def ask_for_telemetry(crew: Crew) -> None:
+async def ask_for_telemetry(crew: FlightVehicle) -> None:
     """Positions often, everything that tells of trouble now and then."""
     session = crew.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, crew.options.telemetry_rate_hz)
@@ -57,7 +57,7 @@ async def ask_for_telemetry(crew: Crew) -> None:
         await session.set_message_interval(number, 2.0)
 
 
-async def until_ready(crew: Crew) -> None:
+async def until_ready(crew: FlightVehicle) -> None:
     """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
     session, options = crew.session, crew.options
     await session.wait_for(
@@ -77,7 +77,7 @@ async def until_ready(crew: Crew) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def take_off(crew: Crew) -> None:
+async def take_off(crew: FlightVehicle) -> None:
     """Arm and climb to the hover over the pad."""
     session, manners = crew.session, crew.manners
     pad_up_m = -float(crew.plan.pads_ned_m[crew.row, 2])
@@ -88,18 +88,18 @@ async def take_off(crew: Crew) -> None:
     await session.command(MavCommand.NAV_TAKEOFF, *manners.takeoff_parameters(height_m, home_amsl_m))
 
 
-async def set_mode(crew: Crew, mode: int) -> None:
+async def set_mode(crew: FlightVehicle, mode: int) -> None:
     """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
     await until_mode(crew.session, crew.manners, mode, crew.options.phase_timeout_s)
 
 
-async def start_mission(crew: Crew) -> None:
+async def start_mission(crew: FlightVehicle) -> None:
     """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
     m = crew.manners
     await until_mode(crew.session, m, m.mission, crew.options.phase_timeout_s, MavCommand.MISSION_START)
 
 
-async def until_hovering(crew: Crew) -> None:
+async def until_hovering(crew: FlightVehicle) -> None:
     """Near its place over the pad, and slow. Raises PeerTimeout."""
     # A vehicle climbs by height above its own start, which it knows no better than where it will arrive.
     near_m = max(_SETTLED_M, crew.plan.scenario.judge.arrival_position_m)
@@ -112,7 +112,7 @@ async def until_hovering(crew: Crew) -> None:
     await until(settled, crew.options.phase_timeout_s, f"vehicle {crew.sysid}: hover over its pad")
 
 
-async def until_landed(crew: Crew) -> None:
+async def until_landed(crew: FlightVehicle) -> None:
     """Landed means disarmed: EXTENDED_SYS_STATE and items reached are told too early. Raises PeerTimeout."""
     await crew.session.wait_for(
         is_disarmed, crew.options.phase_timeout_s, "disarming after the landing", or_latest=True

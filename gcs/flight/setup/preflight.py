@@ -17,15 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.errors import FlightError, GcsError
-from gcs.frames import Origin, geodetic_to_ned
-from gcs.link.fleet_upload.upload_fleet import Change, restore
-from gcs.link.session.linked_fleet import Fleet
-from gcs.link.session.status_report import VehicleReport, survey
+from gcs.frames import geodetic_to_ned
+from gcs.link.fleet_upload.upload_fleet import ParameterChange, restore
+from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.status_report import VehicleReport, status_report
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.si import local_origin
 
 _RTK_FIXED = 6
 _CONFUSED_M = {True: 0.15, False: 1.5}  # with an RTK fix, and without: nearer to another pad by more than this
@@ -46,7 +47,7 @@ class PreflightLimits:
 
 
 @dataclass(frozen=True)
-class Check:
+class PreflightCheck:
     """One line of the table: what was looked at, what was found, whether that is good."""
 
     sysid: int
@@ -58,7 +59,7 @@ class Check:
 
 def preflight(
     plan: Plan, reports: Mapping[int, VehicleReport], limits: PreflightLimits | None = None
-) -> tuple[Check, ...]:
+) -> tuple[PreflightCheck, ...]:
     """Every check of every vehicle, in the plan's order."""
     limits = limits or PreflightLimits()
     needed = battery_needed(plan, limits)
@@ -69,7 +70,7 @@ def preflight(
     return tuple(found)
 
 
-def refuse_no_go(checks: Sequence[Check]) -> None:
+def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
     """Raises `FlightError` that names everything that is not good."""
     bad = [c for c in checks if not c.ok]
     if bad:
@@ -97,11 +98,11 @@ def reserve_asked(plan: Plan, limits: PreflightLimits) -> str:
     return f"{limits.reserve:.0%} left ({known})"
 
 
-def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits) -> list[Check]:
+def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits) -> list[PreflightCheck]:
     sysid = plan.sysids[row]
 
-    def check(name: str, found: str | None, asked: str, ok: bool) -> Check:
-        return Check(sysid, name, "does not tell" if found is None else found, asked, ok and found is not None)
+    def check(name: str, found: str | None, asked: str, ok: bool) -> PreflightCheck:
+        return PreflightCheck(sysid, name, "does not tell" if found is None else found, asked, ok and found is not None)
 
     pads = plan.pads_ned_m
     place = _ned(plan, report.position)
@@ -136,10 +137,10 @@ def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits
     return checks
 
 
-def _battery(sysid: int, share: float | None, needed: float, plan: Plan, limits: PreflightLimits) -> Check:
+def _battery(sysid: int, share: float | None, needed: float, plan: Plan, limits: PreflightLimits) -> PreflightCheck:
     have = "does not tell" if share is None else f"has {share:.0%}"
     enough = share is not None and share >= needed + limits.reserve
-    return Check(sysid, "battery", f"{have}, needs {needed:.0%}", reserve_asked(plan, limits), enough)
+    return PreflightCheck(sysid, "battery", f"{have}, needs {needed:.0%}", reserve_asked(plan, limits), enough)
 
 
 def _distance(place: Array | None, wanted: Array, most_m: float) -> tuple[str | None, str, bool]:
@@ -154,7 +155,7 @@ def _distance(place: Array | None, wanted: Array, most_m: float) -> tuple[str | 
 def _ned(plan: Plan, place: Home | None) -> Array | None:
     if place is None:
         return None
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     ned = geodetic_to_ned(np.array(place.lat_deg), np.array(place.lon_deg), np.array(place.alt_amsl_m), origin)
     return np.asarray(ned, dtype=float).reshape(3)
 
@@ -164,14 +165,14 @@ def _health(good: bool | None) -> str | None:
 
 
 async def go_or_no_go(
-    fleet: Fleet,
+    fleet: LinkedFleet,
     sessions: Mapping[int, VehicleSession],
     plan: Plan,
     limits: PreflightLimits,
-    show: Callable[[tuple[Check, ...]], None],
-) -> tuple[Check, ...]:
+    show: Callable[[tuple[PreflightCheck, ...]], None],
+) -> tuple[PreflightCheck, ...]:
     """Ask all vehicles, show what was found. Raises `FlightError` for a no-go, `DuplicateSystemId`."""
-    asked = ((sysid, survey(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    asked = ((sysid, status_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
     sysids, surveys = zip(*asked, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
@@ -182,7 +183,7 @@ async def go_or_no_go(
 
 
 async def put_back(
-    sessions: Mapping[int, VehicleSession], changes: tuple[Change, ...], say: Callable[[str], None]
+    sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
 ) -> None:
     """Parameters as they were before the upload; who does not answer is told, and the flight's own end stays."""
     if not changes:

@@ -18,7 +18,7 @@ from gcs.mission.model import Home, MissionItem
 
 
 @dataclass(frozen=True)
-class Held:
+class OnboardState:
     """Everything one vehicle holds; home does not count as an item."""
 
     sysid: int
@@ -54,7 +54,7 @@ class Held:
         ]
 
 
-async def read_held(session: Loadable) -> Held:
+async def read_onboard(session: Loadable) -> OnboardState:
     """Download everything. Raises `PeerError`."""
     items = await session.download(MissionType.MISSION)
     fence = await session.download(MissionType.FENCE)
@@ -65,4 +65,4 @@ async def read_held(session: Loadable) -> Held:
         home = Home(from_degE7(first.lat_degE7), from_degE7(first.lon_degE7), first.alt_m)
     else:
         home = await session.home()
-    return Held(session.sysid, session.autopilot, home, items, fence, rally)
+    return OnboardState(session.sysid, session.autopilot, home, items, fence, rally)

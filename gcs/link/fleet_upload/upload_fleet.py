@@ -25,7 +25,7 @@ _SILENT_S = 4.0
 
 
 @dataclass(frozen=True)
-class Change:
+class ParameterChange:
     """One parameter of one vehicle, before and after."""
 
     sysid: int
@@ -39,7 +39,7 @@ class Holdings:
 
     plan_hash: str
     digests: Mapping[int, str]
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
 
     def require(self, plan_hash: str, sysids: Sequence[int]) -> None:
         """Raises `FlightError` unless all these vehicles hold their load of this very plan."""
@@ -70,12 +70,12 @@ class _Loading:
 
     session: Loadable
     load: VehicleLoad
-    changes: list[Change] = field(default_factory=list)
+    changes: list[ParameterChange] = field(default_factory=list)
     touched: set[MissionType] = field(default_factory=set)
     wrote: bool = False
 
 
-async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[Change, ...]:
+async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[ParameterChange, ...]:
     """The parameters that an upload would change. Nothing is changed. Raises `PeerError`, `UsageError`."""
     found = await asyncio.gather(*(_changes(sessions[load.sysid], load) for load in loads))
     return tuple(change for changes in found for change in changes)
@@ -118,7 +118,7 @@ async def upload_fleet(
     return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes))
 
 
-async def restore(sessions: Mapping[int, Loadable], changes: Sequence[Change]) -> None:
+async def restore(sessions: Mapping[int, Loadable], changes: Sequence[ParameterChange]) -> None:
     """Give every changed parameter its old value. Raises `PeerError`; the others are restored all the same."""
     by_vehicle: dict[int, list[Parameter]] = {}
     for change in changes:
@@ -157,7 +157,7 @@ async def _all_or_first(actions: Sequence[Awaitable[T]], every: Sequence[_Loadin
     return [task.result() for task in tasks]
 
 
-async def _changes(session: Loadable, load: VehicleLoad) -> list[Change]:
+async def _changes(session: Loadable, load: VehicleLoad) -> list[ParameterChange]:
     wanted = dict(load.parameters)
     if not wanted:
         return []
@@ -167,7 +167,7 @@ async def _changes(session: Loadable, load: VehicleLoad) -> list[Change]:
         before = values[name]
         after = Parameter(name, as_kind(name, value, before.kind), before.kind)
         if after.value != before.value:
-            changes.append(Change(session.sysid, before, after))
+            changes.append(ParameterChange(session.sysid, before, after))
     return changes
 
 

@@ -26,7 +26,7 @@ from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
 from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, refusal
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 
@@ -60,7 +60,7 @@ class FtpReader:
         *,
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 4,
     ) -> None:
@@ -70,7 +70,7 @@ class FtpReader:
         self._measure = measure
         self._head = head
         self._requests = FtpRequests(
-            peer, me, numbers or FtpNumbers(), round_trip or RoundTrip(), give_up_s=timers.give_up_s
+            peer, me, numbers or FtpNumbers(), round_trip or RttEstimator(), give_up_s=timers.give_up_s
         )
         self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries)
         self._session = 0

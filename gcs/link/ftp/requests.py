@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from gcs.errors import PeerTimeout
 from gcs.link.ftp.payload import NAME, FtpOpcode, FtpPayload, read_payload
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import Message, Station
 
 _SEQS, _SESSIONS = 0x10000, 255
@@ -54,7 +54,7 @@ class FtpRequests:
     """What is awaited from one vehicle."""
 
     def __init__(
-        self, peer: Station, me: Station, numbers: FtpNumbers, round_trip: RoundTrip, give_up_s: float
+        self, peer: Station, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, give_up_s: float
     ) -> None:
         self.peer = peer
         self.me = me

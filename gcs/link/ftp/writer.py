@@ -30,7 +30,7 @@ from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
 from gcs.link.ftp.payload import FtpOpcode, FtpPayload, refusal
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 
@@ -60,7 +60,7 @@ class FtpWriter:
         *,
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 5,
     ) -> None:
@@ -69,7 +69,7 @@ class FtpWriter:
         self._path = path
         self._pieces = tuple(pieces)
         self._requests = FtpRequests(
-            peer, me, numbers or FtpNumbers(), round_trip or RoundTrip(), give_up_s=timers.give_up_s
+            peer, me, numbers or FtpNumbers(), round_trip or RttEstimator(), give_up_s=timers.give_up_s
         )
         self._opening = FtpOpening(self._requests, FtpOpcode.CREATE_FILE, path, tries)
         self._session = 0

@@ -30,7 +30,7 @@ _LOOK_S = 0.05
 _VERSION_TYPES = ("?", "-dev", "-alpha", "-beta", "-rc", "")
 
 
-class MavsdkHands:
+class MavsdkControl:
     """`Flyable` by MAVSDK."""
 
     def __init__(self, sysid: int, system: Any, call: Call[Any]) -> None:

@@ -20,7 +20,7 @@ from mavsdk.plugins import mission_raw, param, telemetry
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import LinkError, PeerError, PeerTimeout
 from gcs.link.endpoints.base import LinkMode, parse_link_spec
-from gcs.link.mavsdk.mavsdk_flight import MavsdkHands, report
+from gcs.link.mavsdk.mavsdk_flight import MavsdkControl, report
 from gcs.link.microservices.parameter import REAL32, Parameter
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.read_back import compare_missions
@@ -155,9 +155,9 @@ class MavsdkVehicle:
         except Exception:  # it has a float's type, or is not there: the next call tells
             return Parameter(name, float(self._params.get_param_float(name)), REAL32)
 
-    def hands(self) -> MavsdkHands:
+    def hands(self) -> MavsdkControl:
         """What it can be asked in flight; to be closed by whoever asks."""
-        return MavsdkHands(self.sysid, self._system, self.call)
+        return MavsdkControl(self.sysid, self._system, self.call)
 
     async def report(self) -> VehicleReport:
         """What it tells of itself."""

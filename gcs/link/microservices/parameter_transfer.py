@@ -21,7 +21,7 @@ from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.parameter import Parameter, as_kind, bytewise, decode, read_request, set_request
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 6
@@ -48,7 +48,7 @@ class ParameterMachine:
         autopilot: int,
         *,
         me: Station = GROUND,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
     ) -> None:
         self.peer = peer
         self.me = me
@@ -56,7 +56,7 @@ class ParameterMachine:
         self.error: GcsError | None = None
         self.values: dict[str, Parameter] = {}
         self._in_bytes = bytewise(autopilot)
-        self._round_trip = round_trip or RoundTrip()
+        self._round_trip = round_trip or RttEstimator()
         self._waiting = list(dict.fromkeys(names))
         self._asked: dict[str, tuple[int, float]] = {}  # times, when next
         self._seen: dict[str, Parameter] = {}
@@ -169,7 +169,7 @@ class ParameterWriter(ParameterMachine):
         autopilot: int,
         *,
         me: Station = GROUND,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
     ) -> None:
         super().__init__([p.name for p in parameters], peer, autopilot, me=me, round_trip=round_trip)
         self._wanted = {p.name: Parameter(p.name, as_kind(p.name, p.value, p.kind), p.kind) for p in parameters}

@@ -12,7 +12,7 @@ _GAIN, _DEVIATION_GAIN = 1 / 8, 1 / 4
 _GROWTH, _MOST_GROWTH = 1.1, 1.3
 
 
-class RoundTrip:
+class RttEstimator:
     """The estimate for one vehicle: `first_s` until something was measured, then between the two bounds."""
 
     def __init__(self, quickest_s: float = 0.03, slowest_s: float = 1.5, first_s: float = 0.5) -> None:

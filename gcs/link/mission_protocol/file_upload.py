@@ -25,7 +25,7 @@ from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.ftp.reader import FtpReader
 from gcs.link.ftp.requests import FtpNumbers
 from gcs.link.ftp.writer import FtpWriter
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.mission_dat import (
     HEADER,
     length_of,
@@ -53,7 +53,7 @@ class FileState(Enum):
     FAILED = auto()
 
 
-class FileDelivery:
+class FileUpload:
     """All items of a flight mission, home as item 0: it reads back as the vehicle's own and is not compared."""
 
     def __init__(
@@ -63,7 +63,7 @@ class FileDelivery:
         *,
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 2,
     ) -> None:
@@ -73,7 +73,7 @@ class FileDelivery:
         self.error: GcsError | None = None
         self.sending_ended_s: float | None = None  # when the last upload was over
         self._me, self._timers = me, timers
-        self._round_trip = round_trip or RoundTrip()
+        self._round_trip = round_trip or RttEstimator()
         self._numbers = numbers or FtpNumbers()
         self._tries = tries
         self._reads_left = 0

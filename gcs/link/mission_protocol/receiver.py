@@ -29,7 +29,7 @@ from enum import Enum, auto
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_from_message
 from gcs.link.mission_protocol.rules import (
     DOUBTFUL,
@@ -84,7 +84,7 @@ class MissionReceiver:
         capacity: int = 0xFFFF,
         check: ItemCheck = _accept_any,
         int_requests: bool = True,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         window: int = 1,
         least_wait_s: float = 0.0,
     ) -> None:
@@ -300,7 +300,7 @@ def reader(
     me: Station = GROUND,
     mission_type: int = MissionType.MISSION,
     timers: Timers = GROUND_TIMERS,
-    round_trip: RoundTrip,
+    round_trip: RttEstimator,
 ) -> MissionReceiver:
     """A receiver that downloads the way this autopilot is quickest, and safest, to read.
 

@@ -18,7 +18,7 @@ Rules
 4.  Both kinds of request and both kinds of item are understood.
 5.  What got no answer is said again: `reply_s` after a list, a count, or the last item; `item_s` after a
     request for an item; `retries` times. Between items the sender is silent: asking is the receiver's part.
-    A machine that is given a `RoundTrip` asks again as soon as that says, until `give_up_s`; and a sender then says
+    A machine that is given a `RttEstimator` asks again as soon as that says, until `give_up_s`; and a sender then says
     the item it was asked for last once more, and the next one with it: whichever of item and request was lost, one of
     the two is what the receiver waits for, and it takes no other.
 6.  A new MISSION_COUNT starts the receiver afresh: items of two missions never mix.
@@ -27,7 +27,7 @@ Rules
 8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is
     a reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one
     had arrived and the transfer goes on (PX4: "busy"). ERROR after a repeated last item says that the transfer was
-    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`. With a `RoundTrip`, where much is
+    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`. With a `RttEstimator`, where much is
     said twice, ERROR, DENIED and OPERATION_CANCELLED may be about a copy that came late: they end the transfer if
     nothing is asked, or answered, for some waits after them.
 9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
@@ -42,7 +42,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gcs.errors import PeerRefusal
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult, mission_result_words
 
@@ -65,7 +65,7 @@ GROUND_TIMERS = Timers()
 DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
 
 
-def doubt_s(round_trip: RoundTrip) -> float:
+def doubt_s(round_trip: RttEstimator) -> float:
     """How long to go on after a refusal that may be about something else: ArduPilot asks again once a second."""
     return max(4.0 * round_trip.wait_s(), 1.2)
 

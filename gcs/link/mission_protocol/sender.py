@@ -30,7 +30,7 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.rules import (
     DOUBTFUL,
@@ -76,7 +76,7 @@ class MissionSender:
         mission_type: int = MissionType.MISSION,
         timers: Timers = GROUND_TIMERS,
         current: int = 0,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         resumes: bool = False,
     ) -> None:
         self.items = tuple(items)

@@ -24,7 +24,7 @@ class Transfer(StrEnum):
     FILE = "file"
 
 
-def goes_as_file(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> bool:
+def uploads_as_file(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> bool:
     """Whether a file may be tried: flight missions of ArduPilot only; clearing goes by a message of its own."""
     if transfer is Transfer.ITEMS or autopilot != Autopilot.ARDUPILOT or mission_type != MissionType.MISSION:
         return False

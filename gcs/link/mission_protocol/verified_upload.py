@@ -28,7 +28,7 @@ from enum import Enum, auto
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.read_back import Difference, compare_missions, not_held
 from gcs.link.mission_protocol.receiver import MissionReceiver, reader
 from gcs.link.mission_protocol.rules import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
@@ -42,7 +42,7 @@ _READS = 5  # of one upload
 _NAMES = {int(MissionType.MISSION): "mission", int(MissionType.FENCE): "fence", int(MissionType.RALLY): "rally points"}
 
 
-class DeliveryState(Enum):
+class UploadState(Enum):
     """See the table above."""
 
     IDLE = auto()
@@ -53,7 +53,7 @@ class DeliveryState(Enum):
     FAILED = auto()
 
 
-class Delivery:
+class VerifiedUpload:
     """Items of one type for one vehicle; an empty list clears what it holds.
 
     For ArduPilot item 0 of a mission is home, as it is sent; it reads back as the vehicle's own and is not compared.
@@ -68,7 +68,7 @@ class Delivery:
         mission_type: int = MissionType.MISSION,
         me: Station = GROUND,
         timers: Timers = GROUND_TIMERS,
-        round_trip: RoundTrip | None = None,
+        round_trip: RttEstimator | None = None,
         tries: int = 4,
     ) -> None:
         self.items = tuple(items)
@@ -76,13 +76,13 @@ class Delivery:
         self.me = me
         self.mission_type = mission_type
         self.autopilot = autopilot
-        self.state = DeliveryState.IDLE
+        self.state = UploadState.IDLE
         self.error: GcsError | None = None
         self.sent = 0  # times the items were sent
         self.read = 0  # times they were read back
         self.sending_ended_s: float | None = None  # when the last upload was over
         self._timers = timers
-        self._round_trip = round_trip or RoundTrip()
+        self._round_trip = round_trip or RttEstimator()
         self._tries = tries
         self._busy = 0
         self._broken = False  # an earlier try may still be under way on board
@@ -100,24 +100,24 @@ class Delivery:
     @property
     def done(self) -> bool:
         """Whether it ended, well (`error` is None: the vehicle holds these items) or badly."""
-        return self.state in (DeliveryState.DONE, DeliveryState.FAILED)
+        return self.state in (UploadState.DONE, UploadState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
         """When `tick` next has something to do."""
-        if self.state is DeliveryState.WAITING:
+        if self.state is UploadState.WAITING:
             return self._until_s
         return None if self.done or self._machine is None else self._machine.deadline_s
 
     def start(self, now_s: float) -> list[Message]:
         """Begins. Raises `ProtocolMisuse` when called twice."""
-        if self.state is not DeliveryState.IDLE:
+        if self.state is not UploadState.IDLE:
             raise ProtocolMisuse("a Delivery was started twice; make a new one for a new delivery.")
         return self._send(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """What the message calls for; nothing for messages of other conversations."""
-        if self.done or self._machine is None or self.state is DeliveryState.WAITING:
+        if self.done or self._machine is None or self.state is UploadState.WAITING:
             return []
         return self._machine.receive(message, now_s) + self._go_on(now_s)
 
@@ -125,7 +125,7 @@ class Delivery:
         """What the passing of time calls for."""
         if self.done or self._machine is None:
             return []
-        if self.state is DeliveryState.WAITING:
+        if self.state is UploadState.WAITING:
             return self._send(now_s) if now_s >= self._until_s else []
         return self._machine.tick(now_s) + self._go_on(now_s)
 
@@ -167,7 +167,7 @@ class Delivery:
         if error is None:
             differences = self._differences(machine.items)
             if not differences:
-                self.state = DeliveryState.DONE
+                self.state = UploadState.DONE
                 return []
             self._last_error = self._doubt or not_held(self.peer, self.name, differences)
             return self._send(now_s)
@@ -188,7 +188,7 @@ class Delivery:
         if self.sent >= self._tries and self._last_error is not None:
             return self._fail(self._last_error)
         self.sent += 1
-        self.state = DeliveryState.SENDING
+        self.state = UploadState.SENDING
         machine = MissionSender(
             self.items,
             self.peer,
@@ -203,9 +203,9 @@ class Delivery:
 
     def _read(self, now_s: float) -> list[Message]:
         self.read += 1
-        if self.state is DeliveryState.SENDING:
+        if self.state is UploadState.SENDING:
             self.sending_ended_s = now_s
-        self.state = DeliveryState.READING
+        self.state = UploadState.READING
         machine = reader(
             self.peer,
             self.autopilot,
@@ -219,7 +219,7 @@ class Delivery:
 
     def _wait(self, now_s: float) -> list[Message]:
         self.sent -= 1  # it was not listened to
-        self.state = DeliveryState.WAITING
+        self.state = UploadState.WAITING
         self._until_s = now_s + BUSY_S
         return []
 
@@ -229,5 +229,5 @@ class Delivery:
 
     def _fail(self, error: GcsError) -> list[Message]:
         self.error = error
-        self.state = DeliveryState.FAILED
+        self.state = UploadState.FAILED
         return []

@@ -18,7 +18,7 @@ from gcs.link.endpoints.base import Address, Endpoint
 from gcs.link.endpoints.factory import make_endpoint
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.routing import AddressBook, Place
+from gcs.link.session.routing import LinkAddress, RoutingTable
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
@@ -29,17 +29,17 @@ _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
 
 
-class Direction(Enum):
+class FrameDirection(Enum):
     """Which way a frame went."""
 
     IN = "in"
     OUT = "out"
 
 
-FrameHook = Callable[[Direction, bytes], None]
+FrameHook = Callable[[FrameDirection, bytes], None]
 
 
-class Fleet:
+class LinkedFleet:
     """The ground station's end of its links. Use it as `async with Fleet.open(spec) as fleet`."""
 
     def __init__(
@@ -57,7 +57,7 @@ class Fleet:
         self.refused_frames = 0  # not signed as they should be
         self._endpoints = tuple(endpoints)
         self._codec = Codec(*me)
-        self._book = AddressBook()
+        self._book = RoutingTable()
         self._on_frame = on_frame
         self._timers = timers
         self._transfer = transfer
@@ -76,7 +76,7 @@ class Fleet:
         timers: Timers = GROUND_TIMERS,
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
-    ) -> AsyncIterator[Fleet]:
+    ) -> AsyncIterator[LinkedFleet]:
         """Opens the endpoints that `specs` name (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
         `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers, `transfer` is
@@ -162,10 +162,10 @@ class Fleet:
     def _receive(self, link: int, data: bytes, address: Address) -> None:
         """Takes in what arrived on one link."""
         now_s = self._loop.time()
-        place = Place(link, address)
+        place = LinkAddress(link, address)
         for message in self._codec.decode(data, place):
             if self._on_frame is not None:
-                self._on_frame(Direction.IN, message.raw)
+                self._on_frame(FrameDirection.IN, message.raw)
             session = self.sessions.get(message.sysid)
             if session is None and not _is_vehicle(message):
                 continue
@@ -196,7 +196,7 @@ class Fleet:
     def _send(self, message: Message, link: int, address: Address | None) -> None:
         frame = self._codec.encode(message, self._signing.signature(self._loop.time()))
         if self._on_frame is not None:
-            self._on_frame(Direction.OUT, frame)
+            self._on_frame(FrameDirection.OUT, frame)
         self._endpoints[link].send(frame, address)
 
     async def _beat(self) -> None:

@@ -21,7 +21,7 @@ SILENT_S = 3.0  # a vehicle not heard for so long may have moved to another addr
 PROOF_S = 2.0  # for two addresses to say that they are one vehicle
 
 
-class Place(NamedTuple):
+class LinkAddress(NamedTuple):
     """An address on one of the station's links, which count from 0."""
 
     link: int
@@ -34,7 +34,7 @@ class Place(NamedTuple):
 class DuplicateSystemId(PeerError):
     """Two vehicles claim one system id."""
 
-    def __init__(self, sysid: int, first: Place, second: Place) -> None:
+    def __init__(self, sysid: int, first: LinkAddress, second: LinkAddress) -> None:
         where = f"both at {first}" if first == second else f"one at {first}, one at {second}"
         super().__init__(
             f"two vehicles claim system id {sysid}: {where}.",
@@ -45,36 +45,36 @@ class DuplicateSystemId(PeerError):
 
 @dataclass
 class _Home:
-    place: Place
+    place: LinkAddress
     heard_s: float
 
 
 @dataclass
 class _Rival:
-    place: Place
+    place: LinkAddress
     since_s: float
     heard_s: float
 
 
-class AddressBook:
+class RoutingTable:
     """Each vehicle is answered at its own source address."""
 
     def __init__(self) -> None:
         self._homes: dict[int, _Home] = {}
-        self._rivals: dict[int, dict[Place, _Rival]] = {}
-        self._identities: dict[int, dict[Place, bytes]] = {}
+        self._rivals: dict[int, dict[LinkAddress, _Rival]] = {}
+        self._identities: dict[int, dict[LinkAddress, bytes]] = {}
         self.conflicts: dict[int, DuplicateSystemId] = {}
 
-    def place(self, sysid: int) -> Place | None:
+    def place(self, sysid: int) -> LinkAddress | None:
         """Where to answer system `sysid`."""
         home = self._homes.get(sysid)
         return home.place if home else None
 
-    def places(self) -> set[Place]:
+    def places(self) -> set[LinkAddress]:
         """All places in the book."""
         return {home.place for home in self._homes.values()}
 
-    def claim(self, sysid: int, place: Place, now_s: float) -> bool:
+    def claim(self, sysid: int, place: LinkAddress, now_s: float) -> bool:
         """Whether a message of `sysid` from `place` is to be believed.
 
         A second place is not while the first one is alive; when that has been silent for `SILENT_S`, the vehicle has
@@ -92,7 +92,7 @@ class AddressBook:
         rival.heard_s = now_s
         return False
 
-    def identify(self, message: Message, place: Place) -> None:
+    def identify(self, message: Message, place: LinkAddress) -> None:
         """Learn from AUTOPILOT_VERSION who a vehicle is; the same id from two is a conflict."""
         if message.name != "AUTOPILOT_VERSION":
             return
@@ -105,9 +105,9 @@ class AddressBook:
             if theirs != who or known[place] != who:
                 self._note(message.sysid, other, place)
 
-    def unproven(self, now_s: float) -> dict[int, tuple[Place, ...]]:
+    def unproven(self, now_s: float) -> dict[int, tuple[LinkAddress, ...]]:
         """Places to ask who they are, by system id; those that did not tell in time become conflicts."""
-        asked: dict[int, tuple[Place, ...]] = {}
+        asked: dict[int, tuple[LinkAddress, ...]] = {}
         for sysid, rivals in self._rivals.items():
             home = self._homes[sysid].place
             told = self._identities.get(sysid, {})
@@ -122,7 +122,7 @@ class AddressBook:
                     asked[sysid] = (*asked.get(sysid, (home,)), place)
         return asked
 
-    def _note(self, sysid: int, first: Place, second: Place) -> None:
+    def _note(self, sysid: int, first: LinkAddress, second: LinkAddress) -> None:
         self.conflicts.setdefault(sysid, DuplicateSystemId(sysid, first, second))
 
 

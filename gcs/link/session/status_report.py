@@ -75,7 +75,7 @@ class VehicleReport:
     heartbeat_age_s: float
 
 
-async def survey(session: VehicleSession, where: str = "") -> VehicleReport:
+async def status_report(session: VehicleSession, where: str = "") -> VehicleReport:
     """Ask one vehicle for everything; takes some round trips, and at most a few seconds."""
     clock = asyncio.ensure_future(measure_clock(session))
     px4 = session.autopilot == Autopilot.PX4

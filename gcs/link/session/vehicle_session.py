@@ -21,14 +21,14 @@ from gcs.link.microservices.command import GROUND_COMMAND_TIMERS, CommandRefused
 from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.microservices.statustext import StatusText, StatusTextJoiner
-from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.receiver import reader
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
-from gcs.link.mission_protocol.strategy import Preferred, Transfer, goes_as_file
-from gcs.link.mission_protocol.verified_upload import Delivery
+from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
+from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.quality import LinkQuality
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
@@ -54,7 +54,7 @@ class VehicleSession:
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
-        self.round_trip = RoundTrip()
+        self.round_trip = RttEstimator()
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
         self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
@@ -206,7 +206,7 @@ class VehicleSession:
 
     async def deliver(
         self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION
-    ) -> Delivery | FileDelivery:
+    ) -> VerifiedUpload | FileUpload:
         """Sends items as they are (an empty list clears) until the vehicle holds them, read back and compared.
 
         Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `FtpRefused`,
@@ -219,7 +219,7 @@ class VehicleSession:
                 hint="use --transfer auto or items",
             )
         async with self._mission_lock:
-            item_by_item = Delivery(
+            item_by_item = VerifiedUpload(
                 items,
                 self.station,
                 self.autopilot,
@@ -228,11 +228,11 @@ class VehicleSession:
                 timers=self._timers,
                 round_trip=self.round_trip,
             )
-            may_be_file = goes_as_file(self._transfer, self.autopilot, mission_type, len(items))
+            may_be_file = uploads_as_file(self._transfer, self.autopilot, mission_type, len(items))
             if not may_be_file or (not wanted and not await self.offers_files()):
                 await self.run(item_by_item)
                 return item_by_item
-            as_file = FileDelivery(
+            as_file = FileUpload(
                 items,
                 self.station,
                 me=self.me,
@@ -295,7 +295,7 @@ class VehicleSession:
             return None
         return Home(told["latitude"] / 1e7, told["longitude"] / 1e7, told["altitude"] / 1e3)
 
-    async def upload_mission(self, mission: VehicleMission) -> Delivery | FileDelivery:
+    async def upload_mission(self, mission: VehicleMission) -> VerifiedUpload | FileUpload:
         """Delivers a mission, with home where the autopilot wants it. Raises as `deliver` does."""
         return await self.deliver(self.as_sent(mission.items, mission.home))
 

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
 from gcs.link.mission_protocol.item_messages import item_from_message, item_to_message
-from gcs.link.wire.fast_frames import Layout
+from gcs.link.wire.fast_frames import FrameLayout
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import Signature
 
@@ -39,8 +39,8 @@ _SIGNED = 0x01
 _HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
 _MAX_SOURCES = 64
 # All messages without lists and single letters among their fields.
-_LAYOUTS: dict[str, Layout] = {
-    name: Layout(
+_LAYOUTS: dict[str, FrameLayout] = {
+    name: FrameLayout(
         name, cls.id, cls.crc_extra, cls.unpacker, cls.ordered_fieldnames, cls.fieldnames, list(_TEXT_FIELDS[name])
     )
     for name, cls in _CLASSES.items()
@@ -49,7 +49,9 @@ _LAYOUTS: dict[str, Layout] = {
         for at, length in enumerate(cls.array_lengths)
     )
 }
-_LAYOUT_OF: dict[bytes, Layout] = {_CLASSES[name].id.to_bytes(3, "little"): layout for name, layout in _LAYOUTS.items()}
+_LAYOUT_OF: dict[bytes, FrameLayout] = {
+    _CLASSES[name].id.to_bytes(3, "little"): layout for name, layout in _LAYOUTS.items()
+}
 
 
 class Codec:

@@ -16,7 +16,7 @@ HEADER, CHECKSUM = 10, 2
 _CRC_BEGINS = 0xFFFF
 
 
-class Layout:
+class FrameLayout:
     """Where the fields of message `name`, number `number`, are on the wire.
 
     `wire` are its fields in wire order, packed by `numbers`; `order` the same fields as people list them; `texts` those

@@ -15,8 +15,8 @@ from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
 from gcs.mission.formats.any_mission import LoadedMission
-from gcs.mission.geofence import Place, RallyPoint
-from gcs.mission.predicted.planned_flight import Flight, Surroundings, home_of
+from gcs.mission.geofence import GeoPoint, RallyPoint
+from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, home_of
 from gcs.physics.quadrotor import Array
 
 _ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
@@ -25,7 +25,7 @@ _UNDERGROUND_M = 1.0
 _LOOKS = 50  # along a leg that leaves the fence
 
 
-def check_safety(mission: LoadedMission, flight: Flight, around: Surroundings) -> Iterator[Finding]:
+def check_safety(mission: LoadedMission, flight: PredictedFlight, around: Surroundings) -> Iterator[Finding]:
     """One vehicle's fence, rally points, home and flight."""
     firmware = mission.firmware
     count = mission.geofence.vertices
@@ -97,7 +97,7 @@ def _allowed(areas: list[tuple[shapely.Polygon, bool]], every: bool) -> shapely.
     return allowed.difference(shapely.union_all(exclusions)) if exclusions else allowed
 
 
-def _flight_inside(mission: LoadedMission, flight: Flight, allowed: shapely.Geometry) -> Iterator[Finding]:
+def _flight_inside(mission: LoadedMission, flight: PredictedFlight, allowed: shapely.Geometry) -> Iterator[Finding]:
     flat = flight.ned_m[:, [1, 0]]
     roomy = allowed.buffer(_TOUCH_M)
     if len(flat) < 2 or roomy.covers(shapely.LineString(flat)):
@@ -113,7 +113,7 @@ def _flight_inside(mission: LoadedMission, flight: Flight, allowed: shapely.Geom
 
 
 def _ways_back(
-    mission: LoadedMission, flight: Flight, allowed: shapely.Geometry, places: list[Array]
+    mission: LoadedMission, flight: PredictedFlight, allowed: shapely.Geometry, places: list[Array]
 ) -> Iterator[Finding]:
     """Straight ways from every waypoint to the nearest place to return to: no autopilot of old flies around."""
     flat = flight.ned_m[:, [1, 0]]
@@ -138,7 +138,7 @@ def _areas(mission: LoadedMission, around: Surroundings) -> Iterator[tuple[shape
         yield shapely.Point(center[1], center[0]).buffer(circle.radius_m, quad_segs=_ROUND), circle.inclusion
 
 
-def _flat(places: Sequence[Place], around: Surroundings) -> Array:
+def _flat(places: Sequence[GeoPoint], around: Surroundings) -> Array:
     lat, lon = np.array([(p.lat_degE7 / 1e7, p.lon_degE7 / 1e7) for p in places]).T
     return geodetic_to_ned(lat, lon, around.origin.alt_amsl_m, around.origin)
 

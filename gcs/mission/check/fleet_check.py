@@ -20,9 +20,9 @@ from gcs.mission.check.item_checks import check_items, found
 from gcs.mission.formats.any_mission import LoadedMission
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest
-from gcs.mission.predicted.planned_flight import Flight, Surroundings, fly, together
+from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, fly, together
 
-Fly = Callable[[LoadedMission, Surroundings], Flight]
+Fly = Callable[[LoadedMission, Surroundings], PredictedFlight]
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class FleetReport:
     closest: Closest | None  # of rows of the missions
     lowest: tuple[Lowest | None, ...]  # by mission
     duration_s: float
-    flights: tuple[Flight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
+    flights: tuple[PredictedFlight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
 
     @property
     def ok(self) -> bool:

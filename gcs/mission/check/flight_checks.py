@@ -16,7 +16,7 @@ from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import found
 from gcs.mission.formats.any_mission import LoadedMission
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
-from gcs.mission.predicted.planned_flight import Flight, Surroundings
+from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
 
@@ -37,7 +37,7 @@ class Lowest:
 
 
 def check_separation(
-    missions: Sequence[LoadedMission], flights: Sequence[Flight], limits: FlightLimits
+    missions: Sequence[LoadedMission], flights: Sequence[PredictedFlight], limits: FlightLimits
 ) -> tuple[Closest | None, list[Finding]]:
     """The nearest two vehicles, and whether that is too near."""
     closest = closest_approach(flights, math.inf)
@@ -52,7 +52,7 @@ def check_separation(
 
 
 def check_ground(
-    mission: LoadedMission, flight: Flight, around: Surroundings, limits: FlightLimits
+    mission: LoadedMission, flight: PredictedFlight, around: Surroundings, limits: FlightLimits
 ) -> tuple[Lowest | None, list[Finding]]:
     """Least height above ground between take-off and landing, and whether that is too little."""
     way = _way(flight)
@@ -73,7 +73,7 @@ def check_ground(
     return lowest, [found(mission, Rule.TERRAIN, Level.ERROR, message, lowest.item, lowest.t_s)]
 
 
-def check_limits(mission: LoadedMission, flight: Flight, limits: FlightLimits) -> Iterator[Finding]:
+def check_limits(mission: LoadedMission, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
     """Ceiling, speeds and closed areas."""
     way = _way(flight)
     if way is None:
@@ -94,7 +94,7 @@ def check_limits(mission: LoadedMission, flight: Flight, limits: FlightLimits) -
             yield found(mission, Rule.AREA, Level.ERROR, message, int(items[at]), float(t_s[at]))
 
 
-def _speeds(mission: LoadedMission, flight: Flight, limits: FlightLimits) -> Iterator[Finding]:
+def _speeds(mission: LoadedMission, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
     if limits.speed_ned_mps is None:
         return
     leg_s = np.diff(flight.t_s)
@@ -111,7 +111,9 @@ def _speeds(mission: LoadedMission, flight: Flight, limits: FlightLimits) -> Ite
             yield found(mission, Rule.SPEED, Level.ERROR, message, int(flight.item[at]), float(flight.t_s[at]))
 
 
-def _below_home(mission: LoadedMission, flight: Flight, points: Array, t_s: Array, items: Array) -> Iterator[Finding]:
+def _below_home(
+    mission: LoadedMission, flight: PredictedFlight, points: Array, t_s: Array, items: Array
+) -> Iterator[Finding]:
     """Without a map, the ground at home is all that is known."""
     above_m = flight.ned_m[0, 2] - points[:, 2]
     at = int(np.argmin(above_m))
@@ -120,7 +122,7 @@ def _below_home(mission: LoadedMission, flight: Flight, points: Array, t_s: Arra
         yield found(mission, Rule.TERRAIN, Level.WARNING, message, int(items[at]), float(t_s[at]))
 
 
-def _way(flight: Flight) -> tuple[Array, Array, Array] | None:
+def _way(flight: PredictedFlight) -> tuple[Array, Array, Array] | None:
     """Points (N, 3) between take-off and landing, their times and items; None without a way.
 
     Every half metre; where ways are endless, as many as there is room for.
@@ -140,7 +142,7 @@ def _way(flight: Flight) -> tuple[Array, Array, Array] | None:
     return points, np.interp(where, knots, flight.t_s[knots]), items
 
 
-def _item_at(flight: Flight, t_s: float) -> int:
+def _item_at(flight: PredictedFlight, t_s: float) -> int:
     """Index of the item the vehicle is carrying out."""
     knot = min(int(np.searchsorted(flight.t_s, t_s, side="left")), len(flight.t_s) - 1)
     return int(flight.item[knot])

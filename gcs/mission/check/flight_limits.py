@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.frames import Origin
 from gcs.mission.predicted.planned_flight import Surroundings
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.scenario.si import local_origin
 
 # What models of autopilots fly beyond a speed that was asked for, as a share: who is behind the target catches up.
 OVERSPEED = 0.25
@@ -58,4 +58,4 @@ def surroundings_of(scenario: Scenario) -> Surroundings:
     def ground(north_m: Array, east_m: Array) -> Array:
         return ground_height_m(scenario.terrain, north_m, east_m)
 
-    return Surroundings(Origin(**scenario.origin.model_dump()), ground)
+    return Surroundings(local_origin(scenario), ground)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.autopilots.traits import Autopilot
-from gcs.frames import Origin
 from gcs.mission.export.atomic_folder import Folder, replaced
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MissionOrder, make_missions
@@ -28,6 +27,7 @@ from gcs.mission.formats.tables.setpoint_table import StreamFile
 from gcs.mission.model import Altitude
 from gcs.mission.setpoints.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -123,7 +123,7 @@ def _write_safety(files: Folder, plan: Plan, firmware: Autopilot, safety: Safety
 def _write_streams(
     files: Folder, plan: Plan, rate_hz: float, path: SmoothPath | None, formats: tuple[Format, ...]
 ) -> None:
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     writers = {f: _writer(f) for f in (Format.SETPOINTS, Format.PARQUET) if f in formats}
     for rows in _batches(len(plan.sysids)):
         stream = build_stream(plan, rate_hz, path, rows) if writers else None

@@ -14,15 +14,16 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
-from gcs.frames import Origin, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mission.check.fleet_check import FleetReport, check_fleet
 from gcs.mission.check.flight_limits import OVERSPEED, limits_of, surroundings_of
 from gcs.mission.formats.any_mission import LoadedMission, read_mission
 from gcs.mission.geofence import Geofence, RallyPoint
 from gcs.mission.model import Altitude, VehicleMission
-from gcs.mission.predicted.autopilot_flight import Modelled
+from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing
 from gcs.mission.waypoints.arrival_times import climb_s
+from gcs.scenario.si import local_origin
 from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def check_written(
         limits = replace(limits, leaves_s=leaves_s)
     if timed:
         limits = replace(limits, overspeed=OVERSPEED)
-        modelled = Modelled(ability_of(plan.quadrotor, scenario.limits), climb_s(plan, firmware))
+        modelled = AutopilotFlight(ability_of(plan.quadrotor, scenario.limits), climb_s(plan, firmware))
         report = check_fleet(first, surroundings_of(scenario), limits, modelled)
     else:
         report = check_fleet(first, surroundings_of(scenario), limits)
@@ -92,7 +93,7 @@ def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitud
     Raises `VerificationError` for the first that is not.
     """
     limits, tolerance_m = plan.scenario.limits, plan.scenario.mission.tolerance_m
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     for mission in missions:
         timed = [
             (index, item)

@@ -17,9 +17,10 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.failsafe.rtl_parameters import return_parameters
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.no_fly import outline
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -81,7 +82,7 @@ def build_fence(plan: Plan) -> Fence:
     )
     leader = plan.leader_trajectory.state(t_s)[:, POSITION]
     places = np.concatenate([(leader + plan.offsets(t_s))[..., :2].reshape(-1, 2), _ends(plan)])
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     polygon = FencePolygon(_places(_hull(places), origin), inclusion=True)
     zones: list[Zone] = []
     polygons, circles = [polygon], []
@@ -120,7 +121,7 @@ def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -
     ArduPilot returns to a rally point at its altitude or at RTL_ALT, whichever is higher: here the same. PX4 adds
     RTL_RETURN_ALT to it: there it is the ground. Altitudes count from the vehicle's own home.
     """
-    places = _places(plan.landing_points_ned_m[:, :2], Origin(**plan.scenario.origin.model_dump()))
+    places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
     above_m = list(altitudes_m) if firmware is Autopilot.ARDUPILOT else ground_m.tolist()
     return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
@@ -144,8 +145,8 @@ def _hull(places: Array) -> Array:
         slack_m = 2.0 * slack_m or 0.5
 
 
-def _places(flat_m: Array, origin: Origin) -> tuple[Place, ...]:
+def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:
     """Points (N, 2), m north and east, on the map."""
     ned_m = np.column_stack([flat_m, np.zeros(len(flat_m))])
     lat, lon, _ = ned_to_geodetic(ned_m, origin)
-    return tuple(Place(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))
+    return tuple(GeoPoint(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))

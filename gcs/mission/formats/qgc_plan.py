@@ -19,7 +19,7 @@ from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.json_lines import line_of
 from gcs.mission.formats.qgc_wpl import file_position, wire_position
-from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
@@ -244,9 +244,9 @@ def _read_point(point: tuple[float, float, float]) -> RallyPoint:
     return RallyPoint(_place(*point[:2]), point[2])
 
 
-def _degrees(place: Place) -> list[float]:
+def _degrees(place: GeoPoint) -> list[float]:
     return [from_degE7(place.lat_degE7), from_degE7(place.lon_degE7)]
 
 
-def _place(lat_deg: float, lon_deg: float) -> Place:
-    return Place(to_degE7(lat_deg), to_degE7(lon_deg))
+def _place(lat_deg: float, lon_deg: float) -> GeoPoint:
+    return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))

@@ -13,13 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from gcs.autopilots.navigation.calibration import by_name
-from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, Orders, vector
+from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, NavigatorOrders, vector
 from gcs.autopilots.navigation.predict import predict
 from gcs.errors import VerificationError
 from gcs.mission.formats.any_mission import LoadedMission
 from gcs.mission.model import MissionItem
-from gcs.mission.predicted.planned_flight import Flight, Flying, Surroundings
-from gcs.mission.waypoints.placement import Deviation, Flown, fewest_indices
+from gcs.mission.predicted.planned_flight import Flying, PredictedFlight, Surroundings
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, fewest_indices
 from gcs.physics.quadrotor import Array
 
 _STEP_S = 0.2  # between knots: an autopilot's accelerations bend a line by a centimetre in that time
@@ -40,20 +40,20 @@ class _Way:
     stop: Array
 
 
-class Modelled:
+class AutopilotFlight:
     """Flies missions as the models of their autopilots do, each stretch that vehicles have in common once."""
 
     def __init__(self, ability: Ability = UNLIMITED, climb_s: float = 0.0) -> None:
         """For vehicles that can do no more than `ability` and all leave the ground `climb_s` before the hover."""
         self._ability = ability
         self.climb_s = climb_s
-        self._flown: list[tuple[str, Orders, _Way]] = []
+        self._flown: list[tuple[str, NavigatorOrders, _Way]] = []
 
-    def __call__(self, mission: LoadedMission, around: Surroundings) -> Flight:
+    def __call__(self, mission: LoadedMission, around: Surroundings) -> PredictedFlight:
         """The mission as the model of its autopilot flies it, from the start at time 0."""
         return _Modelled(mission, around, modelled=self).run()
 
-    def way(self, name: str, orders: Orders) -> _Way:
+    def way(self, name: str, orders: NavigatorOrders) -> _Way:
         """Fly orders. Raises `VerificationError` where they lead nowhere."""
         for known, others, way in self._flown:
             if known == name and _alike(orders, others):
@@ -69,12 +69,12 @@ class Modelled:
         return way
 
 
-def fly_modelled(mission: LoadedMission, around: Surroundings) -> Flight:
+def fly_modelled(mission: LoadedMission, around: Surroundings) -> PredictedFlight:
     """One mission as the model of its autopilot flies it."""
-    return Modelled()(mission, around)
+    return AutopilotFlight()(mission, around)
 
 
-def _alike(one: Orders, other: Orders) -> bool:
+def _alike(one: NavigatorOrders, other: NavigatorOrders) -> bool:
     if one.count != other.count or one.speeds_mps != other.speeds_mps:
         return False
     if not np.allclose((*one.holds_s, one.airborne_s), (*other.holds_s, other.airborne_s), rtol=0, atol=_ALIKE_S):
@@ -89,7 +89,7 @@ def _bends(t_s: Array, places: Array, stop: Array) -> list[int]:
     turns = [0, *(np.flatnonzero(np.diff(stop)) + 1).tolist(), len(t_s) - 1]
     kept = [0]
     for begin, end in pairwise(turns):
-        part = Flown(t_s[begin : end + 1], places[None, begin : end + 1])
+        part = SampledFlight(t_s[begin : end + 1], places[None, begin : end + 1])
         if end > begin:
             kept += [begin + i for i in fewest_indices(part, limits)[1:]]
     return kept
@@ -109,7 +109,7 @@ class _Stop:
 class _Modelled(Flying):
     """Puts waypoints off until something else comes, and flies them in one go."""
 
-    modelled: Modelled = field(default_factory=Modelled)
+    modelled: AutopilotFlight = field(default_factory=AutopilotFlight)
     waiting: list[_Stop] = field(default_factory=list)
     resting: Array | None = None
 
@@ -137,7 +137,7 @@ class _Modelled(Flying):
             return
         if self.up_s is None:
             self.up_s = self.t_s
-        orders = Orders(
+        orders = NavigatorOrders(
             vector(*self.here),
             tuple(vector(*stop.place) for stop in stops),
             tuple(stop.speed_mps for stop in stops),
@@ -194,7 +194,7 @@ def _finite(seconds: float) -> float:
     return seconds if math.isfinite(seconds) and seconds > 0.0 else 0.0
 
 
-def _too_long(orders: Orders) -> str:
+def _too_long(orders: NavigatorOrders) -> str:
     """Why the model is not asked; empty if it is."""
     points = np.array([orders.start_ned_m, *orders.waypoints_ned_m])
     asked_s = float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1) / orders.speeds_mps) + sum(orders.holds_s))

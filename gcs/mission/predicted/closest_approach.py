@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from gcs.mission.predicted.planned_flight import Flight
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.physics.quadrotor import Array
 
 Rows = NDArray[np.intp]
@@ -31,7 +31,7 @@ class Closest:
     pair: tuple[int, int]
 
 
-def closest_approach(flights: Sequence[Flight], below_m: float = np.inf) -> Closest | None:
+def closest_approach(flights: Sequence[PredictedFlight], below_m: float = np.inf) -> Closest | None:
     """The least distance of any two flights at any time at which one of them is in the air.
 
     Pairs that stay farther apart than `below_m` may be left out. None where nobody comes nearer, or is alone.
@@ -98,7 +98,7 @@ def _near_pairs(start: Array, end: Array, limit_m: float) -> Rows:
     return np.asarray(KDTree(start).query_pairs(limit_m + 2.0 * own + 1e-9, output_type="ndarray"))
 
 
-def _instants(flights: Sequence[Flight]) -> Array:
+def _instants(flights: Sequence[PredictedFlight]) -> Array:
     """All knots of all flights, in order."""
     instants = np.unique(np.concatenate([f.t_s for f in flights]))
     if len(flights) <= _ALL_PAIRS or len(instants) < 2:
@@ -110,12 +110,12 @@ def _instants(flights: Sequence[Flight]) -> Array:
     return np.concatenate([*parts, kept[-1:]])
 
 
-def _at(flight: Flight, t_s: Array) -> Array:
+def _at(flight: PredictedFlight, t_s: Array) -> Array:
     """Positions (I, 3) at instants."""
     return np.stack([np.interp(t_s, flight.t_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
 
 
-def _lift_off_s(flight: Flight) -> float:
+def _lift_off_s(flight: PredictedFlight) -> float:
     """When it first moves."""
     moved = np.flatnonzero(np.any(flight.ned_m != flight.ned_m[0], axis=1))
     return float(flight.t_s[moved[0] - 1]) if len(moved) else np.inf

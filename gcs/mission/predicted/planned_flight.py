@@ -36,7 +36,7 @@ _AMSL_FRAMES = frozenset({int(Frame.GLOBAL), 5})
 
 
 @dataclass(frozen=True)
-class Flight:
+class PredictedFlight:
     """A vehicle's motion: straight and even between knots, standing before the first and after the last.
 
     `item` is the index of the item that brought the vehicle to each knot. Between `up_s` and `down_s` it is on its way;
@@ -91,25 +91,25 @@ def home_of(mission: LoadedMission, around: Surroundings) -> Home:
     return Home(first.lat_deg, first.lon_deg, around.origin.alt_amsl_m + height)
 
 
-def fly(mission: LoadedMission, around: Surroundings) -> Flight:
+def fly(mission: LoadedMission, around: Surroundings) -> PredictedFlight:
     """The mission as its speeds and delays plan it, from the start at time 0, without waiting for anybody."""
     return Flying(mission, around).run()
 
 
-def together(flights: Sequence[Flight]) -> tuple[Flight, ...]:
+def together(flights: Sequence[PredictedFlight]) -> tuple[PredictedFlight, ...]:
     """The same flights, all leaving the end of their take-off when the last of them is there."""
     leave_s = max(f.up_s for f in flights)
     return tuple(_waiting(f, leave_s - f.up_s) for f in flights)
 
 
-def _waiting(flight: Flight, wait_s: float) -> Flight:
+def _waiting(flight: PredictedFlight, wait_s: float) -> PredictedFlight:
     if wait_s <= 0.0:
         return flight
     top = int(np.searchsorted(flight.t_s, flight.up_s, side="right")) - 1
     t_s = np.concatenate([flight.t_s[: top + 1], flight.t_s[top:] + wait_s])
     rows = np.concatenate([np.arange(top + 1), np.arange(top, len(flight.t_s))])
     ends = (flight.up_s + wait_s, flight.down_s + wait_s, flight.ends_s + wait_s)
-    return Flight(t_s, flight.ned_m[rows], flight.item[rows], *ends, flight.remarks)
+    return PredictedFlight(t_s, flight.ned_m[rows], flight.item[rows], *ends, flight.remarks)
 
 
 @dataclass
@@ -122,7 +122,7 @@ class Flying:
     remarks: dict[int, str] = field(default_factory=dict)
     clock_s: float | None = None  # time of day at time 0, as soon as an item tells
 
-    def run(self) -> Flight:
+    def run(self) -> PredictedFlight:
         """The whole mission."""
         mission = self.mission
         home = home_of(mission, self.around)
@@ -140,7 +140,7 @@ class Flying:
         down_s = min(self.down_s, self.t_s)
         t_s, ned_m, item = zip(*self.knots, strict=True)
         remarks = tuple(self.remarks.items())
-        return Flight(np.array(t_s), np.array(ned_m), np.array(item), up_s, down_s, self.ends_s, remarks)
+        return PredictedFlight(np.array(t_s), np.array(ned_m), np.array(item), up_s, down_s, self.ends_s, remarks)
 
     def _follow(self) -> None:
         items = self.mission.items

@@ -24,9 +24,10 @@ from gcs.autopilots.navigation.predict import NEAR_M
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
 from gcs.mission.model import Altitude, Command, VehicleMission
-from gcs.mission.predicted.planned_flight import Flight
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -84,7 +85,11 @@ class Timing:
 
 
 def predicted(
-    plan: Plan, firmware: Autopilot, legs: TimedLegs, missions: Sequence[VehicleMission], flights: Sequence[Flight]
+    plan: Plan,
+    firmware: Autopilot,
+    legs: TimedLegs,
+    missions: Sequence[VehicleMission],
+    flights: Sequence[PredictedFlight],
 ) -> Timing:
     """Hold the flights of all missions, which left the end of their take-off together, against the plan."""
     t_s = np.arange(legs.left_s, plan.phase("landing").start_s, _GRID_S)
@@ -116,16 +121,18 @@ def predicted(
     )
 
 
-def _leaving_s(mission: VehicleMission, flight: Flight) -> float:
+def _leaving_s(mission: VehicleMission, flight: PredictedFlight) -> float:
     """When the hover is left, in the flight's time."""
     first = next(index for index, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT)
     return float(flight.t_s[min(int(np.argmax(flight.item >= first)), len(flight.t_s) - 1)])
 
 
-def _passages(plan: Plan, row: int, mission: VehicleMission, flight: Flight, knots_s: Array) -> tuple[list[int], Array]:
+def _passages(
+    plan: Plan, row: int, mission: VehicleMission, flight: PredictedFlight, knots_s: Array
+) -> tuple[list[int], Array]:
     """Indices of the waypoints, and when each is passed: at the nearest, or near it where the vehicle stops."""
     waypoints = [i for i, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT]
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     stops = {delay - 1 for delay, _ in mission.gates} | {waypoints[-1]}
     times = []
     for index, following in itertools.zip_longest(waypoints, waypoints[1:]):

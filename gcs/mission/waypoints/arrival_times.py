@@ -19,10 +19,10 @@ from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
-from gcs.mission.waypoints.leg_profile import Course, course_of
-from gcs.mission.waypoints.placement import Deviation, Flown, deviation, gentle_indices
+from gcs.mission.waypoints.leg_profile import LegProfile, leg_profile
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices
 from gcs.mission.waypoints.speed_correction import Corrected, correct
-from gcs.mission.waypoints.terrain_raise import Lift
+from gcs.mission.waypoints.terrain_raise import TerrainRaise
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs, rows_with_own_legs
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.vehicle_ability import ability_of
@@ -137,10 +137,10 @@ def _attempt(
     leaves_s = math.nan
     off_s = 0.0
     for first, last in pairwise(stops):
-        part = Flown(t_s[first : last + 1], position[:, first : last + 1])
+        part = SampledFlight(t_s[first : last + 1], position[:, first : last + 1])
         kept = [first + i for i in gentle_indices(part, Deviation(path_m, _TIME_M), navigator.sustained_mps, share)]
         gate = last != stops[-1]
-        lift = Lift(plan, sampled.t_s[kept])
+        lift = TerrainRaise(plan, sampled.t_s[kept])
         early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0
         part_speeds = np.full((rows, len(kept) - 1), np.nan)
         for row in (leader, *(r for r in range(rows) if r != leader)):
@@ -159,7 +159,7 @@ def _attempt(
         if gate:
             gates.append(Gate(len(waypoints) - 1, float(t_s[last]) - _GATE_LEAD_S, SLACK_S))
             lead_s = (_GATE_LEAD_S,) * 2
-    everything = Flown(t_s, position)
+    everything = SampledFlight(t_s, position)
     timed = TimedLegs(
         t_s[waypoints], deviation(everything, waypoints), np.concatenate(speeds, axis=1), leaves_s, tuple(gates), lifts
     )
@@ -173,12 +173,12 @@ def _worst_s(found: Corrected, gate: bool) -> float:
 
 def _course(
     plan: Plan, firmware: Autopilot, sampled: _Samples, row: int, kept: list[int], early_s: float
-) -> tuple[Course, list[int]]:
+) -> tuple[LegProfile, list[int]]:
     """Legs of one vehicle between two stops; the latter half is flown faster where the second is due early."""
     limits, takeoff = plan.scenario.limits, plan.phase("takeoff")
     begin_s = float(sampled.t_s[kept[0]])
     half_s = 0.5 * (float(sampled.t_s[kept[-1]]) - begin_s)
-    course, legs = course_of(
+    course, legs = leg_profile(
         sampled.t_s - early_s * np.maximum((sampled.t_s - begin_s) / half_s - 1.0, 0.0),
         sampled.position_ned_m[row],
         kept,

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Orders
+from gcs.autopilots.navigation.navigator import NavigatorOrders
 from gcs.autopilots.navigation.predict import NEAR_M, Prediction
 from gcs.physics.quadrotor import Array
 
@@ -20,7 +20,7 @@ _STILL_M = 0.01
 
 
 @dataclass(frozen=True)
-class Course:
+class LegProfile:
     """Legs between points (N + 1, 3), from rest at time 0.
 
     `due_s` (N, len(SHARES)) is when these shares of each leg are due, `holds_s` (N,) how long to stay at its end, at
@@ -46,9 +46,11 @@ class Course:
         speeds = self.lengths_m / np.maximum(self.due_s[:, -1] - left_s, 1e-3)
         return np.asarray(np.clip(speeds, self.slowest_mps, self.fastest_mps))
 
-    def orders(self, speeds_mps: Array) -> Orders:
+    def orders(self, speeds_mps: Array) -> NavigatorOrders:
         """These legs at speeds (N,)."""
-        return Orders.through(self.points_ned_m, speeds_mps.tolist(), self.holds_s.tolist(), airborne_s=self.airborne_s)
+        return NavigatorOrders.through(
+            self.points_ned_m, speeds_mps.tolist(), self.holds_s.tolist(), airborne_s=self.airborne_s
+        )
 
     def passed_s(self, flown: Prediction) -> Array:
         """When a flight passed the shares of each leg, (N, len(SHARES)), between its steps as well."""
@@ -77,7 +79,7 @@ class Course:
         return t_s + min(max(beside_s, -step_s), step_s)
 
 
-def course_of(
+def leg_profile(
     t_s: Array,
     position_ned_m: Array,
     waypoints: list[int],
@@ -86,7 +88,7 @@ def course_of(
     slowest_mps: float,
     fastest_mps: float,
     airborne_s: float,
-) -> tuple[Course, list[int]]:
+) -> tuple[LegProfile, list[int]]:
     """The course through samples (M, 3) at t_s (M,), and the index of the leg between `waypoints` that each leg is.
 
     Where the samples rest from one waypoint to the next, there is no leg but a hold. No part of a speed is to be above
@@ -119,7 +121,7 @@ def course_of(
             due[-1][-1] = min(due[-1][-1], t_s[i + int(np.argmax(near))] - t_s[waypoints[0]] - waited_s)
             due[-1] = np.minimum(due[-1], due[-1][-1])
     return (
-        Course(
+        LegProfile(
             np.array(points),
             np.array(due),
             np.array(holds),

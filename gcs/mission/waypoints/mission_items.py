@@ -17,12 +17,13 @@ import numpy as np
 from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError
-from gcs.frames import Origin, from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
+from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
-from gcs.mission.waypoints.placement import Deviation, Flown, deviation, waypoint_indices
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -61,7 +62,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
         if phase.name not in ("run-up", "mission"):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
-        flown = Flown(t_s, plan.motion(t_s, rows)[0][..., POSITION], SPEED_MIN_MPS)
+        flown = SampledFlight(t_s, plan.motion(t_s, rows)[0][..., POSITION], SPEED_MIN_MPS)
         indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
         errors.append(deviation(flown, indices))
         kept.append(t_s[indices])
@@ -105,7 +106,7 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
     """Items of the vehicle in this row."""
     landing, up_s = plan.phase("landing"), plan.airborne_s
     t_s = legs.t_s
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     states = plan.motion(t_s, slice(row, row + 1))[0][0]
     yaw_ned_rad = states[:, 8]
     if legs.lift_m is not None:

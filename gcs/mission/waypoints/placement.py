@@ -33,7 +33,7 @@ class Deviation:
 
 
 @dataclass(frozen=True)
-class Flown:
+class SampledFlight:
     """Samples of a trajectory and how it will be flown: times (N,), positions (V, N, 3) in NED of all vehicles."""
 
     t_s: Array
@@ -52,7 +52,7 @@ class Flown:
         return np.asarray(np.sqrt(np.max(np.sum(offsets * offsets, axis=-1), axis=(1, 2))))
 
 
-def waypoint_indices(flown: Flown, limits: Deviation) -> list[int]:
+def waypoint_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
     """Samples to keep, first and last included.
 
     Every leg is the longest that holds both limits; then the limits are tightened as far as the number of legs
@@ -71,13 +71,13 @@ def waypoint_indices(flown: Flown, limits: Deviation) -> list[int]:
     return best
 
 
-def deviation(flown: Flown, indices: list[int]) -> Deviation:
+def deviation(flown: SampledFlight, indices: list[int]) -> Deviation:
     """The largest errors of the legs between these samples."""
     path_m, time_m = np.max([flown.leg_errors_m(i, j) for i, j in pairwise(indices)], axis=0)
     return Deviation(float(path_m), float(time_m))
 
 
-def gentle_indices(flown: Flown, limits: Deviation, sustained: Sustained, share: float) -> list[int]:
+def gentle_indices(flown: SampledFlight, limits: Deviation, sustained: Sustained, share: float) -> list[int]:
     """Samples to keep: the longest legs that hold both limits, but none too short for its speed.
 
     A leg is long enough where `share` of its speed, halfway between the mean and the highest of the samples, is
@@ -100,7 +100,7 @@ def gentle_indices(flown: Flown, limits: Deviation, sustained: Sustained, share:
 class _Pace:
     """Whether legs between samples are long enough."""
 
-    def __init__(self, flown: Flown, sustained: Sustained, share: float) -> None:
+    def __init__(self, flown: SampledFlight, sustained: Sustained, share: float) -> None:
         self._flown = flown
         self._kept_mps = np.array([sustained(length) for length in _LENGTHS_M.tolist()]) / share
         self._steps_m = np.linalg.norm(np.diff(flown.position_ned_m, axis=1), axis=-1)  # (V, N-1)
@@ -115,7 +115,7 @@ class _Pace:
         return bool(np.all(np.interp(length_m, _LENGTHS_M, self._kept_mps, left=0.0) + _STILL_MPS >= speed_mps))
 
 
-def fewest_indices(flown: Flown, limits: Deviation) -> list[int]:
+def fewest_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
     """The longest legs that hold both limits, one after the other from the first sample."""
     both = np.array([limits.path_m, limits.time_m])
     indices = [0]
@@ -124,7 +124,7 @@ def fewest_indices(flown: Flown, limits: Deviation) -> list[int]:
     return indices
 
 
-def _longest_leg(flown: Flown, limits: Array, start: int) -> int:
+def _longest_leg(flown: SampledFlight, limits: Array, start: int) -> int:
     """End of the leg from `start`: gallop ahead in doubling steps, then halve the gap to the first leg that fails."""
     last = len(flown.t_s) - 1
 

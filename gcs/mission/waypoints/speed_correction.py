@@ -19,7 +19,7 @@ from scipy.optimize import lsq_linear
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.errors import VerificationError
-from gcs.mission.waypoints.leg_profile import SHARES, Course
+from gcs.mission.waypoints.leg_profile import SHARES, LegProfile
 from gcs.physics.quadrotor import Array
 
 _EVERY = 4  # legs between two that are tried at once
@@ -47,7 +47,7 @@ class Corrected:
     late_s: Array
 
 
-def correct(navigator: Navigator, course: Course, lead_s: tuple[float, float] = (0.0, 0.0)) -> Corrected:
+def correct(navigator: Navigator, course: LegProfile, lead_s: tuple[float, float] = (0.0, 0.0)) -> Corrected:
     """The best speeds found, and the best lead within these two.
 
     Raises `VerificationError` where the planned speeds lead nowhere.
@@ -85,7 +85,7 @@ class _Trial:
 class _Problem:
     """Unknowns (N + 1,): the logarithms of the speeds, and the lead."""
 
-    def __init__(self, navigator: Navigator, course: Course, lead_s: tuple[float, float]) -> None:
+    def __init__(self, navigator: Navigator, course: LegProfile, lead_s: tuple[float, float]) -> None:
         self._navigator, self._course = navigator, course
         self._coarse: Navigator = replace(navigator, step_s=_COARSE * navigator.step_s)  # type: ignore[type-var]
         slowest = np.full(len(course.fastest_mps), course.slowest_mps)

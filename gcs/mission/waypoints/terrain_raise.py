@@ -14,7 +14,7 @@ import numpy as np
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.mission.check.flight_limits import limits_of
-from gcs.mission.waypoints.leg_profile import Course
+from gcs.mission.waypoints.leg_profile import LegProfile
 from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
@@ -28,7 +28,7 @@ _LIFTS = 4
 _EVERY = 4  # steps of a flight: about half a metre
 
 
-class Lift:
+class TerrainRaise:
     """How far waypoints are raised so that what is flown between them clears the ground.
 
     All vehicles are raised alike: the formation keeps its shape. The ends are not.
@@ -41,7 +41,7 @@ class Lift:
         self.by_waypoint_m = np.zeros(len(t_s))
 
     def raise_over_ground(
-        self, navigator: Navigator, course: Course, legs: list[int], found: Corrected, row: int | None
+        self, navigator: Navigator, course: LegProfile, legs: list[int], found: Corrected, row: int | None
     ) -> float:
         """Raise waypoints (W,) for one vehicle, or (None) for all that fly the leader's legs, at the speeds found.
 

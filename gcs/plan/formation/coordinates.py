@@ -25,7 +25,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.reshape import reshape
 from gcs.plan.formation.changes.time_scaling import Budget, budget, shared
 from gcs.plan.formation.shape import Shape
-from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import leader_index, offsets_ned_m, shape_offsets_ned_m
 
 Name = Literal["scale", "heading", "blend"]
@@ -146,7 +146,7 @@ def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -
     return Shape(PPoly(np.ascontiguousarray(functions[::-1]), joints), basis)
 
 
-def _automatic(scenario: Scenario, change: Change, limit: Budget, size_m: float) -> Coordinate:
+def _automatic(scenario: Scenario, change: ChangeTable, limit: Budget, size_m: float) -> Coordinate:
     name = _KIND[change.kind]
     weight = change.weight if change.weight is not None else _DEFAULT_WEIGHT
     if name == "scale":

@@ -24,9 +24,9 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Array, level_flight_thrust_N
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.variables import ControlForm, Layout
+from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.active_vehicles import Watched, watched
+from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -48,7 +48,7 @@ def dm(matrix: sparse.spmatrix) -> ca.DM:
 class Program:
     """The nonlinear program min f(y) s.t. low <= g(y) <= high in scaled unknowns y = (w - shift) / unit (Eq. 50)."""
 
-    layout: Layout
+    layout: VariableLayout
     unit: Array  # (n,)
     shift: Array  # (n,)
     y_low: Array
@@ -100,13 +100,13 @@ def transcribe(
     problem: Problem, mesh: Mesh, last: Trajectory, control_form: ControlForm = ControlForm.LINEAR
 ) -> Program:
     """Build the program for one problem on one mesh; where the leader was `last` says which vehicles to watch when."""
-    layout = Layout(mesh, control_form, tuple(c.name for c in problem.coordinates))
+    layout = VariableLayout(mesh, control_form, tuple(c.name for c in problem.coordinates))
     nx = layout.nx
     unit, shift = scales(problem, layout)
     state_unit = unit[:nx]
     node_times = layout.node_times_s()
     times = np.concatenate([node_times, mesh.watch_s])
-    chosen = watched(problem, times, last.state(times))
+    chosen = active_vehicles(problem, times, last.state(times))
     sampling = layout.sampling(times)
     a, b = layout.collocation()
     row_unit = sparse.diags(1.0 / np.tile(state_unit, a.shape[0] // nx))
@@ -138,8 +138,8 @@ def transcribe(
 
 def framed(
     problem: Problem,
-    layout: Layout,
-    chosen: Watched,
+    layout: VariableLayout,
+    chosen: ActiveVehicles,
     nlp: ca.Function,
     derivatives: dict[str, ca.Function],
     parameters: Array | None = None,
@@ -206,7 +206,7 @@ class Constants:
     time_cost: float | None = None  # of the flight's time, where that is the last unknown, in units of itself
 
 
-def assemble(parts: stage_functions.Instant, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
+def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
     """Program and exact derivatives as CasADi functions of y and p."""
     nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
     nodes, points = k.nodes, k.nodes + k.watched
@@ -294,7 +294,7 @@ def _block_diagonal(
     return ca.MX(pattern, values)
 
 
-def scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+def scales(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
     """Unit and shift (n,) of every unknown."""
     hover = np.zeros(layout.nu)
     hover[0] = problem.quadrotor.weight_N
@@ -307,7 +307,7 @@ def scales(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     return unit, np.concatenate([np.zeros(layout.nx * layout.state_points), np.tile(hover, layout.control_points)])
 
 
-def bounds(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
     """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
     state_low, state_high = leader_state_bounds(problem, layout.point_times_s())
     control_low, control_high = leader_control_bounds(problem, layout.control_times_s())

@@ -38,7 +38,7 @@ class ControlForm(Enum):
 
 
 @dataclass(frozen=True)
-class Layout:
+class VariableLayout:
     """Where each unknown stands in w, and instants on the mesh."""
 
     mesh: Mesh

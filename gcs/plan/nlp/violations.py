@@ -36,7 +36,7 @@ _DIRECTIONS = 8
 
 
 @dataclass(frozen=True)
-class Miss:
+class Violation:
     """One stretch over which a constraint is broken: by how much where it is worst, and when."""
 
     name: str
@@ -57,20 +57,20 @@ class Miss:
 
 def broken(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Array, tuple[str, ...]]:
     """Worst instant of every stretch over which a constraint is broken, and the complaints in words."""
-    found = misses(problem, trajectory, shape)
+    found = find_violations(problem, trajectory, shape)
     return np.array(sorted({miss.t_s for miss in found})), complaints(found)
 
 
-def complaints(found: tuple[Miss, ...]) -> tuple[str, ...]:
+def complaints(found: tuple[Violation, ...]) -> tuple[str, ...]:
     """Each constraint's worst miss in words."""
-    worst: dict[str, Miss] = {}
+    worst: dict[str, Violation] = {}
     for miss in found:
         if miss.tolerated > 1.0 and (miss.name not in worst or miss.tolerated > worst[miss.name].tolerated):
             worst[miss.name] = miss
     return tuple(map(str, worst.values()))
 
 
-def misses(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Miss, ...]:
+def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Violation, ...]:
     """Every stretch over which a constraint is broken that is broken by more than is tolerated somewhere."""
     found = []
     for times, looks in _looks(problem, trajectory, shape):
@@ -81,7 +81,9 @@ def misses(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Miss
             for a, b in _stretches(lowest < 0.0):
                 at = a + int(np.argmin(lowest[a:b]))
                 by = float(-lowest[at])
-                found.append(Miss(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance))
+                found.append(
+                    Violation(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance)
+                )
     return tuple(found)
 
 

@@ -31,7 +31,7 @@ Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Watched:
+class ActiveVehicles:
     """Rows of the watched vehicles at T instants, and their motion in the shape."""
 
     ground: Rows  # (T, G)
@@ -41,7 +41,7 @@ class Watched:
     parameters: Array  # (T, (G + sum D + M) * SLOT)
 
 
-def watched(problem: Problem, times_s: Array, states: Array) -> Watched:
+def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVehicles:
     """Choose for `times_s` (T,), given the last known states (T, nx) there."""
     base = problem.shape.offsets(times_s)
     places = offsets_at(problem, base, states)
@@ -60,7 +60,7 @@ def watched(problem: Problem, times_s: Array, states: Array) -> Watched:
     for chosen, away in zip(zones, moved, strict=True):
         parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
-    return Watched(ground, zones, moving, used, parameters.reshape(len(times_s), -1))
+    return ActiveVehicles(ground, zones, moving, used, parameters.reshape(len(times_s), -1))
 
 
 def zone_pieces(problem: Problem) -> list[tuple[NoFlyZone, Piece]]:

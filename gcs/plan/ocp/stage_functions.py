@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.nlp.variables import NU, NX
-from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, Watched, zone_pieces
+from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
 from gcs.plan.verification.margins import REST_SPEED_MPS
@@ -35,7 +35,7 @@ _CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer o
 
 
 @dataclass(frozen=True)
-class Instant:
+class StageFunctions:
     """CasADi functions of z (nz), for the cost of two quadrature shares (plain, and weighted by Q), and for the path of
     what is watched there (`gcs.plan.ocp.active_vehicles`)."""
 
@@ -49,7 +49,7 @@ class Instant:
     path_hessian: ca.Function  # z, parameters, multipliers (P) -> (nz, nz)
 
 
-def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> Instant:
+def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> StageFunctions:
     """Build the functions of one problem, for so many watched vehicles of each kind; the leader alone by default."""
     chains = len(problem.coordinates)
     nx = NX + 4 * chains
@@ -67,7 +67,7 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
     def function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [output])
 
-    return Instant(
+    return StageFunctions(
         motion=function("motion", [z], motion),
         motion_jacobian=function("motion_jacobian", [z], ca.jacobian(motion, z)),
         cost=function("cost", [z, shares], cost),
@@ -111,7 +111,7 @@ def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Fu
     )
 
 
-def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
+def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
     """What each row of the path is, at each instant: (T, P)."""
     ids = problem.scenario.formation.sysids
     rows = []
@@ -126,7 +126,7 @@ def path_names(problem: Problem, chosen: Watched) -> list[list[str]]:
     return rows
 
 
-def path_is_free(problem: Problem, chosen: Watched) -> NDArray[np.bool_]:
+def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     """Rows (T, P) of the path that bind nothing, because another row says the same."""
     before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
     spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.transcription import Program
-from gcs.plan.nlp.violations import Miss
+from gcs.plan.nlp.violations import Violation
 from gcs.plan.trajectory.trajectory import Trajectory
 
 _SPARE = 1.25  # times what was missing: the polynomial between two nodes moves less than they do
@@ -28,7 +28,7 @@ _PATHS = {
 }
 
 
-def narrowed(program: Program, trajectory: Trajectory, misses: tuple[Miss, ...]) -> Program:
+def tightened(program: Program, trajectory: Trajectory, misses: tuple[Violation, ...]) -> Program:
     """The same program with bounds drawn in at the nodes and joints beside every miss."""
     y_low, y_high, g_low = program.y_low.copy(), program.y_high.copy(), program.g_low.copy()
     layout = program.layout

@@ -17,9 +17,9 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import Constants, Program, assemble, dm, framed, scales
-from gcs.plan.nlp.variables import Layout
+from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, watched
+from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
 from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
@@ -39,7 +39,7 @@ _AFRESH = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
 
 
 @dataclass(frozen=True)
-class Elastic:
+class ParametricNlp:
     """The functions of a program of M intervals, and IPOPT on them."""
 
     whole: Problem  # the first flight: its limits, terrain, zones, and what its cost is measured by
@@ -54,13 +54,13 @@ class Elastic:
 
     def program(self, problem: Problem, mesh: Mesh, last: Trajectory) -> Program:
         """The numbers of one flight whose zones are those of the first and some new disks; leader near `last`."""
-        layout = Layout(mesh)
+        layout = VariableLayout(mesh)
         times = layout.node_times_s()
         known = len(self.whole.scenario.no_fly)
         used = len(problem.scenario.no_fly) - known
         zones = (*problem.scenario.no_fly, *self.waiting[used:])
         problem = replace(problem, scenario=with_zones(problem.scenario, zones), spare_disks=len(self.waiting))
-        chosen = watched(problem, times, last.state(times))
+        chosen = active_vehicles(problem, times, last.state(times))
         slots = chosen.parameters.reshape(len(times), -1, SLOT)
         free = np.zeros((len(times), len(stage_functions.path_names(problem, chosen)[0])), dtype=bool)
         first = chosen.ground.shape[1] + sum(rows.shape[1] for rows in chosen.zones[: -len(self.waiting) or None])
@@ -78,15 +78,15 @@ class Elastic:
         return framed(problem, layout, chosen, self.nlp, self.derivatives, parameters, free)
 
 
-def elastic(whole: Problem, mesh: Mesh, spare_disks: int) -> Elastic:
+def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNlp:
     """Build the program for as many intervals as `mesh` has, all of one degree."""
     (degree,) = set(mesh.degrees)
-    layout = Layout(Mesh(np.arange(mesh.intervals + 1.0), mesh.degrees))
+    layout = VariableLayout(Mesh(np.arange(mesh.intervals + 1.0), mesh.degrees))
     waiting = (_out_of_the_way(whole.scenario),) * spare_disks
     zones = (*whole.scenario.no_fly, *waiting)
     problem = replace(whole, scenario=with_zones(whole.scenario, zones), spare_disks=spare_disks)
-    real = Layout(mesh)
-    chosen = watched(problem, real.node_times_s(), np.zeros((real.nodes, layout.nx)))
+    real = VariableLayout(mesh)
+    chosen = active_vehicles(problem, real.node_times_s(), np.zeros((real.nodes, layout.nx)))
     unit, shift = scales(problem, layout)
     sampling = layout.sampling(layout.node_times_s())
     a, b = layout.collocation()
@@ -114,7 +114,7 @@ def elastic(whole: Problem, mesh: Mesh, spare_disks: int) -> Elastic:
     )
     weight_s = float(real.quadrature() @ _weight(whole, real.node_times_s()))
     again, afresh = (solver(nlp, derivatives, {**OPTIONS, **options}) for options in (_AGAIN, _AFRESH))
-    return Elastic(whole, waiting, mesh.intervals, degree, weight_s, nlp, derivatives, again, afresh)
+    return ParametricNlp(whole, waiting, mesh.intervals, degree, weight_s, nlp, derivatives, again, afresh)
 
 
 def with_zones(scenario: Scenario, zones: tuple[NoFlyZone, ...]) -> Scenario:

@@ -20,13 +20,13 @@ from gcs.plan.nlp.ipopt import Solution, run
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
 from gcs.plan.nlp.transcription import Program
-from gcs.plan.nlp.violations import complaints, misses
+from gcs.plan.nlp.violations import complaints, find_violations
 from gcs.plan.ocp.problem import Problem, flight_problem
-from gcs.plan.replanning.bound_tightening import narrowed
+from gcs.plan.replanning.bound_tightening import tightened
 from gcs.plan.replanning.obstacle_detour import detours
-from gcs.plan.replanning.parametric_nlp import Elastic, elastic, with_zones
+from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, with_zones
 from gcs.plan.replanning.remaining_plan import begun_in_flight, flown_part, shape_part
-from gcs.plan.replanning.warm_start import Prices, prices
+from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
@@ -65,16 +65,16 @@ class Replanner:
         self._rungs = {count: self._built(count) for count in counts}
         self._old, self._prices = self._solved_once(self._rungs[counts[-1]])
 
-    def _built(self, count: int) -> Elastic:
+    def _built(self, count: int) -> ParametricNlp:
         mesh = counted(self._whole.start_s, self._whole.end_s, count, SHORTEST_S, DEGREE)
-        return elastic(self._whole, mesh, self.spare_disks)
+        return parametric_nlp(self._whole, mesh, self.spare_disks)
 
-    def _solved_once(self, first: Elastic) -> tuple[Trajectory, Prices]:
+    def _solved_once(self, first: ParametricNlp) -> tuple[Trajectory, Multipliers]:
         planned = flown_part(self.plan.leader_trajectory, self._whole.start_s, self._whole.end_s)
         mesh = counted(self._whole.start_s, self._whole.end_s, first.intervals, SHORTEST_S, DEGREE)
         program = first.program(self._whole, mesh, planned)
         solution = run(first.afresh, program, {"x0": program.scaled(planned)})
-        return program.trajectory(solution.y), prices(program, solution)
+        return program.trajectory(solution.y), multipliers(program, solution)
 
     def replan(
         self,
@@ -104,7 +104,9 @@ class Replanner:
             return begun_in_flight(self.plan, problem, flown, objective, tuple(history), took)
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
 
-    def _guesses(self, problem: Problem, zones: tuple[NoFlyZone, ...]) -> Iterator[tuple[Trajectory, Prices | None]]:
+    def _guesses(
+        self, problem: Problem, zones: tuple[NoFlyZone, ...]
+    ) -> Iterator[tuple[Trajectory, Multipliers | None]]:
         """The old way with a detour, on every side; then ways that a search finds in the whole map.
 
         Raises Infeasible where the map has none.
@@ -154,7 +156,7 @@ class Replanner:
         )
 
     def _flown(
-        self, problem: Problem, trajectory: Trajectory, known: Prices | None, on_round: Callable[[MeshRound], None]
+        self, problem: Problem, trajectory: Trajectory, known: Multipliers | None, on_round: Callable[[MeshRound], None]
     ) -> tuple[Trajectory, float, list[MeshRound]]:
         history: list[MeshRound] = []
         for rung, mesh in self._meshes(problem):
@@ -165,16 +167,16 @@ class Replanner:
             for _ in range(_ROUNDS):
                 solution = run(rung.again if "lam_x0" in start else rung.afresh, program, start)
                 trajectory = program.trajectory(solution.y)
-                missed = misses(problem, trajectory, problem.shape)
+                missed = find_violations(problem, trajectory, problem.shape)
                 drift = () if missed else drifting_intervals(problem, trajectory, problem.shape, quick=True)[1]
                 history.append(_round(program, solution, (*complaints(missed), *drift)))
                 on_round(history[-1])
                 if not missed and not drift:
                     return trajectory, solution.objective, history
-                known = prices(program, solution)
+                known = multipliers(program, solution)
                 if drift:
                     break
-                program = narrowed(program, trajectory, missed)
+                program = tightened(program, trajectory, missed)
                 start = {"x0": np.clip(solution.y, program.y_low, program.y_high), "lam_x0": solution.y_multipliers}
                 start["lam_g0"] = np.array(list(solution.g_multipliers.values()))
         raise PlanningError(
@@ -182,7 +184,7 @@ class Replanner:
             hint="plan anew with `gcs plan`, or try from a later state",
         )
 
-    def _meshes(self, problem: Problem) -> list[tuple[Elastic, Mesh]]:
+    def _meshes(self, problem: Problem) -> list[tuple[ParametricNlp, Mesh]]:
         """The coarsest mesh whose intervals are short enough, and the finest, with shorter ones at the ends."""
         start_s, end_s = problem.start_s, problem.end_s
         meshes = [(rung, counted(start_s, end_s, count, SHORTEST_S, DEGREE)) for count, rung in self._rungs.items()]

@@ -17,7 +17,7 @@ from gcs.plan.nlp.transcription import Program
 
 
 @dataclass(frozen=True)
-class Prices:
+class Multipliers:
     """Multipliers over time: of Eq. 1, of each row of the path, of the limits of state and control."""
 
     t_s: Array  # (N + M,) nodes and joints after the first
@@ -52,7 +52,7 @@ class Prices:
         return np.concatenate([state.ravel(), control.ravel()]), np.concatenate([*map(np.ravel, rows), path.ravel()])
 
 
-def prices(program: Program, solution: Solution) -> Prices:
+def multipliers(program: Program, solution: Solution) -> Multipliers:
     """Multipliers of a solution without watched instants."""
     layout = program.layout
     nx, nu, mesh = layout.nx, layout.nu, layout.mesh
@@ -75,7 +75,7 @@ def prices(program: Program, solution: Solution) -> Prices:
     state[[0, mesh.intervals]] = state[[layout.mesh.intervals + 1, -1]]
     order = np.argsort(points)
     control = solution.y_multipliers[nx * len(points) :].reshape(-1, nu) / _spans(controls)[:, None]
-    return Prices(
+    return Multipliers(
         layout.collocation_times_s(),
         costate,
         layout.node_times_s(),

@@ -16,7 +16,7 @@ from scipy.interpolate import PPoly
 from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
 from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
-from gcs.plan.search.homotopy_classes import best_way
+from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.infeasibility import least_time_s
 from gcs.plan.trajectory.trajectory import Alternative, MeshRound, Trajectory
 from gcs.scenario.schema.scenario import Scenario
@@ -32,9 +32,9 @@ def best_flight(
     """The best flight in the scenario's time, or in the best time where that is free. Raises PlanningError."""
     problem = flight_problem(scenario)
     if not scenario.time.free:
-        return best_way(problem, on_round, every_way=every_way, workers=workers)
+        return best_class(problem, on_round, every_way=every_way, workers=workers)
     problem = freed(problem)
-    best, alternatives = best_way(problem, on_round, every_way=every_way, workers=workers)
+    best, alternatives = best_class(problem, on_round, every_way=every_way, workers=workers)
     return _rounded(problem, best, on_round), alternatives
 
 

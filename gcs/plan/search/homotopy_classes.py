@@ -14,7 +14,7 @@ import numpy as np
 from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.search.infeasibility import check_time, why_not
+from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.search.parallel import each, pays
 from gcs.plan.search.routes import Route, every_route
@@ -26,7 +26,7 @@ GRID_EXCESS = 1.02
 _TIMES = 2000
 
 
-def best_way(
+def best_class(
     problem: Problem, on_round: Callable[[MeshRound], None], *, every_way: bool = False, workers: int = 1
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best optimum over all ways found, and what became of each way, shortest first.
@@ -70,7 +70,7 @@ def best_way(
         try:
             best = optimise_on_schedule(problem, along(problem, straight_way(problem)), on_round)
         except PlanningError as failure:
-            raise why_not(problem, routes[0], [*failures, failure]) from failure
+            raise explain_infeasible(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)
 
 
@@ -98,7 +98,7 @@ def _known(found: Optimum | PlanningError, on_round: Callable[[MeshRound], None]
 def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alternative, ...]:
     """What the formation could do without changing by itself, for comparison."""
     try:
-        return best_way(replace(problem, coordinates=()), on_round)[1]
+        return best_class(replace(problem, coordinates=()), on_round)[1]
     except PlanningError as failure:
         return (Alternative(0.0, None, failure.message),)
 

@@ -36,7 +36,7 @@ def check_time(problem: Problem) -> None:
     )
 
 
-def why_not(problem: Problem, route: Route, failures: list[PlanningError]) -> PlanningError:
+def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningError]) -> PlanningError:
     """The most telling of several failures; with the time of flight that would do, where more time is what it takes."""
     needed_s = _needed_time_s(problem, route)
     last = next((f for f in failures if isinstance(f, Infeasible)), failures[-1])

@@ -17,7 +17,7 @@ from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, s
 from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import MeshRound, Trajectory
-from gcs.scenario.schema.scenario import Change
+from gcs.scenario.schema.scenario import ChangeTable
 
 _LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for
 _TRIES = 8
@@ -63,7 +63,7 @@ def optimise_on_schedule(
     )
 
 
-def _starts_s(problem: Problem, changes: tuple[Change, ...], trajectory: Trajectory) -> tuple[float, ...]:
+def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Trajectory) -> tuple[float, ...]:
     times = np.arange(problem.start_s, problem.end_s, _EVERY_S)
     places = trajectory.state(times)[:, :3]
     starts = []

@@ -21,7 +21,7 @@ from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification import margins
 from gcs.plan.verification.margins import Margin
-from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 
 _GATE_S = 0.01  # the leader's track is looked at so often
@@ -169,7 +169,7 @@ class _Bends:
         return scale, turn, 2.0 * scale * alike - scale**2 * size
 
 
-def _taken(plan: Plan, change: Change, places: Array, targets: Array, end_s: float) -> Rows:
+def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s: float) -> Rows:
     """The place that each vehicle has taken (V,); any is right where the assignment is free."""
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":

@@ -30,7 +30,7 @@ class FormationVehicle(Part):
     position_m: Vector = Field(description="north, east, height at t = 0, m")
 
 
-class Shape(Part):
+class ShapeTable(Part):
     """A named shape: a table of offsets, or a generator for any number of vehicles."""
 
     name: ShapeName = Field(description="what changes call it")
@@ -57,7 +57,7 @@ class Shape(Part):
             yield ("spacing_m",), f'missing; generator = "{self.generator}" needs the distance between neighbours, m'
 
 
-class Change(Part):
+class ChangeTable(Part):
     """One change of shape (§2.2.1-2.2.3): what, and when."""
 
     kind: Literal["rotate", "shrink", "reshape"] = Field(description="Eqs. 5-8, 9-12 or 13-14")
@@ -136,8 +136,8 @@ class Formation(Part):
         default=None, description="number of vehicles 1, 2, ... that stand in start_shape; up to 254 can be flown"
     )
     start_shape: str | None = Field(default=None, description="name of the shape at t = 0, with count")
-    shape: tuple[Shape, ...] = Field(default=(), description="shapes that changes name")
-    change: tuple[Change, ...] = Field(default=(), description="changes of shape, in order")
+    shape: tuple[ShapeTable, ...] = Field(default=(), description="shapes that changes name")
+    change: tuple[ChangeTable, ...] = Field(default=(), description="changes of shape, in order")
     change_speed_mps: Positive = Field(
         default=1.0, description="v_max of a change: a vehicle's speed in the shape, m/s"
     )

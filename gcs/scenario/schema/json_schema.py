@@ -20,6 +20,6 @@ def scenario_schema() -> dict[str, Any]:
     kinds = f"type of vehicle: {', '.join(presets())}, or the path of a vehicle file"
     tables["properties"][KEY] = {"type": "string", "description": kinds}
     tables["required"].remove("vehicle")
-    for name in ("Vehicle", "Limits"):
+    for name in ("VehicleTable", "LimitsTable"):
         tables["$defs"][name].pop("required")
     return {"$schema": DIALECT, **tables}

@@ -27,24 +27,31 @@ from gcs.scenario.schema.fields import (
     Truth,
     Vector,
 )
-from gcs.scenario.schema.formation_table import START_SHAPE, Change, Formation, FormationVehicle, Generator, Shape
+from gcs.scenario.schema.formation_table import (
+    START_SHAPE,
+    ChangeTable,
+    Formation,
+    FormationVehicle,
+    Generator,
+    ShapeTable,
+)
 
 __all__ = [
     "START_SHAPE",
     "Boundary",
-    "Change",
+    "ChangeTable",
     "Dem",
     "Formation",
     "FormationVehicle",
     "Generator",
     "GroundPhases",
     "Judge",
-    "Limits",
+    "LimitsTable",
     "MissionOptions",
     "Mountains",
     "NoFlyZone",
-    "Objective",
-    "Origin",
+    "ObjectiveTable",
+    "OriginTable",
     "Performance",
     "PlannedWind",
     "Power",
@@ -52,12 +59,12 @@ __all__ = [
     "Relief",
     "Ripple",
     "Scenario",
-    "Sensors",
-    "Shape",
+    "SensorsTable",
+    "ShapeTable",
     "TerminalWeight",
     "Terrain",
     "Time",
-    "Vehicle",
+    "VehicleTable",
 ]
 
 TerminalWeight = Literal["1", "t^2", "1/(tf-t+0.5)", "1/(tf-t+0.5)^2"]
@@ -72,7 +79,7 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
 Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 
 
-class Origin(Part):
+class OriginTable(Part):
     """Where the local frame lies on Earth."""
 
     lat_deg: Annotated[Number, Field(ge=-85, le=85)] = Field(description="WGS-84 latitude, degrees")
@@ -108,7 +115,7 @@ class Power(Part):
     )
 
 
-class Vehicle(Part):
+class VehicleTable(Part):
     """Table 1: one type of quadrotor."""
 
     name: str = Field(description="name of the type, for people")
@@ -147,7 +154,7 @@ class Performance(Part):
     control_margin: Share = Field(default=0.0, description="share of each control the plan keeps for feedback")
 
 
-class Limits(Performance):
+class LimitsTable(Performance):
     """Eq. 51 and the limits the paper names without a value; they hold for every vehicle."""
 
     north_m: Range = Field(description="[low, high], m north of the origin")
@@ -260,7 +267,7 @@ class Boundary(Part):
     roll_pitch_yaw_deg: Vector = Field(description="Euler angles, degrees; yaw 0 is north, 90 is east")
 
 
-class Objective(Part):
+class ObjectiveTable(Part):
     """Eq. 35 with the reference of every term."""
 
     weights: NonNegativeVector = Field(description="a_1 energy, a_2 heading, a_3 height")
@@ -295,7 +302,7 @@ class MissionOptions(Part):
     setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second to each vehicle")
 
 
-class Sensors(Part):
+class SensorsTable(Part):
     """What the emulated vehicles measure with."""
 
     grade: Literal["rtk", "gnss"] = Field(description="rtk errs by centimetres, gnss by metres")
@@ -318,18 +325,18 @@ class Scenario(Part):
         description="short name for files and folders"
     )
     title: str = Field(default="", description="one line for people")
-    origin: Origin
+    origin: OriginTable
     time: Time
-    vehicle: Vehicle
-    limits: Limits
+    vehicle: VehicleTable
+    limits: LimitsTable
     terrain: Terrain = Terrain()
     no_fly: tuple[NoFlyZone, ...] = ()
     wind: PlannedWind | None = None
     start: Boundary
     end: Boundary
-    objective: Objective
+    objective: ObjectiveTable
     formation: Formation
     ground_phases: GroundPhases
     mission: MissionOptions
-    sensors: Sensors
+    sensors: SensorsTable
     judge: Judge

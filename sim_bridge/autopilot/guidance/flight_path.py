@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.path_generator import Course, Mark
+from sim_bridge.autopilot.guidance.path_generator import Mark, PiecePath
 from sim_bridge.autopilot.guidance.piece import Piece, hold
-from sim_bridge.autopilot.guidance.stream import Setpoint, SetpointFollower
+from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ NOTHING_PASSED = Passed()
 class Flightpath:
     """`piece` is what is flown now, `course` where it comes from. `coast_s` is how long a last setpoint holds."""
 
-    def __init__(self, place: Array, stop: Callable[[float, Array], Course]) -> None:
+    def __init__(self, place: Array, stop: Callable[[float, Array], PiecePath]) -> None:
         """Stand at `place` (4,); `stop` works out how to come to rest from a motion (DERIVATIVES, 4)."""
         self.piece: Piece = hold(0.0, place)
-        self.course = Course(())
+        self.course = PiecePath(())
         self.coast_s = 1.0
         self.streaming = False
         self._stop = stop
@@ -62,7 +62,7 @@ class Flightpath:
         """Whether the descent of a landing is under way."""
         return self.course.landing_from_s < math.inf and math.isinf(self._landing_s)
 
-    def start(self, t_s: float, course: Course, target: Array | None = None) -> None:
+    def start(self, t_s: float, course: PiecePath, target: Array | None = None) -> None:
         """Fly a course, to `target` (4,) if that is all there is to it."""
         self.course = course
         self._target = target
@@ -74,7 +74,7 @@ class Flightpath:
 
     def stand(self, t_s: float, place: Array) -> None:
         """Stay at `place` (4,)."""
-        self.start(t_s, Course((hold(t_s, place),)))
+        self.start(t_s, PiecePath((hold(t_s, place),)))
 
     def heads_for(self, target: Array, within_m: float) -> bool:
         """Whether it is on its way to a place as near to `target` (4,) as that."""
@@ -84,7 +84,7 @@ class Flightpath:
         near = float(np.linalg.norm(known[:3] - target[:3])) <= within_m
         return near and abs(math.remainder(known[3] - target[3], math.tau)) <= within_m
 
-    def follow(self, t_s: float, setpoint: Setpoint) -> None:
+    def follow(self, t_s: float, setpoint: StampedSetpoint) -> None:
         """Take in a setpoint; its time may lie ahead."""
         if self._stream is None:
             self._stream = SetpointFollower()
@@ -139,7 +139,7 @@ class Flightpath:
         stream = self._stream
         assert stream is not None
         if not self.streaming:
-            self._pieces, self._marks, self.course, self.streaming = [], [], Course(()), True
+            self._pieces, self._marks, self.course, self.streaming = [], [], PiecePath(()), True
             self._landing_s, self._target = math.inf, None
         stream.advance(t_s)
         piece = stream.piece(self.coast_s)

@@ -29,14 +29,16 @@ _PEAKS = (15 / 16, 1.4434, 7.5)  # of its first three derivatives
 
 
 @dataclass(frozen=True)
-class Leg:
+class IdealLeg:
     """Straight line to a waypoint in common local NED, and the time for it; a pause is a leg that leads nowhere."""
 
     to_ned_m: Array  # (3,)
     duration_s: float
 
 
-def fly_legs(start_s: float, start: Array, legs: list[Leg], limits: MotionLimits) -> tuple[list[Piece], list[float]]:
+def fly_legs(
+    start_s: float, start: Array, legs: list[IdealLeg], limits: MotionLimits
+) -> tuple[list[Piece], list[float]]:
     """Pieces from rest at `start` (4,) (north, east, down, yaw) through all waypoints to rest at the last.
 
     Returns the pieces and the instant each waypoint is passed. Yaw stays.

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Navigator, Orders, vector
+from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, vector
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.ideal_navigator import Leg, fly_legs
+from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
 from sim_bridge.autopilot.guidance.motion_primitives import brake
 from sim_bridge.autopilot.guidance.navigator_path import follow, motion
-from sim_bridge.autopilot.guidance.piece import Course, Mark, Piece, hold
+from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 
 if TYPE_CHECKING:
-    from sim_bridge.autopilot.guidance.path_generator import Guide
+    from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
@@ -48,10 +48,10 @@ class _Waypoint:
     pause: bool = False
 
 
-class MissionCourse:
+class MissionGuidance:
     """Turns items into pieces and marks, with the vehicle's motion at the end of what is there so far."""
 
-    def __init__(self, guide: Guide, t_s: float, flat: Array, items: Sequence[MissionItem]) -> None:
+    def __init__(self, guide: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem]) -> None:
         self._guide = guide
         self._items = items
         self._pieces: list[Piece] = []
@@ -66,7 +66,7 @@ class MissionCourse:
         self._climbing_until_s = -math.inf
         self._landing_from_s = math.inf
 
-    def stretches(self, first: int, landed: bool) -> Iterator[Course]:
+    def stretches(self, first: int, landed: bool) -> Iterator[PiecePath]:
         """The course from item `first` on, bit by bit."""
         navs = [seq for seq in range(max(first, 1), len(self._items)) if is_navigation(self._items[seq].command)]
         self._marks.append(Mark(self._t_s, current=navs[0]))
@@ -87,7 +87,7 @@ class MissionCourse:
         if self._pieces:
             yield self._stretch()
 
-    def _take(self, seq: int, item: MissionItem) -> Iterator[Course]:
+    def _take(self, seq: int, item: MissionItem) -> Iterator[PiecePath]:
         command, (p1, p2, *_) = item.command, item.params
         ideal = self._guide.navigator is None
         if command == Command.DO_CHANGE_SPEED and p1 in (0.0, 1.0) and p2 > 0:
@@ -113,7 +113,7 @@ class MissionCourse:
             yield from self._fly_waypoints()
             self._take_over(self._guide.return_home(self._t_s, self._flat))
 
-    def _fly_waypoints(self) -> Iterator[Course]:
+    def _fly_waypoints(self) -> Iterator[PiecePath]:
         waypoints, self._waypoints = self._waypoints, []
         if not waypoints:
             return
@@ -129,7 +129,7 @@ class MissionCourse:
         for waypoint in waypoints:
             length_m = float(np.linalg.norm(waypoint.place_ned_m - origin))
             duration_s = waypoint.hold_s if waypoint.pause else length_m / waypoint.speed_mps
-            legs.append(Leg(waypoint.place_ned_m, duration_s))
+            legs.append(IdealLeg(waypoint.place_ned_m, duration_s))
             origin = waypoint.place_ned_m
         pieces, passed = fly_legs(self._t_s, self._flat[0], legs, self._guide.limits)
         for piece in pieces:
@@ -140,8 +140,8 @@ class MissionCourse:
         for waypoint, t_s in zip(waypoints, passed, strict=True):
             self._completed(waypoint.seq, self._t_s if waypoint is last else t_s)
 
-    def _fly_as(self, navigator: Navigator, waypoints: list[_Waypoint]) -> Iterator[Course]:
-        orders = Orders(
+    def _fly_as(self, navigator: Navigator, waypoints: list[_Waypoint]) -> Iterator[PiecePath]:
+        orders = NavigatorOrders(
             vector(*self._origin()),
             tuple(vector(*waypoint.place_ned_m) for waypoint in waypoints),
             tuple(waypoint.speed_mps for waypoint in waypoints),
@@ -187,7 +187,7 @@ class MissionCourse:
                 return
         self._take_over(self._guide.land(self._t_s, self._flat))
 
-    def _take_over(self, course: Course) -> None:
+    def _take_over(self, course: PiecePath) -> None:
         self._pieces += course.pieces
         self._landing_from_s = course.landing_from_s
         self._onwards = None
@@ -216,8 +216,8 @@ class MissionCourse:
         if ends_run:
             self._onwards = None
 
-    def _stretch(self) -> Course:
-        stretch = Course(tuple(self._pieces), tuple(self._marks), self._climbing_until_s, self._landing_from_s)
+    def _stretch(self) -> PiecePath:
+        stretch = PiecePath(tuple(self._pieces), tuple(self._marks), self._climbing_until_s, self._landing_from_s)
         self._pieces, self._marks = [], []
         return stretch
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from gcs.autopilots.navigation.navigator import UNLIMITED, Ability
 from gcs.physics.quadrotor import Quadrotor
-from gcs.scenario.schema.scenario import Limits
+from gcs.scenario.schema.scenario import LimitsTable
 from gcs.scenario.vehicle_ability import ability_of
 
 # Shares of what physics allows, so that feedback keeps the rest.
@@ -34,7 +34,7 @@ class MotionLimits:
     ability: Ability = UNLIMITED
 
     @classmethod
-    def of(cls, vehicle: Quadrotor, limits: Limits) -> MotionLimits:
+    def of(cls, vehicle: Quadrotor, limits: LimitsTable) -> MotionLimits:
         """The limits of one type of vehicle.
 
         Upwards counts the thrust beyond the weight, sideways the horizontal part of full thrust at constant

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Moment, Navigator, Orders, vector
+from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, NavigatorState, vector
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.motion_primitives import bridge
 from sim_bridge.autopilot.guidance.piece import DERIVATIVES, Piece
@@ -19,14 +19,14 @@ _PIECE_S = 0.2
 
 
 @dataclass(frozen=True)
-class Stretch:
+class NavigatorPath:
     """One piece, and the waypoints completed within it, by index, with their instants."""
 
     piece: Piece
     completed: tuple[tuple[int, float], ...]
 
 
-def follow(start_s: float, flat: Array, navigator: Navigator, orders: Orders) -> Iterator[Stretch]:
+def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorOrders) -> Iterator[NavigatorPath]:
     """Fly orders from a motion `flat` (DERIVATIVES, 4), without end, as far as it is asked for; yaw stays."""
     steps = round(_PIECE_S / navigator.step_s)
     yaw_rad = flat[0, 3]
@@ -39,17 +39,17 @@ def follow(start_s: float, flat: Array, navigator: Navigator, orders: Orders) ->
         if count % steps:
             continue
         end_s, end = start_s + moment.t_s, _flat(moment, yaw_rad)
-        yield Stretch(bridge(begin_s, begin, end_s, end), tuple(completed))
+        yield NavigatorPath(bridge(begin_s, begin, end_s, end), tuple(completed))
         begin_s, begin, completed = end_s, end, []
 
 
-def motion(flat: Array) -> Moment:
+def motion(flat: Array) -> NavigatorState:
     """The motion `flat` (DERIVATIVES, 4) as a navigator takes it over."""
     position, velocity, acceleration = (vector(*flat[k, :3]) for k in range(3))
-    return Moment(0.0, position, velocity, acceleration)
+    return NavigatorState(0.0, position, velocity, acceleration)
 
 
-def _flat(moment: Moment, yaw_rad: float) -> Array:
+def _flat(moment: NavigatorState, yaw_rad: float) -> Array:
     flat = np.zeros((DERIVATIVES, 4))
     flat[:3, :3] = moment.position_ned_m, moment.velocity_ned_mps, moment.acceleration_ned_mps2
     flat[0, 3] = yaw_rad

@@ -15,7 +15,7 @@ from gcs.autopilots.navigation.navigator import Navigator
 from gcs.frames import Origin
 from gcs.mission.model import MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.mission_guidance import MissionCourse, is_navigation
+from sim_bridge.autopilot.guidance.mission_guidance import MissionGuidance, is_navigation
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
@@ -27,9 +27,9 @@ from sim_bridge.autopilot.guidance.motion_primitives import (
     transfer,
     travel,
 )
-from sim_bridge.autopilot.guidance.piece import Course, Mark, Piece, hold
+from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 
-__all__ = ["Course", "Guide", "Mark", "is_navigation"]
+__all__ = ["Mark", "PathGenerator", "PiecePath", "is_navigation"]
 
 _MOVED_M = 0.05  # less is no reason to fly anywhere
 _LEVEL_MPS = 0.05
@@ -38,7 +38,7 @@ _FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
 
 
 @dataclass(frozen=True)
-class Guide:
+class PathGenerator:
     """What a vehicle needs to know to work out courses: its abilities, its speeds, its home.
 
     Its `navigator` flies the waypoints of missions; without one they are flown on time.
@@ -63,10 +63,10 @@ class Guide:
     rally_ned_m: tuple[Array, ...] = ()  # each (2,): where it returns to if they are nearer than home
     navigator: Navigator | None = None
 
-    def take_off(self, t_s: float, flat: Array, height_m: float) -> Course:
+    def take_off(self, t_s: float, flat: Array, height_m: float) -> PiecePath:
         """Straight up to `height_m` above home."""
         pieces = self.climb_out(t_s, flat, self.home_ned_m[2] - height_m)
-        return Course(tuple(pieces), climbing_until_s=pieces[-1].end_s)
+        return PiecePath(tuple(pieces), climbing_until_s=pieces[-1].end_s)
 
     def climb_out(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
         """Off the ground and straight up to `down_m`."""
@@ -82,21 +82,21 @@ class Guide:
         """Straight up to `down_m`, as fast as in a take-off."""
         return rise(t_s, flat, down_m, self.takeoff_mps, self.limits)
 
-    def stop(self, t_s: float, flat: Array) -> Course:
+    def stop(self, t_s: float, flat: Array) -> PiecePath:
         """Brake and stand."""
-        return Course((brake(t_s, flat, self.limits),))
+        return PiecePath((brake(t_s, flat, self.limits),))
 
-    def go_to(self, t_s: float, flat: Array, target: Array) -> Course:
+    def go_to(self, t_s: float, flat: Array, target: Array) -> PiecePath:
         """Fly to `target` (4,): north, east, down, yaw."""
-        return Course(tuple(self._travel(t_s, flat, target)))
+        return PiecePath(tuple(self._travel(t_s, flat, target)))
 
-    def land(self, t_s: float, flat: Array) -> Course:
+    def land(self, t_s: float, flat: Array) -> PiecePath:
         """Brake, then straight down."""
         stop = brake(t_s, flat, self.limits)
         down = self._descend(stop.end_s, stop.at(stop.end_s))
-        return Course((stop, *down), landing_from_s=t_s)
+        return PiecePath((stop, *down), landing_from_s=t_s)
 
-    def land_at(self, t_s: float, flat: Array, target: Array) -> Course:
+    def land_at(self, t_s: float, flat: Array, target: Array) -> PiecePath:
         """Over `target` (4,) at its height, then down; the last bit of the way while it comes down."""
         *before, way = self._travel(t_s, flat, target)
         t_s = way.start_s
@@ -106,10 +106,10 @@ class Guide:
         from_s = float(next(near, way.end_s))
         if self.arrive_m <= 0.0 or abs(way.at(from_s)[1, 2]) > _LEVEL_MPS:
             down = self.land(way.end_s, way.at(way.end_s))
-            return Course((*before, way, *down.pieces), landing_from_s=down.landing_from_s)
+            return PiecePath((*before, way, *down.pieces), landing_from_s=down.landing_from_s)
         straight = self._descend(from_s, hold(from_s, way.at(from_s)).at(from_s))
         first = Piece(t_s, from_s, way.coefficients)
-        return Course((*before, first, *descend_towards(way, straight)), landing_from_s=from_s)
+        return PiecePath((*before, first, *descend_towards(way, straight)), landing_from_s=from_s)
 
     def _travel(self, t_s: float, flat: Array, target: Array) -> list[Piece]:
         speeds = Speeds(self.speed_mps, self.climb_mps, self.descend_mps)
@@ -127,7 +127,7 @@ class Guide:
         places = (self.home_ned_m[:2], *self.rally_ned_m)
         return min(places, key=lambda place: math.dist(place, flat[0, :2]))
 
-    def return_home(self, t_s: float, flat: Array) -> Course:
+    def return_home(self, t_s: float, flat: Array) -> PiecePath:
         """Up to the return height, over home or a rally point, down."""
         pieces = [brake(t_s, flat, self.limits)]
         top_ned_m = self.home_ned_m[2] - self.rtl_height_m
@@ -141,16 +141,16 @@ class Guide:
         away = np.linalg.norm(now[0] - over) > _MOVED_M
         if away and self.return_wait_s <= 0.0:
             home = self.land_at(pieces[-1].end_s, now, over)
-            return Course((*pieces, *home.pieces), landing_from_s=home.landing_from_s)
+            return PiecePath((*pieces, *home.pieces), landing_from_s=home.landing_from_s)
         if away:
             pieces += self._travel(pieces[-1].end_s, now, over)
         if self.return_wait_s > 0.0:
             start_s, now = pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s)
             pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))
         down = self.land(pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s))
-        return Course((*pieces, *down.pieces), landing_from_s=down.landing_from_s)
+        return PiecePath((*pieces, *down.pieces), landing_from_s=down.landing_from_s)
 
-    def fly_mission(self, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool) -> Course:
+    def fly_mission(self, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool) -> PiecePath:
         """The items from seq `first` on; item 0 is home. A vehicle on the ground starts with NAV_TAKEOFF."""
-        stretches = MissionCourse(self, t_s, flat, items).stretches(first, landed)
+        stretches = MissionGuidance(self, t_s, flat, items).stretches(first, landed)
         return replace(next(stretches), rest=stretches)

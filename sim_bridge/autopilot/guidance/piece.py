@@ -82,7 +82,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Course:
+class PiecePath:
     """Pieces one after the other, then what `rest` has; after the last the vehicle stands where it ended.
 
     The rest is worked out as it is flown, course by course; each says anew what is climbing and what is landing.
@@ -92,4 +92,4 @@ class Course:
     marks: tuple[Mark, ...] = ()
     climbing_until_s: float = -math.inf  # a take-off from the ground
     landing_from_s: float = math.inf
-    rest: Iterator[Course] | None = None
+    rest: Iterator[PiecePath] | None = None

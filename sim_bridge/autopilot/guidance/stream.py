@@ -26,7 +26,7 @@ _KEPT_AHEAD = 256
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Setpoint:
+class StampedSetpoint:
     """One setpoint in simulated time and the common local NED frame; columns north, east, down, yaw.
 
     `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and nothing.
@@ -41,9 +41,9 @@ class SetpointFollower:
     """Turns setpoints into pieces, one by one."""
 
     def __init__(self) -> None:
-        self._ahead: list[Setpoint] = []  # sorted, all later than the current one
-        self._last: Setpoint | None = None
-        self._current: Setpoint | None = None
+        self._ahead: list[StampedSetpoint] = []  # sorted, all later than the current one
+        self._last: StampedSetpoint | None = None
+        self._current: StampedSetpoint | None = None
 
     @property
     def next_s(self) -> float:
@@ -51,7 +51,7 @@ class SetpointFollower:
         return self._ahead[0].t_s if self._ahead else math.inf
 
     @property
-    def newest(self) -> Setpoint | None:
+    def newest(self) -> StampedSetpoint | None:
         """The latest setpoint known, in force or waiting."""
         return self._ahead[-1] if self._ahead else self._current
 
@@ -63,7 +63,7 @@ class SetpointFollower:
         newest = self.newest
         return newest.t_s if newest is not None and newest.stamped and newest.t_s <= t_s else None
 
-    def add(self, setpoint: Setpoint) -> None:
+    def add(self, setpoint: StampedSetpoint) -> None:
         """Take in a setpoint: one for a known instant replaces it, one older than that in force is dropped."""
         if self._current is not None and setpoint.t_s <= self._current.t_s:
             if setpoint.t_s == self._current.t_s:

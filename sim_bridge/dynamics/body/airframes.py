@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.dynamics.body.battery import Battery, PowerTrain
-from sim_bridge.dynamics.body.failures import Breakdowns
+from sim_bridge.dynamics.body.failures import Failures
 from sim_bridge.dynamics.body.motors import Motors
 from sim_bridge.dynamics.body.plant import Ground, Mask, Plant
 from sim_bridge.dynamics.body.presets import power_train_of
@@ -69,7 +69,7 @@ class Airframes:
         self.estimator = Estimator(grade, vehicles, quadrotor.gravity_mps2)
         self.controller = Controller(quadrotor, limits, vehicles, CONTROL_PERIOD_S)
         self.battery = Battery(power or power_train_of(quadrotor), quadrotor, vehicles)
-        self.faults = Breakdowns(vehicles)
+        self.faults = Failures(vehicles)
         self._strength: Array | None = None  # (4, V) of motors, where any is weak
         self._steps = 0
         self._still = np.zeros((4, vehicles))

@@ -37,7 +37,7 @@ class Sensor(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Breakdown:
+class Failure:
     """Something that is wrong from `from_s` until `until_s`, in simulated time. Raises ValueError for nonsense."""
 
     from_s: float
@@ -49,86 +49,86 @@ class Breakdown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GnssOutage(Breakdown):
+class GnssOutage(Failure):
     """No fix at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GnssJump(Breakdown):
+class GnssJump(Failure):
     """Every fix lies off by so much, as with multipath."""
 
     offset_ned_m: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if not all(map(math.isfinite, self.offset_ned_m)):
             raise ValueError(f"GnssJump by {self.offset_ned_m} m is not a place")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StuckSensor(Breakdown):
+class StuckSensor(Failure):
     """A sensor repeats its last sample."""
 
     sensor: Sensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotorLoss(Breakdown):
+class MotorLoss(Failure):
     """A motor (1 to 4, as Eq. 2 numbers them) gives this share of its thrust less; 1 is a motor that stands."""
 
     motor: int
     share: float = 1.0
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if self.motor not in range(1, ROTORS + 1) or not 0.0 <= self.share <= 1.0:
             raise ValueError(f"MotorLoss of motor {self.motor} by {self.share:g}: motors are 1 to 4, shares 0 to 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LowBattery(Breakdown):
+class LowBattery(Failure):
     """At `from_s` the battery has no more than this share of its charge left; `until_s` means nothing."""
 
     remaining: float = 0.15
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if not 0.0 <= self.remaining <= 1.0:
             raise ValueError(f"LowBattery with {self.remaining:g} left: a share lies between 0 and 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Slow(Breakdown):
+class Slow(Failure):
     """The vehicle flies no faster over ground than this, whatever it is asked."""
 
     speed_mps: float
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if not self.speed_mps > 0.0:
             raise ValueError(f"Slow at {self.speed_mps:g} m/s would never arrive: give a speed above 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindStep(Breakdown):
+class WindStep(Failure):
     """The air around the vehicle moves by so much more than the fleet's wind says."""
 
     wind_ned_mps: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if not all(map(math.isfinite, self.wind_ned_mps)):
             raise ValueError(f"WindStep by {self.wind_ned_mps} m/s is no wind")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Push(Breakdown):
+class Push(Failure):
     """Something pushes the vehicle, evenly over its mass, so that its accelerometer feels it as it feels drag."""
 
     push_ned_mps2: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        Breakdown.__post_init__(self)
+        Failure.__post_init__(self)
         if not all(map(math.isfinite, self.push_ned_mps2)):
             raise ValueError(f"Push by {self.push_ned_mps2} m/s² is no push")
 
@@ -136,11 +136,11 @@ class Push(Breakdown):
 class Schedule:
     """The breakdowns of one vehicle."""
 
-    def __init__(self, board: Breakdowns) -> None:
+    def __init__(self, board: Failures) -> None:
         self._board = board
-        self._all: list[Breakdown] = []
+        self._all: list[Failure] = []
 
-    def add(self, breakdown: Breakdown) -> None:
+    def add(self, breakdown: Failure) -> None:
         """Let this happen, from its time on; at once if that has come."""
         self._all.append(breakdown)
         self._board.due_s = -math.inf
@@ -150,11 +150,11 @@ class Schedule:
         self._all.clear()
         self._board.due_s = -math.inf
 
-    def active(self, t_s: float) -> list[Breakdown]:
+    def active(self, t_s: float) -> list[Failure]:
         """What is wrong at `t_s`, in the order it was added."""
         return [b for b in self._all if b.from_s <= t_s < b.until_s]
 
-    def __iter__(self) -> Iterator[Breakdown]:
+    def __iter__(self) -> Iterator[Failure]:
         return iter(self._all)
 
     def __len__(self) -> int:
@@ -189,7 +189,7 @@ class Effects:
         )
 
 
-class Breakdowns:
+class Failures:
     """The schedules of V vehicles by row, and when they next change anything (`due_s`)."""
 
     def __init__(self, vehicles: int) -> None:
@@ -213,7 +213,7 @@ class Breakdowns:
         self.due_s = min((edge for edge in edges if edge > t_s), default=math.inf)
         return effects
 
-    def _add(self, effects: Effects, row: int, breakdown: Breakdown) -> None:
+    def _add(self, effects: Effects, row: int, breakdown: Failure) -> None:
         effects.sound = False
         match breakdown:
             case GnssOutage():

@@ -17,9 +17,9 @@ import numpy as np
 from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.dynamics.body.integrator import Turn
 from sim_bridge.dynamics.body.plant import Mask
-from sim_bridge.dynamics.control.disturbance_observer import Disturbance
+from sim_bridge.dynamics.control.disturbance_observer import DisturbanceObserver
 from sim_bridge.dynamics.control.lqr_gains import ANGLE_SCALE_RAD, ControlLimits, lqr_gains, turn_authority_radps2
-from sim_bridge.dynamics.control.position_control import AROUND, AROUND_S, PositionLaw
+from sim_bridge.dynamics.control.position_control import AROUND, AROUND_S, PositionController
 from sim_bridge.dynamics.control.reference import Reference
 
 IDLE_SHARE = 0.2  # of the weight: thrust while standing on the ground with motors on
@@ -52,7 +52,7 @@ class Controller:
 
     def __init__(self, q: Quadrotor, limits: ControlLimits, vehicles: int, period_s: float) -> None:
         """Raise ValueError if the thrust limit does not lift the vehicle."""
-        self._law = PositionLaw(q, limits)
+        self._law = PositionController(q, limits)
         self._highest = np.array([limits.thrust_N, *limits.torque])[:, None]
         self._lowest = self._highest * [[0.0], [-1.0], [-1.0], [-1.0]]
         ix, iy, iz = q.inertia_kgm2
@@ -65,7 +65,7 @@ class Controller:
         self._rate_max = float(turn_authority_radps2(q, limits)[0]) / k_rate
         self._effort = inertia[:, None] / np.array([[q.arm_m], [q.arm_m], [1.0]])
         self._torque = self._effort * _turning(k_rate, gains.yaw, np.array(q.drag_moment_Nms) / inertia)
-        self._disturbance = Disturbance(q, gains.push_radps, gains.push_max, period_s, vehicles)
+        self._disturbance = DisturbanceObserver(q, gains.push_radps, gains.push_max, period_s, vehicles)
 
     @property
     def push(self) -> Array:

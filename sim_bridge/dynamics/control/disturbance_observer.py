@@ -28,7 +28,7 @@ _SEEN, _PUSH, _MOTION, _THRUST, _TORQUE, _COUPLING, _ONE = (
 _INPUTS = 28
 
 
-class Disturbance:
+class DisturbanceObserver:
     """`push` (6, V): accelerations beyond Eq. 1, north, east, down (m/s²) and about roll, pitch, yaw (rad/s²)."""
 
     def __init__(self, q: Quadrotor, bandwidth_radps: Array, largest: Array, period_s: float, vehicles: int) -> None:

@@ -30,7 +30,7 @@ _CHECKED = np.array([9, 10, 11, 12, 13, 3, 4, 5])  # rows of the law that have l
 _PROBE = 1e-3
 
 
-class PositionLaw:
+class PositionController:
     """For vehicles of one type. `speed_max_mps` (V,): what slow ones make of any reference, or None."""
 
     def __init__(self, q: Quadrotor, limits: ControlLimits) -> None:

@@ -45,7 +45,7 @@ class Stack(np.ndarray):
         return super().__array_function__(func, types, args, kwargs)
 
 
-class FleetFilter(ExtendedKalmanFilter):  # type: ignore[misc]
+class BatchedEkf(ExtendedKalmanFilter):  # type: ignore[misc]
     """filterpy's EKF for V vehicles, whose means are carried on outside.
 
     `x` (V, N, 1) and `P` (V, N, N) are stacks; so is what else filterpy leaves behind: `y`, `S`, `K` of the last

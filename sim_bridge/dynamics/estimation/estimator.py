@@ -22,7 +22,7 @@ from gcs.physics.quadrotor import Array
 from sim_bridge.dynamics.body.integrator import Turn
 from sim_bridge.dynamics.body.plant import Mask
 from sim_bridge.dynamics.body.sensors import GNSS_PERIOD_S, INERTIAL_PERIOD_S, SensorGrade
-from sim_bridge.dynamics.estimation.batched_ekf import FleetFilter, Residual
+from sim_bridge.dynamics.estimation.batched_ekf import BatchedEkf, Residual
 from sim_bridge.dynamics.estimation.error_model import (
     GNSS_ERROR,
     H_BARO,
@@ -35,7 +35,7 @@ from sim_bridge.dynamics.estimation.error_model import (
     YAW,
     ErrorModel,
 )
-from sim_bridge.dynamics.estimation.initial_alignment import PadMeans
+from sim_bridge.dynamics.estimation.initial_alignment import InitialAlignment
 
 ALIGN_S = 2.0
 GATE_SIGMA = 5.0
@@ -82,12 +82,12 @@ class Estimator:
         self._state = np.zeros((12, vehicles))
         self._slow = np.zeros((STATES - 9, vehicles))  # biases and slow errors
         self._velocity_before = np.zeros((3, vehicles))  # after the last update
-        self.ekf = FleetFilter(vehicles, STATES)
+        self.ekf = BatchedEkf(vehicles, STATES)
         self._ratio = np.zeros((vehicles, 5))
         self._refused_s = np.zeros((vehicles, 5))
         self._unaided_s = np.zeros(vehicles)
         self._variance = np.zeros((vehicles, STATES))
-        self._pad = PadMeans(vehicles)
+        self._pad = InitialAlignment(vehicles)
         self.aligned: Mask = np.zeros(vehicles, dtype=bool)
         self.healthy: Mask = self.aligned
 

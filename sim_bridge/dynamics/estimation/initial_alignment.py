@@ -15,7 +15,7 @@ def wrapped(angle_rad: Array) -> Array:
     return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)
 
 
-class PadMeans:
+class InitialAlignment:
     """Running sums over the samples of V vehicles; `fixes` (V,) counts those of GNSS."""
 
     def __init__(self, vehicles: int) -> None:

@@ -11,8 +11,23 @@ from gcs.mavlink import Capability, CopterMode, EkfFlag, MavResult, MavState, Me
 from sim_bridge.personality.ardupilot.missions import MISSIONS
 from sim_bridge.personality.ardupilot.params import LINK, PARAM_HABITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.failsafe_settings import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
-from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.failsafe_settings import (
+    BatteryFailsafe,
+    EstimateFailsafe,
+    FailsafeSettings,
+    FenceFailsafe,
+    LinkFailsafe,
+    Setting,
+)
+from sim_bridge.personality.flight_traits import (
+    ArmingTraits,
+    FlightTraits,
+    HealthTraits,
+    ReplyTraits,
+    ReportTraits,
+    StreamingTraits,
+    StreamTraits,
+)
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.table import Identity, Personality
 from sim_bridge.personality.wording import Note
@@ -114,20 +129,20 @@ _WORDS = {
 }
 
 _BATTERY_ACTIONS = {1: Intent.LAND, 2: Intent.RETURN, 3: Intent.RETURN, 4: Intent.LAND, 6: Intent.LAND}
-_GUARDS = Guards(
-    link=LinkGuard(
+_GUARDS = FailsafeSettings(
+    link=LinkFailsafe(
         actions=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
         only_ours=True,
     ),
     battery=(
-        BatteryGuard(
+        BatteryFailsafe(
             Note.BATTERY_LOW,
             _BATTERY_ACTIONS,
             Setting.BATTERY_LOW_ACTION,
             Setting.BATTERY_LOW_V,
             Setting.BATTERY_LOW_Ah,
         ),
-        BatteryGuard(
+        BatteryFailsafe(
             Note.BATTERY_CRITICAL,
             _BATTERY_ACTIONS,
             Setting.BATTERY_CRITICAL_ACTION,
@@ -136,15 +151,15 @@ _GUARDS = Guards(
         ),
     ),
     battery_patience_s=10.0,
-    fence=FenceGuard(
+    fence=FenceFailsafe(
         actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
         one_area_suffices=False,
     ),
     stream={},
-    estimate=EstimateGuard(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
+    estimate=EstimateFailsafe(6.0, {1: Intent.LAND, 2: Intent.HOLD, 3: Intent.LAND}, Setting.ESTIMATE_ACTION),
 )
 
-_STREAMS = Streams(
+_STREAMS = StreamTraits(
     unasked_hz={MessageId.HEARTBEAT: 1.0},
     default_hz=0.0,
     fixed=frozenset(),
@@ -199,8 +214,8 @@ ARDUPILOT = Personality(
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=Arming(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_tells=False),
-    flight=Flight(
+    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_tells=False),
+    flight=FlightTraits(
         slow_below_m=10.0,
         crawl_below_m=0.0,
         landed_after_s=1.75,
@@ -214,8 +229,8 @@ ARDUPILOT = Personality(
         reposition_in=Intent.GUIDED,
         sinks_without_sticks=False,
     ),
-    streaming=Streaming(from_ground=False, proof_s=0.0, coasts_s=None, comes_back=True),
-    reports=Reports(
+    streaming=StreamingTraits(from_ground=False, proof_s=0.0, coasts_s=None, comes_back=True),
+    reports=ReportTraits(
         repeats=0,
         repeat_s=1.0,
         tells_landing=False,
@@ -226,7 +241,7 @@ ARDUPILOT = Personality(
         counts_manoeuvres=False,
         item_names={16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay", 178: "ChangeSpeed"},
     ),
-    replies=Replies(
+    replies=ReplyTraits(
         refused=MavResult.FAILED,
         unknown_mode=MavResult.FAILED,
         unknown_stream=MavResult.DENIED,
@@ -243,7 +258,7 @@ ARDUPILOT = Personality(
         numbered_texts=False,
     ),
     streams=_STREAMS,
-    health=Health(
+    health=HealthTraits(
         present=0x5371FC2F,
         enabled=0x5361FC2F,
         healthy=0x4771FC2F,

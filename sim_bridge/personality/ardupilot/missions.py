@@ -11,7 +11,7 @@ from __future__ import annotations
 from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.fence import FenceCommand
-from sim_bridge.protocol.missions.transfer_traits import SILENCE, Answer, Keeping, MissionHabits
+from sim_bridge.protocol.missions.transfer_traits import SILENCE, Keeping, MissionAnswer, MissionTraits
 
 _FLOWN = (*Command, MavCommand.NAV_RETURN_TO_LAUNCH)
 _RALLY_POINT = 5100
@@ -55,11 +55,11 @@ _KEEPING = {
     ),
 }
 
-MISSIONS = MissionHabits(
+MISSIONS = MissionTraits(
     keeping=_KEEPING,
     ask_again_s=1.0,
     give_up_s=8.0,
-    gave_up=Answer(MissionResult.OPERATION_CANCELLED, "{name} upload timeout", Severity.WARNING),
+    gave_up=MissionAnswer(MissionResult.OPERATION_CANCELLED, "{name} upload timeout", Severity.WARNING),
     int_requests=False,
     home_is_item_0=True,
     as_files=True,
@@ -72,18 +72,18 @@ MISSIONS = MissionHabits(
     cancellable=False,
     clears_all=False,
     first_is_current=False,
-    second_station=Answer(MissionResult.DENIED),
+    second_station=MissionAnswer(MissionResult.DENIED),
     busy=SILENCE,
-    no_space=Answer(MissionResult.NO_SPACE, "Only {capacity} items are supported", Severity.WARNING),
-    wrong_sequence=Answer(MissionResult.INVALID_SEQUENCE),
-    unasked_item=Answer(MissionResult.ERROR),
-    unknown_item=Answer(MissionResult.ERROR),
+    no_space=MissionAnswer(MissionResult.NO_SPACE, "Only {capacity} items are supported", Severity.WARNING),
+    wrong_sequence=MissionAnswer(MissionResult.INVALID_SEQUENCE),
+    unasked_item=MissionAnswer(MissionResult.ERROR),
+    unknown_item=MissionAnswer(MissionResult.ERROR),
     refused_item=SILENCE,
-    float_item=Answer(None, "got MISSION_ITEM; GCS should send MISSION_ITEM_INT", Severity.WARNING),
-    read_while_busy=Answer(MissionResult.DENIED),
-    unknown_type=Answer(MissionResult.UNSUPPORTED),
-    unknown_type_read=Answer(MissionResult.UNSUPPORTED),
-    bad_shape=Answer(MissionResult.ERROR, "Fence validation failed", Severity.WARNING),
+    float_item=MissionAnswer(None, "got MISSION_ITEM; GCS should send MISSION_ITEM_INT", Severity.WARNING),
+    read_while_busy=MissionAnswer(MissionResult.DENIED),
+    unknown_type=MissionAnswer(MissionResult.UNSUPPORTED),
+    unknown_type_read=MissionAnswer(MissionResult.UNSUPPORTED),
+    bad_shape=MissionAnswer(MissionResult.ERROR, "Fence validation failed", Severity.WARNING),
     home_outside=SILENCE,
     home_outside_after_s=0.0,
 )

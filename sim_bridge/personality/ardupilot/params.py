@@ -7,12 +7,12 @@ The original has 1390 of them. Here are those that act, those that ground statio
 from __future__ import annotations
 
 from sim_bridge.personality.failsafe_settings import Setting
-from sim_bridge.personality.link_traits import LinkHabits, ParamHabits
+from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
 from sim_bridge.personality.table import Param
 
 _INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
 
-PARAM_HABITS = ParamHabits(
+PARAM_HABITS = ParamTraits(
     sysid="SYSID_THISMAV",
     any_case=True,
     tells_index=False,
@@ -22,7 +22,7 @@ PARAM_HABITS = ParamHabits(
     hash_name="",
     banner=("ArduCopter V4.5.6", "Frame: QUAD/X"),
 )
-LINK = LinkHabits(clock_step_ns=1_000, asks_time_every_s=10.0, signs=True)
+LINK = LinkTraits(clock_step_ns=1_000, asks_time_every_s=10.0, signs=True)
 
 PARAMS = (
     Param("FORMAT_VERSION", 120.0, _INT16),

@@ -22,8 +22,23 @@ from gcs.mavlink import (
     px4_mode,
 )
 from sim_bridge.personality.boot import Boot, Milestone, Stage
-from sim_bridge.personality.failsafe_settings import BatteryGuard, EstimateGuard, FenceGuard, Guards, LinkGuard, Setting
-from sim_bridge.personality.flight_traits import Arming, Flight, Health, Replies, Reports, Streaming, Streams
+from sim_bridge.personality.failsafe_settings import (
+    BatteryFailsafe,
+    EstimateFailsafe,
+    FailsafeSettings,
+    FenceFailsafe,
+    LinkFailsafe,
+    Setting,
+)
+from sim_bridge.personality.flight_traits import (
+    ArmingTraits,
+    FlightTraits,
+    HealthTraits,
+    ReplyTraits,
+    ReportTraits,
+    StreamingTraits,
+    StreamTraits,
+)
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4.missions import MISSIONS
 from sim_bridge.personality.px4.params import LINK, PARAM_HABITS, PARAMS
@@ -94,17 +109,17 @@ _WORDS = {
     Note.FENCE_BREACHED: (Severity.WARNING, "Geofence violation\t"),
 }
 
-_GUARDS = Guards(
-    link=LinkGuard(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
+_GUARDS = FailsafeSettings(
+    link=LinkFailsafe(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
     battery=(
-        BatteryGuard(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
-        BatteryGuard(
+        BatteryFailsafe(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
+        BatteryFailsafe(
             Note.BATTERY_CRITICAL,
             {2: Intent.LAND, 3: Intent.RETURN},
             Setting.BATTERY_CRITICAL_ACTION,
             share=Setting.BATTERY_CRITICAL_SHARE,
         ),
-        BatteryGuard(
+        BatteryFailsafe(
             Note.BATTERY_EMERGENCY,
             {2: Intent.LAND, 3: Intent.LAND},
             Setting.BATTERY_CRITICAL_ACTION,
@@ -112,15 +127,15 @@ _GUARDS = Guards(
         ),
     ),
     battery_patience_s=0.0,
-    fence=FenceGuard(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
-    estimate=EstimateGuard(6.0, {}, always=Intent.LAND),
+    fence=FenceFailsafe(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
+    estimate=EstimateFailsafe(6.0, {}, always=Intent.LAND),
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )
 
 # Recorded at 50 Hz, over a link without limits. Over a radio the original sends less too, and at ten times real time
 # that many messages drown a ground station.
 _FAST_HZ = 10.0
-_STREAMS = Streams(
+_STREAMS = StreamTraits(
     unasked_hz={
         MessageId.HEARTBEAT: 1.0,
         MessageId.ATTITUDE: _FAST_HZ,
@@ -174,8 +189,8 @@ PX4 = Personality(
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=Arming(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
-    flight=Flight(
+    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
+    flight=FlightTraits(
         slow_below_m=5.0,
         crawl_below_m=1.0,
         landed_after_s=3.3,
@@ -189,8 +204,8 @@ PX4 = Personality(
         reposition_in=Intent.HOLD,
         sinks_without_sticks=True,
     ),
-    streaming=Streaming(from_ground=True, proof_s=1.0, coasts_s=0.2, comes_back=False),
-    reports=Reports(
+    streaming=StreamingTraits(from_ground=True, proof_s=1.0, coasts_s=0.2, comes_back=False),
+    reports=ReportTraits(
         repeats=10,
         repeat_s=1.0,
         tells_landing=True,
@@ -201,7 +216,7 @@ PX4 = Personality(
         counts_manoeuvres=True,
         item_names={},
     ),
-    replies=Replies(
+    replies=ReplyTraits(
         refused=MavResult.TEMPORARILY_REJECTED,
         unknown_mode=MavResult.ACCEPTED,
         unknown_stream=MavResult.FAILED,
@@ -218,7 +233,7 @@ PX4 = Personality(
         numbered_texts=True,
     ),
     streams=_STREAMS,
-    health=Health(
+    health=HealthTraits(
         present=0x300402F,
         enabled=0x301402F,
         healthy=0x320C83F,

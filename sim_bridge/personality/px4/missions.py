@@ -11,7 +11,7 @@ from __future__ import annotations
 from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.fence import FenceCommand
-from sim_bridge.protocol.missions.transfer_traits import SILENCE, Answer, Keeping, MissionHabits
+from sim_bridge.protocol.missions.transfer_traits import SILENCE, Keeping, MissionAnswer, MissionTraits
 
 _RALLY_POINT = 5100
 _IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
@@ -47,11 +47,11 @@ _KEEPING = {
 }
 
 # Texts that also go out as an event end in a tab.
-MISSIONS = MissionHabits(
+MISSIONS = MissionTraits(
     keeping=_KEEPING,
     ask_again_s=0.25,
     give_up_s=5.0,
-    gave_up=Answer(None, "Operation timeout\t"),
+    gave_up=MissionAnswer(None, "Operation timeout\t"),
     int_requests=True,
     home_is_item_0=False,
     as_files=False,
@@ -64,18 +64,18 @@ MISSIONS = MissionHabits(
     cancellable=True,
     clears_all=True,
     first_is_current=True,
-    second_station=Answer(MissionResult.ERROR),
-    busy=Answer(MissionResult.ERROR, "WPM: REJ. CMD: Busy\t"),
-    no_space=Answer(MissionResult.NO_SPACE),
+    second_station=MissionAnswer(MissionResult.ERROR),
+    busy=MissionAnswer(MissionResult.ERROR, "WPM: REJ. CMD: Busy\t"),
+    no_space=MissionAnswer(MissionResult.NO_SPACE),
     wrong_sequence=SILENCE,
-    unasked_item=Answer(MissionResult.ERROR, "IGN MISSION_ITEM: No transfer\t"),
-    unknown_item=Answer(MissionResult.ERROR),
-    refused_item=Answer(None, "IGN MISSION_ITEM: Invalid item\t"),
+    unasked_item=MissionAnswer(MissionResult.ERROR, "IGN MISSION_ITEM: No transfer\t"),
+    unknown_item=MissionAnswer(MissionResult.ERROR),
+    refused_item=MissionAnswer(None, "IGN MISSION_ITEM: Invalid item\t"),
     float_item=SILENCE,
-    read_while_busy=Answer(None, "Mission download request ignored, already active\t", Severity.INFO),
-    unknown_type=Answer(MissionResult.NO_SPACE),
+    read_while_busy=MissionAnswer(None, "Mission download request ignored, already active\t", Severity.INFO),
+    unknown_type=MissionAnswer(MissionResult.NO_SPACE),
     unknown_type_read=None,
-    bad_shape=Answer(MissionResult.ERROR),
-    home_outside=Answer(None, "Geofence invalid, doesn't contain Home position\t"),
+    bad_shape=MissionAnswer(MissionResult.ERROR),
+    home_outside=MissionAnswer(None, "Geofence invalid, doesn't contain Home position\t"),
     home_outside_after_s=0.5,
 )

@@ -7,12 +7,12 @@ The original has some 900 of them, in the order of the alphabet.
 from __future__ import annotations
 
 from sim_bridge.personality.failsafe_settings import Setting
-from sim_bridge.personality.link_traits import LinkHabits, ParamHabits
+from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
 from sim_bridge.personality.table import Param
 
 _INT32, _REAL32 = 6, 9
 
-PARAM_HABITS = ParamHabits(
+PARAM_HABITS = ParamTraits(
     sysid="MAV_SYS_ID",
     any_case=False,
     tells_index=True,
@@ -21,7 +21,7 @@ PARAM_HABITS = ParamHabits(
     takes_nan=True,
     hash_name="_HASH_CHECK",
 )
-LINK = LinkHabits(clock_step_ns=4_000_000, asks_time_every_s=float("inf"), signs=False)
+LINK = LinkTraits(clock_step_ns=4_000_000, asks_time_every_s=float("inf"), signs=False)
 
 PARAMS = (
     Param("ASPD_SCALE_1", 1.0, _REAL32),

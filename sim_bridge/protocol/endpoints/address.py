@@ -16,7 +16,7 @@ LOOPBACK = "127.0.0.1"
 Address = tuple[str, int]
 
 
-class Kind(StrEnum):
+class EndpointKind(StrEnum):
     """How bytes travel, and who speaks first."""
 
     UDP_OUT = "udpout"  # the vehicles call a ground station
@@ -26,66 +26,66 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True)
-class LinkSpec:
+class EndpointSpec:
     """One endpoint of a fleet.
 
     `port` 0 takes any free one. Each vehicle has a port of its own: of a listening endpoint those from `port` on, one
     by one, of a pty the terminal `path` and its system id. `shared`, all vehicles are at one.
     """
 
-    kind: Kind
+    kind: EndpointKind
     host: str = LOOPBACK
     port: int = 0
     path: str = ""  # of a pty: the symbolic link that leads to it; none by default
     shared: bool = False
 
     def __str__(self) -> str:
-        where = self.path if self.kind is Kind.PTY else f"{self.host}:{self.port}"
+        where = self.path if self.kind is EndpointKind.PTY else f"{self.host}:{self.port}"
         return f"{self.kind}:{where}" if where else str(self.kind)
 
     def port_of(self, row: int) -> int:
         """The port of one vehicle. Raises `UsageError` past the last one there is."""
-        port = self.port + row if self.port and not self.shared and self.kind is not Kind.UDP_OUT else self.port
+        port = self.port + row if self.port and not self.shared and self.kind is not EndpointKind.UDP_OUT else self.port
         if port > 0xFFFF:
             raise UsageError(f"{self} has no port left for vehicle {row + 1} of the fleet.", hint="begin lower")
         return port
 
 
-def call(port: int, host: str = LOOPBACK) -> LinkSpec:
+def call(port: int, host: str = LOOPBACK) -> EndpointSpec:
     """Vehicles that call a ground station over UDP."""
-    return LinkSpec(Kind.UDP_OUT, host, port)
+    return EndpointSpec(EndpointKind.UDP_OUT, host, port)
 
 
 CALL_GROUND = call(14550)
 _HINT = "write for example udpout:127.0.0.1:14550, udpin:14540, tcpin:5760, pty or pty:/tmp/vehicle"
 
 
-def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> LinkSpec:
+def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> EndpointSpec:
     """The endpoint that `text` names; `bind` is the address that may be listened at beside loopback.
 
     Raises `UsageError` that quotes the text.
     """
     kind_text, _, rest = text.partition(":")
     try:
-        kind = Kind(kind_text)
+        kind = EndpointKind(kind_text)
     except ValueError:
         raise UsageError(f"{text!r} does not name a link.", hint=_HINT) from None
-    if kind is Kind.PTY:
-        return LinkSpec(kind, path=rest, shared=shared)
+    if kind is EndpointKind.PTY:
+        return EndpointSpec(kind, path=rest, shared=shared)
     host, _, port_text = rest.rpartition(":")
-    least = 1 if kind is Kind.UDP_OUT else 0
+    least = 1 if kind is EndpointKind.UDP_OUT else 0
     if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) <= 0xFFFF):
         raise UsageError(f"{text!r} does not name a link: the port is a number up to 65535.", hint=_HINT)
-    if kind is Kind.UDP_OUT:
+    if kind is EndpointKind.UDP_OUT:
         if not host:
             raise UsageError(f"{text!r} does not name a link: whom should the vehicles call?", hint=_HINT)
-        return LinkSpec(kind, host, int(port_text), shared=shared)
+        return EndpointSpec(kind, host, int(port_text), shared=shared)
     if host and host != bind and not is_loopback(host):
         raise UsageError(
             f"{text!r} would listen beyond this machine, where anybody may command the vehicles.",
             hint=f"if that is meant, add --bind {host}",
         )
-    return LinkSpec(kind, host or bind, int(port_text), shared=shared)
+    return EndpointSpec(kind, host or bind, int(port_text), shared=shared)
 
 
 def is_loopback(host: str) -> bool:

@@ -18,7 +18,7 @@ DATAGRAM_BYTES = 1400  # several frames share a datagram, as far as any network 
 
 
 @dataclass(frozen=True)
-class Place:
+class PeerAddress:
     """Where a line can be reached, for people and programs: `udpin`, `127.0.0.1:14540`."""
 
     kind: str
@@ -35,7 +35,7 @@ class Line(Protocol):
     """One place where bytes come and go."""
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PeerAddress:
         """Where it is."""
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:

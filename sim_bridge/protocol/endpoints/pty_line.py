@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gcs.errors import LinkError
-from sim_bridge.protocol.endpoints.address import LinkSpec
-from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, Place, Source, Watch
+from sim_bridge.protocol.endpoints.address import EndpointSpec
+from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch
 
 _SOURCE = "line"
 
@@ -21,7 +21,7 @@ _SOURCE = "line"
 class PtyLine:
     """One pseudo terminal; `name` is added to the spec's path."""
 
-    def __init__(self, spec: LinkSpec, name: str, watch: Watch) -> None:
+    def __init__(self, spec: EndpointSpec, name: str, watch: Watch) -> None:
         """Make the terminal. Raises `LinkError` where its name is taken or there are no terminals."""
         self._watch = watch
         self._link: Path | None = None
@@ -47,7 +47,7 @@ class PtyLine:
                     f"{link} cannot be made to lead to {device}: {error.strerror}.", hint="name another path"
                 ) from error
             self._link = link
-        self.place = Place(str(spec.kind), str(self._link or device))
+        self.place = PeerAddress(str(spec.kind), str(self._link or device))
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
         """Whatever was written into the terminal."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from sim_bridge.protocol.endpoints.address import Kind, LinkSpec
-from sim_bridge.protocol.endpoints.line import Line, Place, Source, Watch
+from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
+from sim_bridge.protocol.endpoints.line import Line, PeerAddress, Source, Watch
 from sim_bridge.protocol.endpoints.pty_line import PtyLine
 from sim_bridge.protocol.endpoints.tcp_line import TcpLine
 from sim_bridge.protocol.endpoints.udp_line import UdpLine
@@ -26,7 +26,7 @@ class Arrival(NamedTuple):
 class Switchboard:
     """Opens endpoints for vehicles with these system ids. `rows[line]` are the vehicles at a line."""
 
-    def __init__(self, specs: Sequence[LinkSpec], sysids: Sequence[int]) -> None:
+    def __init__(self, specs: Sequence[EndpointSpec], sysids: Sequence[int]) -> None:
         """Open everything. Raises `LinkError` or `UsageError`, and leaves nothing open then."""
         self._watch = Watch()
         self._numbers: dict[int, int] = {}  # id of a line -> its number
@@ -51,7 +51,7 @@ class Switchboard:
         for row in rows:
             self._lines_of[row].append(number)
 
-    def places(self, row: int) -> list[Place]:
+    def places(self, row: int) -> list[PeerAddress]:
         """Where one vehicle can be reached."""
         return [self._lines[number].place for number in self._lines_of[row]]
 
@@ -92,11 +92,11 @@ class Switchboard:
         self._watch.close()
 
 
-def _open(spec: LinkSpec, row: int, name: str, watch: Watch) -> Line:
+def _open(spec: EndpointSpec, row: int, name: str, watch: Watch) -> Line:
     match spec.kind:
-        case Kind.UDP_OUT | Kind.UDP_IN:
+        case EndpointKind.UDP_OUT | EndpointKind.UDP_IN:
             return UdpLine(spec, row, watch)
-        case Kind.TCP_IN:
+        case EndpointKind.TCP_IN:
             return TcpLine(spec, row, watch)
-        case Kind.PTY:
+        case EndpointKind.PTY:
             return PtyLine(spec, name, watch)

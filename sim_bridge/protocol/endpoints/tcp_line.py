@@ -10,8 +10,8 @@ import socket
 from collections.abc import Iterator, Sequence
 
 from gcs.errors import LinkError
-from sim_bridge.protocol.endpoints.address import LinkSpec
-from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, Place, Source, Watch
+from sim_bridge.protocol.endpoints.address import EndpointSpec
+from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch
 
 _MOST_STATIONS = 16
 _BACKLOG_BYTES = 1 << 18
@@ -38,7 +38,7 @@ class _Connection:
 class TcpLine:
     """One server; `row` is the vehicle's, or 0 where all share it."""
 
-    def __init__(self, spec: LinkSpec, row: int, watch: Watch) -> None:
+    def __init__(self, spec: EndpointSpec, row: int, watch: Watch) -> None:
         """Listen. Raises `LinkError` when the port is taken, or the host is not of this machine."""
         self._watch = watch
         self._connections: dict[int, _Connection] = {}
@@ -50,7 +50,7 @@ class TcpLine:
         self._server.setblocking(False)
         watch.add(self._server.fileno(), self)
         host, port = self._server.getsockname()[:2]
-        self.place = Place(str(spec.kind), f"{host}:{port}")
+        self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
         """Bytes of one connection, or a new connection, which brings none yet."""

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gcs.errors import LinkError
-from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, Kind, LinkSpec, is_loopback
-from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, Place, Source, Watch, datagrams
+from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, EndpointKind, EndpointSpec, is_loopback
+from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch, datagrams
 
 _BUFFER_BYTES = 1 << 20
 _MOST_STATIONS = 16  # senders of frames are believed to be stations, but not a flood of them
@@ -23,7 +23,7 @@ _FORGET_S = 30.0
 class UdpLine:
     """One socket; `row` is the vehicle's, or 0 where all share it."""
 
-    def __init__(self, spec: LinkSpec, row: int, watch: Watch) -> None:
+    def __init__(self, spec: EndpointSpec, row: int, watch: Watch) -> None:
         """Take the port. Raises `LinkError` when it is taken, or the host does not exist."""
         self._watch = watch
         self._stations: dict[Any, float] = {}  # when each was last heard
@@ -33,7 +33,7 @@ class UdpLine:
             self._socket.setblocking(False)
             for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
                 self._socket.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
-            if spec.kind is Kind.UDP_OUT:
+            if spec.kind is EndpointKind.UDP_OUT:
                 self._call(resolve(spec))
             else:
                 self._socket.bind((spec.host, spec.port_of(row)))
@@ -45,7 +45,7 @@ class UdpLine:
             raise
         watch.add(self._socket.fileno(), self)
         host, port = self._socket.getsockname()[:2]
-        self.place = Place(str(spec.kind), f"{host}:{port}")
+        self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
 
     def _call(self, ground: Address) -> None:
         """Call `ground`. On this machine anybody may answer; from elsewhere only who was called."""
@@ -94,7 +94,7 @@ class UdpLine:
             self._socket.close()
 
 
-def resolve(spec: LinkSpec) -> Address:
+def resolve(spec: EndpointSpec) -> Address:
     """The host's IPv4 address. Raises `LinkError`."""
     try:
         found = socket.getaddrinfo(spec.host, spec.port, family=socket.AF_INET, type=socket.SOCK_DGRAM)

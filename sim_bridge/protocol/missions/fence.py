@@ -36,7 +36,7 @@ LEAST_VERTICES = 3
 
 
 @dataclass(frozen=True)
-class Shape:
+class FenceShape:
     """A polygon (its corners (N, 2)) or a circle (its centre (1, 2) and radius), north and east in metres."""
 
     corners_ned_m: Array
@@ -59,20 +59,20 @@ class Shape:
         return bool(np.count_nonzero(crosses & (north_m < at_north)) % 2)
 
 
-def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[Shape, ...]:
+def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[FenceShape, ...]:
     """The polygons and circles that whole fence items make; what makes none is left out."""
-    found: list[Shape] = []
+    found: list[FenceShape] = []
     at = 0
     while at < len(items):
         first = items[at]
         size = 1
         if first.command in CIRCLES and first.params[0] > 0.0:
-            found.append(Shape(places(items[at : at + 1], origin), first.params[0], first.command in _OUTSIDE))
+            found.append(FenceShape(places(items[at : at + 1], origin), first.params[0], first.command in _OUTSIDE))
         elif first.command in POLYGONS:
             size = max(_whole(first.params[0]), 1)
             vertices = items[at : at + size]
             if LEAST_VERTICES <= size == len(vertices) and {v.command for v in vertices} == {first.command}:
-                found.append(Shape(places(vertices, origin), 0.0, first.command in _OUTSIDE))
+                found.append(FenceShape(places(vertices, origin), 0.0, first.command in _OUTSIDE))
         at += size
     return tuple(found)
 

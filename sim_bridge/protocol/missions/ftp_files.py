@@ -13,7 +13,7 @@ from gcs.link.mission_protocol.item_messages import item_from_message
 from gcs.link.mission_protocol.mission_dat import FIELDS, HEADER, ITEM, MAGIC, path_of
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
-from sim_bridge.protocol.missions.store import MissionShelf
+from sim_bridge.protocol.missions.store import MissionStore
 
 WRITTEN_MAX = HEADER.size + 0xFFFF * ITEM.size
 _KEEP_OTHERS = 1  # an option: items before `start` and behind the last stay
@@ -32,7 +32,7 @@ def items_in(message: Message) -> range:
 class MissionFiles:
     """The virtual folder of one vehicle."""
 
-    def __init__(self, shelf: MissionShelf) -> None:
+    def __init__(self, shelf: MissionStore) -> None:
         self._shelf = shelf
 
     def has(self, path: str) -> bool:

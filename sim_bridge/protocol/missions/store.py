@@ -1,6 +1,6 @@
 """The missions, fence and rally points that one vehicle holds, and the transfers that bring and fetch them.
 
-Knows: the habits of its make of autopilot (`MissionHabits`), who may transfer what at the same time. Does not know:
+Knows: the habits of its make of autopilot (`MissionTraits`), who may transfer what at the same time. Does not know:
 sockets, clocks (time is an argument), how items are flown.
 
 Uploads: the vehicle pulls.
@@ -36,13 +36,13 @@ from sim_bridge.protocol.missions.acceptance import (
     verdict,
 )
 from sim_bridge.protocol.missions.fence import count_shapes, encloses, what_is_wrong
-from sim_bridge.protocol.missions.transfer_traits import Answer, Download, Keeping, MissionHabits, Upload
+from sim_bridge.protocol.missions.transfer_traits import Download, Keeping, MissionAnswer, MissionTraits, Upload
 
 Say = Callable[[Severity, str], None]
 Items = tuple[MissionItem, ...]
 
 
-class MissionShelf:
+class MissionStore:
     """Items of all types of one vehicle.
 
     `on_change(mission type, items)` hears of every change, `say` gets what goes out as STATUSTEXT.
@@ -51,7 +51,7 @@ class MissionShelf:
     def __init__(
         self,
         me: Station,
-        habits: MissionHabits,
+        habits: MissionTraits,
         home: Origin,
         on_change: Callable[[int, Items], None],
         say: Say,
@@ -132,7 +132,7 @@ class MissionShelf:
         if items and self._habits.home_is_item_0:
             self._items[MissionType.MISSION] = (self._home_item(), *items[1:])
 
-    def remember(self, earlier: MissionShelf) -> None:
+    def remember(self, earlier: MissionStore) -> None:
         """Take over what was stored before a restart: of an upload that it broke, what had been stored by then."""
         for kind, items in earlier._items.items():
             self._store(kind, items)
@@ -330,7 +330,7 @@ class MissionShelf:
     def _home_item(self) -> MissionItem:
         return home_item(Home(self.home.lat_deg, self.home.lon_deg, self.home.alt_amsl_m))
 
-    def _answer(self, answer: Answer, peer: Station, kind: int) -> list[Message]:
+    def _answer(self, answer: MissionAnswer, peer: Station, kind: int) -> list[Message]:
         keeping: Keeping | None = self._habits.keeping.get(kind)
         if answer.text:
             name = keeping.name if keeping is not None else ""

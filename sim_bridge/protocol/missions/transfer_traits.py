@@ -14,7 +14,7 @@ from gcs.mavlink import MissionResult, Severity
 from gcs.mission.model import MissionItem
 
 
-class Answer(NamedTuple):
+class MissionAnswer(NamedTuple):
     """What is said to something unwelcome: a MISSION_ACK, a STATUSTEXT, both, or (as it is here) nothing."""
 
     result: MissionResult | None = None
@@ -22,7 +22,7 @@ class Answer(NamedTuple):
     severity: Severity = Severity.CRITICAL
 
 
-SILENCE = Answer()
+SILENCE = MissionAnswer()
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,13 @@ class Keeping:
 
 
 @dataclass(frozen=True)
-class MissionHabits:
+class MissionTraits:
     """Transfers. Times in seconds."""
 
     keeping: Mapping[int, Keeping]  # by mission type
     ask_again_s: float  # for an item that does not come
     give_up_s: float  # without an item
-    gave_up: Answer  # {name} is the mission type's
+    gave_up: MissionAnswer  # {name} is the mission type's
     int_requests: bool  # asks with MISSION_REQUEST_INT
     home_is_item_0: bool
     as_files: bool  # serves and takes them by MAVLink FTP too
@@ -73,19 +73,19 @@ class MissionHabits:
     cancellable: bool  # a MISSION_ACK of the station may end the transfer
     clears_all: bool  # mission type 255 stands for all of them
     first_is_current: bool  # item 0 reads back as `current` before anything was flown
-    second_station: Answer
-    busy: Answer  # the same station, in the middle of a transfer
-    no_space: Answer  # {capacity} is the number of items that fit
-    wrong_sequence: Answer
-    unasked_item: Answer
-    unknown_item: Answer  # that is asked for and not there
-    refused_item: Answer  # after a MISSION_ACK with the reason
-    float_item: Answer
-    read_while_busy: Answer
-    unknown_type: Answer  # in a MISSION_COUNT
-    unknown_type_read: Answer | None  # None is MISSION_COUNT 0
-    bad_shape: Answer
-    home_outside: Answer  # said some time after a fence was stored that home is not inside of, or that is none
+    second_station: MissionAnswer
+    busy: MissionAnswer  # the same station, in the middle of a transfer
+    no_space: MissionAnswer  # {capacity} is the number of items that fit
+    wrong_sequence: MissionAnswer
+    unasked_item: MissionAnswer
+    unknown_item: MissionAnswer  # that is asked for and not there
+    refused_item: MissionAnswer  # after a MISSION_ACK with the reason
+    float_item: MissionAnswer
+    read_while_busy: MissionAnswer
+    unknown_type: MissionAnswer  # in a MISSION_COUNT
+    unknown_type_read: MissionAnswer | None  # None is MISSION_COUNT 0
+    bad_shape: MissionAnswer
+    home_outside: MissionAnswer  # said some time after a fence was stored that home is not inside of, or that is none
     home_outside_after_s: float
 
 

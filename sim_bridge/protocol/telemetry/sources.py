@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gcs.link.wire.message import Message
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.failsafe import Failsafe
 from sim_bridge.personality import Milestone, Personality
 from sim_bridge.protocol.telemetry.instruments import Instruments
@@ -20,7 +20,7 @@ class Sources:
     """One vehicle's parts that tell anything."""
 
     instruments: Instruments
-    autopilot: Autopilot
+    autopilot: EmulatedAutopilot
     failsafe: Failsafe
     personality: Personality
 

@@ -17,7 +17,7 @@ from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import LoadedMission, read_mission
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.predicted.autopilot_flight import fly_modelled
 from gcs.mission.predicted.planned_flight import Surroundings, surroundings
@@ -70,7 +70,7 @@ items = st.builds(
     alt_m=wild,
     autocontinue=st.booleans(),
 )
-spots = st.builds(Place, near.map(lambda d: 474_000_000 + d), near.map(lambda d: 85_000_000 + d))
+spots = st.builds(GeoPoint, near.map(lambda d: 474_000_000 + d), near.map(lambda d: 85_000_000 + d))
 fences = st.builds(
     Geofence,
     st.lists(

@@ -34,7 +34,7 @@ from gcs.mission.formats.tables.history_csv import History, read_history, write_
 from gcs.mission.formats.tables.setpoint_table import StreamFile
 from gcs.mission.formats.tables.setpoints_csv import read_setpoints, write_setpoints
 from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet, write_setpoints_parquet
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem, SetpointStream
 
 untimed = settings(deadline=None)
@@ -81,7 +81,7 @@ def test_waypoints_survive(home: Home | None, items: tuple[MissionItem, ...]) ->
 
 
 places = st.builds(
-    Place,
+    GeoPoint,
     lat_degE7=st.integers(-900_000_000, 900_000_000),
     lon_degE7=st.integers(-1_800_000_000, 1_800_000_000),
 )
@@ -231,7 +231,7 @@ STREAM = StreamFile(
     "abc",
     Origin(47, 8, 488),
 )
-CORNERS = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))
+CORNERS = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
 FENCE = Geofence((FencePolygon(CORNERS, True),), (FenceCircle(CORNERS[0], 12.5, False),), RallyPoint(CORNERS[1], 5.0))
 RALLY = (RallyPoint(CORNERS[2], 20.0),)
 MAP = MapFile(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.predicted.closest_approach import closest_approach
-from gcs.mission.predicted.planned_flight import Flight
+from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.physics.quadrotor import Array
 
 untimed = settings(deadline=None)
@@ -20,27 +20,27 @@ coordinates = st.floats(-30, 30)
 
 
 @st.composite
-def fleets(draw: st.DrawFn) -> list[Flight]:
+def fleets(draw: st.DrawFn) -> list[PredictedFlight]:
     fleet = []
     for _ in range(draw(st.integers(2, 4))):
         t_s = np.array(sorted(draw(st.lists(st.integers(0, 50), min_size=2, max_size=4, unique=True))), dtype=float)
         ned_m = np.array([[draw(coordinates) for _ in range(3)] for _ in t_s])
-        fleet.append(Flight(t_s, ned_m, np.zeros(len(t_s)), float(t_s[0]), float(t_s[-1]), math.inf))
+        fleet.append(PredictedFlight(t_s, ned_m, np.zeros(len(t_s)), float(t_s[0]), float(t_s[-1]), math.inf))
     return fleet
 
 
-def at(flight: Flight, t_s: Array) -> Array:
+def at(flight: PredictedFlight, t_s: Array) -> Array:
     return np.stack([np.interp(t_s, flight.t_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
 
 
-def lift_off_s(flight: Flight) -> float:
+def lift_off_s(flight: PredictedFlight) -> float:
     moved = np.flatnonzero(np.any(flight.ned_m != flight.ned_m[0], axis=1))
     return float(flight.t_s[moved[0] - 1]) if len(moved) else math.inf
 
 
 @untimed
 @given(fleets())
-def test_no_sample_is_nearer(fleet: list[Flight]) -> None:
+def test_no_sample_is_nearer(fleet: list[PredictedFlight]) -> None:
     found = closest_approach(fleet)
     lifted = [lift_off_s(f) for f in fleet]
     if found is None:

@@ -19,7 +19,7 @@ from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
 from sim_bridge.personality.px4.missions import MISSIONS as PX4
-from sim_bridge.protocol.missions.store import MissionShelf
+from sim_bridge.protocol.missions.store import MissionStore
 
 VEHICLE = Station(3, 1)
 STEP_S = 0.02
@@ -50,7 +50,7 @@ class World:
     """A shelf and the ground station's machines, with a link that loses, delays and repeats; all from one seed."""
 
     def __init__(self, habits, seed, loss, repeat, delay_s):
-        self.shelf = MissionShelf(VEHICLE, habits, Origin(47.0, 8.0, 400.0), lambda *_: None, lambda *_: None)
+        self.shelf = MissionStore(VEHICLE, habits, Origin(47.0, 8.0, 400.0), lambda *_: None, lambda *_: None)
         self.random = random.Random(seed)
         self.loss, self.repeat, self.delay_s = loss, repeat, delay_s
         self.queue: list = []

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot
-from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.si import local_origin
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.missions.acceptance import kept
 
@@ -45,7 +46,7 @@ def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
 @pytest.mark.parametrize("firmware", list(Autopilot))
 def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Autopilot) -> None:
     """Lengths of what an emulated vehicle keeps, at the speeds it is told, are the times between waypoints."""
-    origin = Origin(**simulation1_plan.scenario.origin.model_dump())
+    origin = local_origin(simulation1_plan.scenario)
     keeping = by_name(firmware.key).missions.keeping[0]
     for mission in build_missions(simulation1_plan, firmware=firmware):
         items = [kept(item, keeping) for item in mission.items]

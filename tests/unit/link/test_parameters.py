@@ -14,7 +14,7 @@ from gcs.link.microservices.parameter import REAL32, Parameter, as_kind, decode,
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
 from gcs.link.wire.message import GROUND, Message, Station
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.param_server import Params
+from sim_bridge.protocol.param_server import ParamServer
 
 VEHICLE = Station(3, 1)
 NAMES = {Autopilot.ARDUPILOT: ("RTL_ALT", "WPNAV_SPEED_UP", "FENCE_ENABLE", "RTL_LOIT_TIME", "FENCE_ALT_MAX"),
@@ -24,7 +24,7 @@ BOTH = pytest.mark.parametrize("autopilot", [Autopilot.ARDUPILOT, Autopilot.PX4]
 
 
 def table(autopilot):
-    return Params(by_name(autopilot.key), VEHICLE.sysid)
+    return ParamServer(by_name(autopilot.key), VEHICLE.sysid)
 
 
 def talk(machine, params, loss=0.0, seed=0, meddle=lambda message: [message]):

@@ -9,7 +9,7 @@ import numpy as np
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.formats.any_mission import LoadedMission
-from gcs.mission.geofence import NO_FENCE, Geofence, Place, RallyPoint
+from gcs.mission.geofence import NO_FENCE, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.predicted.planned_flight import Surroundings
 
@@ -18,9 +18,9 @@ FLAT = Surroundings(ORIGIN, lambda north, east: 0.0 * north)  # type: ignore[ope
 UNKNOWN = Surroundings(ORIGIN)
 
 
-def place(north_m: float, east_m: float) -> Place:
+def place(north_m: float, east_m: float) -> GeoPoint:
     lat, lon, _ = ned_to_geodetic(np.array([north_m, east_m, 0.0]), ORIGIN)
-    return Place(to_degE7(float(lat)), to_degE7(float(lon)))
+    return GeoPoint(to_degE7(float(lat)), to_degE7(float(lon)))
 
 
 def at(command: int, north_m: float, east_m: float, up_m: float, *, p1: float = 0.0, frame: int = 3) -> MissionItem:

@@ -15,10 +15,10 @@ from gcs.errors import FileFormatError
 from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, Track, build_map
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
 from gcs.plan.trajectory.trajectory import Plan
 
-CLOCKWISE = (Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000))
+CLOCKWISE = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
 FENCE = Geofence(
     (FencePolygon(CLOCKWISE, True), FencePolygon(CLOCKWISE[::-1], False)),
     (FenceCircle(CLOCKWISE[0], 100.0, False),),

@@ -303,7 +303,7 @@ def test_times_are_compared_with_the_latest_before(told: Told) -> None:
 def test_the_words_of_every_key_at_fault_are_in_pythons_error_too() -> None:
     from pydantic import ValidationError
 
-    from gcs.scenario.schema.scenario import Change
+    from gcs.scenario.schema.scenario import ChangeTable
 
     with pytest.raises(ValidationError, match=r"weight: is what auto = true costs; leave it out"):
-        Change.model_validate({"kind": "shrink", "scale": 0.5, "at_s": 1.0, "weight": 1.0})
+        ChangeTable.model_validate({"kind": "shrink", "scale": 0.5, "at_s": 1.0, "weight": 1.0})

@@ -7,10 +7,10 @@ import numpy as np
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mavlink import LandedState, MavResult
 from gcs.mission.model import Command, Frame, MissionItem
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.events import ModeChanged, Reached, Said
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
-from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.personality import ARDUPILOT, Intent, Personality, Setting
 
 LIMITS = MotionLimits(4.0, 1.6, 1.0, 0.2, 0.85, 0.5, 0.07)
@@ -28,8 +28,8 @@ class Body:
     """`told` is all that was said, `states` the landed states and `currents` the current items as they changed."""
 
     def __init__(self, personality: Personality = ARDUPILOT, *, ready: bool = True) -> None:
-        guide = Guide(LIMITS, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0)
-        self.pilot = Autopilot(personality, guide, YAW)
+        guide = PathGenerator(LIMITS, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0)
+        self.pilot = EmulatedAutopilot(personality, guide, YAW)
         self.settings = settings_of(personality)
         self.pilot.use(self.settings)
         self.t_s = 0.0

@@ -15,7 +15,7 @@ from gcs.mission.model import MissionItem
 from gcs.scenario.load import load_scenario
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import ARDUPILOT, PX4, Milestone, Personality
-from sim_bridge.sim.vehicle_factory import Hangar
+from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 KEY = bytes(range(32))
 NOON = 37_519_421_111_903
@@ -28,7 +28,7 @@ class Line:
 
     def __init__(self, personality: Personality, repo_root: Path) -> None:
         self.personality = personality
-        hangar = Hangar(load_scenario(repo_root / "missions" / "field"), personality, 1, 1.8e9)
+        hangar = VehicleFactory(load_scenario(repo_root / "missions" / "field"), personality, 1, 1.8e9)
         self.vehicle = hangar.vehicle(0)
         self.ground = Codec(255, 190)
         self.steps = 0

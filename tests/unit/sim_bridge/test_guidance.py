@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_bridge.autopilot.guidance.ideal_navigator import Leg, fly_legs
+from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
@@ -125,9 +125,9 @@ def test_a_descent_in_three_speeds_is_smooth_and_as_fast_as_there_is_room_for(do
         assert speed.max() == pytest.approx(min(1.5, LIMITS.vertical_mps))
 
 
-def legs_of(start: np.ndarray, places: list[np.ndarray], speeds: list[float]) -> list[Leg]:
+def legs_of(start: np.ndarray, places: list[np.ndarray], speeds: list[float]) -> list[IdealLeg]:
     lengths = np.linalg.norm(np.diff([start[:3], *places], axis=0), axis=1)
-    return [Leg(p, length / v) for p, length, v in zip(places, lengths, speeds, strict=True)]
+    return [IdealLeg(p, length / v) for p, length, v in zip(places, lengths, speeds, strict=True)]
 
 
 def test_legs_pass_every_waypoint_on_time_and_smoothly():
@@ -166,7 +166,7 @@ def test_many_uneven_legs_do_not_swing():
 
 def test_waypoints_on_the_spot_take_no_time():
     start = np.array([0.0, 0.0, -3.0, 0.0])
-    pieces, passed = fly_legs(7.0, start, [Leg(start[:3], 0.0)], LIMITS)
+    pieces, passed = fly_legs(7.0, start, [IdealLeg(start[:3], 0.0)], LIMITS)
     assert pieces == []
     assert passed == [7.0]
 

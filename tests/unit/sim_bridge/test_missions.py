@@ -20,8 +20,8 @@ from gcs.mission.model import MissionItem
 from sim_bridge.personality.ardupilot.missions import MISSIONS as ARDUPILOT
 from sim_bridge.personality.px4.missions import MISSIONS as PX4
 from sim_bridge.protocol.missions.acceptance import flyable
-from sim_bridge.protocol.missions.store import MissionShelf
-from sim_bridge.protocol.missions.transfer_traits import MissionHabits
+from sim_bridge.protocol.missions.store import MissionStore
+from sim_bridge.protocol.missions.transfer_traits import MissionTraits
 
 ME = Station(3, 1)
 OTHER = Station(254, 190)
@@ -58,13 +58,13 @@ RALLY = (item(5100, alt=10.0), item(5100, lat=LAT + 300, alt=12.0))
 class Desk:
     """A shelf, and what it told the rest of the vehicle."""
 
-    habits: MissionHabits
+    habits: MissionTraits
     texts: list[tuple[int, str]] = field(default_factory=list)
     changes: list[tuple[int, tuple[MissionItem, ...]]] = field(default_factory=list)
     now_s: float = 0.0
 
     def __post_init__(self) -> None:
-        self.shelf = MissionShelf(
+        self.shelf = MissionStore(
             ME,
             self.habits,
             HOME,

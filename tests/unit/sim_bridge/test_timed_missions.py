@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.navigation.calibration import by_name as navigator_named
-from gcs.autopilots.navigation.navigator import Orders
+from gcs.autopilots.navigation.navigator import NavigatorOrders
 from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.waypoints.arrival_times import corrected_legs
@@ -24,7 +24,7 @@ GOAL_S = 3.0
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
 
 
-def passed_s(flight: Flight, orders: Orders) -> np.ndarray:
+def passed_s(flight: Flight, orders: NavigatorOrders) -> np.ndarray:
     """When the vehicle was nearest to each waypoint, (N,)."""
     ends = np.array([*flight.reached_s, flight.t_s[-1]])[: orders.count]
     return passing_times(flight.t_s, flight.position_ned_m, orders, ends)
@@ -32,7 +32,7 @@ def passed_s(flight: Flight, orders: Orders) -> np.ndarray:
 
 @NAMES
 def test_a_flight_is_what_the_model_predicts(name: str) -> None:
-    orders = Orders.through(POINTS, SPEEDS, airborne_s=20.0)
+    orders = NavigatorOrders.through(POINTS, SPEEDS, airborne_s=20.0)
     (flight,) = Fleet(by_name(name), [orders]).fly()
     predicted = predict(navigator_named(name), orders)
     np.testing.assert_allclose(passed_s(flight, orders), predicted.passed_s, atol=0.5)
@@ -45,7 +45,7 @@ def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str]
     legs = corrected_legs(plan, Autopilot.named(name))
     assert legs.speeds_mps is not None
     points = plan.motion(legs.t_s, slice(plan.leader, plan.leader + 1))[0][0][:, POSITION]
-    orders = Orders.through(points, legs.speeds_mps[0].tolist(), airborne_s=20.0)
+    orders = NavigatorOrders.through(points, legs.speeds_mps[0].tolist(), airborne_s=20.0)
     (flight,) = Fleet(by_name(name), [orders]).fly()
     late_s = passed_s(flight, orders) - (legs.t_s[1:] - legs.left_s)
     print(f"{name}: late {late_s.round(2).tolist()}")
@@ -54,7 +54,7 @@ def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str]
 
 @NAMES
 def test_an_ideal_vehicle_is_on_time(name: str) -> None:
-    orders = Orders.through(POINTS, SPEEDS)
+    orders = NavigatorOrders.through(POINTS, SPEEDS)
     (flight,) = Fleet(by_name(name), [orders], ideal=True).fly()
     asked_s = np.cumsum(np.linalg.norm(np.diff(POINTS, axis=0), axis=1) / SPEEDS)
     np.testing.assert_allclose(passed_s(flight, orders)[:-1], asked_s[:-1], atol=0.8)  # corners are rounded

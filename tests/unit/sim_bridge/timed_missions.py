@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.autopilots.navigation.calibration import by_name
-from gcs.autopilots.navigation.navigator import Ability, Orders
+from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.autopilot import Autopilot
+from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
-from sim_bridge.autopilot.guidance.path_generator import Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.presets import FIELD
@@ -40,7 +40,7 @@ class Flight:
     reached_s: tuple[float, ...]  # when each waypoint but the last was completed
 
 
-def items_of(orders: Orders, personality: Personality, pad_ned_m: Array) -> tuple[MissionItem, ...]:
+def items_of(orders: NavigatorOrders, personality: Personality, pad_ned_m: Array) -> tuple[MissionItem, ...]:
     """Take-off, the start with a hold, then a speed and a waypoint for every leg; heights count from the pad."""
 
     def fly_to(command: Command, place: tuple[float, float, float], hold_s: float = 0.0) -> MissionItem:
@@ -62,7 +62,7 @@ def items_of(orders: Orders, personality: Personality, pad_ned_m: Array) -> tupl
 class Fleet:
     """Strong vehicles on flat ground in still air; `flights` fill while they fly."""
 
-    def __init__(self, personality: Personality, missions: Sequence[Orders], *, ideal: bool = False) -> None:
+    def __init__(self, personality: Personality, missions: Sequence[NavigatorOrders], *, ideal: bool = False) -> None:
         count = len(missions)
         self.pads_ned_m = np.stack([np.zeros(count), APART_M * np.arange(count), np.zeros(count)], axis=1)
         self.bodies = Airframes(
@@ -71,8 +71,8 @@ class Fleet:
         navigator = None if ideal else by_name(personality.name).within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
-            guide = Guide(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)
-            pilot = Autopilot(personality, guide, 0.0)
+            guide = PathGenerator(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)
+            pilot = EmulatedAutopilot(personality, guide, 0.0)
             pilot.use(settings_of(personality))
             pilot.set_mission(items_of(orders, personality, pad))
             self.pilots.append(pilot)

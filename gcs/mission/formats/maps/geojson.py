@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, TypeAdapt
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import MapFile, Track, checked
-from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, Place
+from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
@@ -197,9 +197,9 @@ def _is_clockwise(ring: list[list[float]]) -> bool:
     return bool(np.sum(lon * np.roll(lat, -1) - np.roll(lon, -1) * lat) < 0)
 
 
-def _position(place: Place) -> list[float]:
+def _position(place: GeoPoint) -> list[float]:
     return [from_degE7(place.lon_degE7), from_degE7(place.lat_degE7)]
 
 
-def _place(position: tuple[float, float]) -> Place:
-    return Place(to_degE7(position[1]), to_degE7(position[0]))
+def _place(position: tuple[float, float]) -> GeoPoint:
+    return GeoPoint(to_degE7(position[1]), to_degE7(position[0]))

@@ -20,7 +20,7 @@ import simplekml
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import T0_SHOWN, MapFile, Track, checked
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
 
 _NAMES = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -164,7 +164,7 @@ def _polygon(placemark: ElementTree.Element, told: dict[str, str]) -> FencePolyg
 
 
 def _circle(told: dict[str, str]) -> FenceCircle:
-    center = Place(int(told["latitude_degE7"]), int(told["longitude_degE7"]))
+    center = GeoPoint(int(told["latitude_degE7"]), int(told["longitude_degE7"]))
     radius_m = float(told["radius_m"])
     if not (math.isfinite(radius_m) and radius_m > 0):
         raise ValueError(f"there is a circle with radius {radius_m:g} m")
@@ -177,7 +177,7 @@ def _inclusion(told: dict[str, str]) -> bool:
     return told["inclusion"] == "1"
 
 
-def _place(lat_deg: float, lon_deg: float) -> Place:
+def _place(lat_deg: float, lon_deg: float) -> GeoPoint:
     if not (abs(lat_deg) <= 90 and abs(lon_deg) <= 180):
         raise ValueError(f"latitude {lat_deg}, longitude {lon_deg} is not on Earth")
-    return Place(to_degE7(lat_deg), to_degE7(lon_deg))
+    return GeoPoint(to_degE7(lat_deg), to_degE7(lon_deg))

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.frames import Origin, ned_to_geodetic
+from gcs.frames import ned_to_geodetic
 from gcs.mission.geofence import NO_FENCE, Geofence
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.trajectory import Plan
@@ -51,7 +52,7 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
     t_s = np.unique(np.rint(np.linspace(plan.t_start_s, plan.t_end_s, steps + 1) * _MS) / _MS)
     inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     position = plan.leader_trajectory.state(inside)[:, POSITION] + plan.offsets(inside)
-    lat, lon, alt = ned_to_geodetic(position, Origin(**plan.scenario.origin.model_dump()))
+    lat, lon, alt = ned_to_geodetic(position, local_origin(plan.scenario))
     rounded = np.round(lat, _DEGREE_DECIMALS), np.round(lon, _DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
     tracks = tuple(Track(sysid, t_s, *(part[row] for part in rounded)) for row, sysid in enumerate(plan.sysids))
     return MapFile(plan.scenario.title or plan.scenario.name, plan.hash, tracks, geofence)

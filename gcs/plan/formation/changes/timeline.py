@@ -27,7 +27,7 @@ from gcs.plan.formation.changes.transforms import (
 from gcs.plan.formation.coordinates import budget_of_each
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
-from gcs.scenario.schema.scenario import Change, Scenario
+from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import NED_FROM_UP, leader_index, offsets_ned_m, shape_offsets_ned_m, sysids
 
 _SLACK_S = 1e-9
@@ -62,7 +62,7 @@ class Timeline:
 class _Made:
     """One change without its time: from one rigid formation to the next."""
 
-    change: Change
+    change: ChangeTable
     name: str
     before_ned_m: Array  # (V, 3)
     after_ned_m: Array  # (V, 3)
@@ -77,7 +77,7 @@ class _Made:
         return sum(seconds for _, seconds in self.legs)
 
 
-def scheduled(scenario: Scenario) -> tuple[Change, ...]:
+def scheduled(scenario: Scenario) -> tuple[ChangeTable, ...]:
     """Changes that begin at a time or a gate, in order; automatic ones are the planner's."""
     return tuple(change for change in scenario.formation.change if not change.auto)
 
@@ -177,7 +177,7 @@ def _made(scenario: Scenario) -> tuple[_Made, ...]:
     return tuple(found)
 
 
-def _rotated(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     assert change.angle_deg is not None
     angle_rad = math.radians(change.angle_deg)
     # North, east, up and north, east, down name the same direction; right-handed about it means the same turn.
@@ -195,7 +195,7 @@ def _rotated(scenario: Scenario, change: Change, offsets: Array) -> _Made:
     )
 
 
-def _shrunk(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     assert change.scale is not None
     name = f"shrink to {change.scale:g}" if change.scale <= 1.0 else f"grow to {change.scale:g}"
     gap_m, i, j = least_gap(offsets)
@@ -220,7 +220,7 @@ def _shrunk(scenario: Scenario, change: Change, offsets: Array) -> _Made:
     )
 
 
-def _reshaped(scenario: Scenario, change: Change, offsets: Array) -> _Made:
+def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     assert change.to is not None
     name = f'reshape to "{change.to}"'
     try:
@@ -249,7 +249,7 @@ def _reshaped(scenario: Scenario, change: Change, offsets: Array) -> _Made:
 
 def _timed(
     scenario: Scenario,
-    change: Change,
+    change: ChangeTable,
     *,
     name: str,
     stops: tuple[Array, Array],
@@ -266,7 +266,7 @@ def _timed(
     return _Made(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
 
 
-def _trigger(change: Change) -> str:
+def _trigger(change: ChangeTable) -> str:
     if change.gate_m is not None:
         (n1, e1), (n2, e2) = change.gate_m
         return f"gate ({n1:g}, {e1:g})-({n2:g}, {e2:g})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gcs.autopilots.navigation.calibration import PX4
-from gcs.autopilots.navigation.navigator import Moment
+from gcs.autopilots.navigation.navigator import NavigatorState
 from gcs.autopilots.navigation.tracking import Follower, Following, Loop
 
 STILL = (0.0, 0.0, 0.0)
@@ -14,7 +14,7 @@ LOOP = Loop(1.0, 2.0, 0.5, 0.2, False)
 
 def chase(following: Following, velocity: tuple[float, float, float], seconds: float = 60.0) -> tuple[Follower, float]:
     """After so long behind a target of constant velocity: the vehicle, and how far it is behind along north."""
-    follower = Follower(following, Moment(0.0, STILL, STILL, STILL))
+    follower = Follower(following, NavigatorState(0.0, STILL, STILL, STILL))
     step_s = 0.02
     for k in range(round(seconds / step_s)):
         t_s = k * step_s
@@ -46,7 +46,7 @@ def test_in_a_descent_an_unwinding_integral_leaves_it_behind():
 
 
 def test_it_goes_on_from_the_motion_it_had():
-    begins = Moment(0.0, (1.0, 2.0, 3.0), (4.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+    begins = NavigatorState(0.0, (1.0, 2.0, 3.0), (4.0, 0.0, 0.0), (0.5, 0.0, 0.0))
     follower = Follower(PX4.following, begins)
     follower.step((1.0, 2.0, 3.0), (4.0, 0.0, 0.0), (0.5, 0.0, 0.0), 0.01)
     assert follower.velocity[0] == pytest.approx(4.0, abs=0.02)

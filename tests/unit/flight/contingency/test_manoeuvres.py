@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from gcs.flight.contingency.manoeuvres import (
     BRAKE_MPS2,
     SPREAD_MPS2,
-    LegsCourse,
-    RejoinCourse,
-    hold_course,
-    return_course,
-    spread_course,
+    LegsReference,
+    RejoinReference,
+    hold_reference,
+    return_reference,
+    spread_reference,
 )
-from gcs.flight.offboard.reference_trajectory import Course, HoldCourse
+from gcs.flight.offboard.reference_trajectory import HoldReference, ReferenceTrajectory
 from gcs.physics.quadrotor import Array
 
 places = st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(-50, -3)).map(np.array)
@@ -24,7 +24,7 @@ speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.
 STEP_S = 0.02
 
 
-def sampled(course: Course, begin_s: float, end_s: float) -> tuple[Array, Array, Array]:
+def sampled(course: ReferenceTrajectory, begin_s: float, end_s: float) -> tuple[Array, Array, Array]:
     """Positions, velocities, accelerations (N, 3) every 20 ms."""
     rows = [course.at(0, t) for t in np.arange(begin_s, end_s, STEP_S)]
     assert all(row is not None for row in rows)
@@ -32,7 +32,7 @@ def sampled(course: Course, begin_s: float, end_s: float) -> tuple[Array, Array,
     return values[:, :3], values[:, 3:6], values[:, 6:9]
 
 
-def consistent(course: LegsCourse, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
+def consistent(course: LegsReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
     """Velocity is position's rate; nothing jumps; it ends at rest."""
     place, velocity, acceleration = sampled(course, course.begin_s, course.end_s + 1.0)
     np.testing.assert_allclose(np.diff(place, axis=0) / STEP_S, (velocity[1:] + velocity[:-1]) / 2, atol=0.02)
@@ -45,7 +45,7 @@ def consistent(course: LegsCourse, accel_mps2: float = BRAKE_MPS2) -> tuple[Arra
 @settings(deadline=None)
 @given(places, speeds)
 def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
-    course = hold_course(place, velocity, 0.3, 5.0)
+    course = hold_reference(place, velocity, 0.3, 5.0)
     path, rate, _ = consistent(course)
     np.testing.assert_allclose(path[0], place, atol=1e-9)
     np.testing.assert_allclose(rate[0], velocity, atol=1e-9)
@@ -56,8 +56,8 @@ def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
 @settings(deadline=None)
 @given(places, speeds)
 def test_spreading_ends_above(place: Array, velocity: Array) -> None:
-    path, _, _ = consistent(spread_course(place, velocity, 0.0, 5.0, 2.0), BRAKE_MPS2 + SPREAD_MPS2)
-    stop = consistent(hold_course(place, velocity, 0.0, 5.0))[0][-1]
+    path, _, _ = consistent(spread_reference(place, velocity, 0.0, 5.0, 2.0), BRAKE_MPS2 + SPREAD_MPS2)
+    stop = consistent(hold_reference(place, velocity, 0.0, 5.0))[0][-1]
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
 
 
@@ -65,9 +65,9 @@ def test_spreading_ends_above(place: Array, velocity: Array) -> None:
 @given(places, speeds, places, st.floats(5.0, 60.0))
 def test_returning_climbs_crosses_and_sinks(place: Array, velocity: Array, over: Array, level_m: float) -> None:
     home = np.array([over[0], over[1], -2.0])
-    course = return_course(place, velocity, 0.0, 5.0, home, level_m, (2.0, 5.0, 1.0), 1.0)
+    course = return_reference(place, velocity, 0.0, 5.0, home, level_m, (2.0, 5.0, 1.0), 1.0)
     path, rate, _ = consistent(course)
-    stop = hold_course(place, velocity, 0.0, 5.0)
+    stop = hold_reference(place, velocity, 0.0, 5.0)
     moving = np.arange(5.0, course.end_s + 1.0, STEP_S)[: len(path)] > stop.end_s
     level = np.hypot(*(path[:, :2] - path[-1, :2]).T)
     crossing = moving & (np.hypot(rate[:, 0], rate[:, 1]) > 1e-6)
@@ -80,9 +80,9 @@ def test_returning_climbs_crosses_and_sinks(place: Array, velocity: Array, over:
 
 
 def test_rejoining_fades_what_is_off() -> None:
-    base = HoldCourse(np.array([10.0, 20.0, -5.0]), 0.5)
+    base = HoldReference(np.array([10.0, 20.0, -5.0]), 0.5)
     off, rate = np.array([3.0, -1.0, 0.5]), np.array([-1.0, 0.2, 0.0])
-    course = RejoinCourse(base, off, rate, 100.0, 8.0)
+    course = RejoinReference(base, off, rate, 100.0, 8.0)
     place, velocity, acceleration = sampled(course, 100.0, 110.0)
     np.testing.assert_allclose(place[0], np.array([13.0, 19.0, -4.5]))
     np.testing.assert_allclose(velocity[0], rate)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gcs.flight.monitor import VehicleView
-from gcs.flight.offboard.leader_follower import IGNORED_M, FollowCourse, LeaderDeviation
-from gcs.flight.offboard.reference_trajectory import TimedCourse
+from gcs.flight.offboard.leader_follower import IGNORED_M, FollowReference, LeaderDeviation
+from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.trajectory import Plan
@@ -24,8 +24,8 @@ def run(plan: Plan, off_at: object, delay_s: float, until_s: float = 80.0) -> tu
     """Times and deviations (N, 3) sent to a follower while the leader is off by `off_at(t)`, told `delay_s` late."""
     stream = build_stream(plan, 25.0)
     leader = LeaderDeviation(plan, T0)
-    base = TimedCourse(stream, 3)
-    course = FollowCourse(base, leader, len(stream.t_s) - 1)
+    base = PlanReference(stream, 3)
+    course = FollowReference(base, leader, len(stream.t_s) - 1)
     first = int(np.searchsorted(stream.t_s, 20.0))
     sent, times = [], []
     view = leader_view(plan, 20.0 - delay_s, np.zeros(3), np.zeros(3))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.offboard.deadlines import Grid, Scheduler
-from gcs.flight.offboard.reference_trajectory import HoldCourse, TimedCourse
+from gcs.flight.offboard.reference_trajectory import HoldReference, PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, due_messages, wait_s
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
@@ -32,7 +32,7 @@ def test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock(simulation1
     scheduler = Scheduler(grid, T0)
     k = int(np.searchsorted(stream.t_s, 20.0))
     scheduler.start(3, k, len(grid.t_s))
-    vehicle = Streamed(Station(3, 1), clock_at(7.0, 120.0), plan.pads_ned_m[row], TimedCourse(stream, row))
+    vehicle = Streamed(Station(3, 1), clock_at(7.0, 120.0), plan.pads_ned_m[row], PlanReference(stream, row))
     (message,) = due_messages(scheduler, vehicle, 7.0)
     said = message.fields
     assert said["time_boot_ms"] == 120_000
@@ -50,7 +50,7 @@ def test_the_next_deadline_in_local_time() -> None:
     grid = Grid.of(np.arange(0.0, 10.0, 0.02), 50.0)
     scheduler = Scheduler(grid, T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), HoldCourse(np.zeros(3), 0.0))
+    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), HoldReference(np.zeros(3), 0.0))
     assert wait_s(scheduler, [vehicle], 7.0, 1.0) == pytest.approx(0.01, abs=1e-6)
     assert wait_s(scheduler, [vehicle], 7.0, 0.004) == 0.004
     scheduler.due(3, T0)
@@ -59,7 +59,7 @@ def test_the_next_deadline_in_local_time() -> None:
 
 def test_before_and_after_the_plan_a_vehicle_stands_at_its_ends(simulation1_plan: Plan) -> None:
     stream = build_stream(simulation1_plan, 25.0)
-    course = TimedCourse(stream, 4)
+    course = PlanReference(stream, 4)
     for k, end in ((-30, 0), (len(stream.t_s) + 30, -1)):
         values = course.at(k, math.nan)
         assert list(values[:3]) == stream.position_ned_m[4, end].tolist()
@@ -70,11 +70,11 @@ def test_before_and_after_the_plan_a_vehicle_stands_at_its_ends(simulation1_plan
 def test_streams_end_at_rest(simulation1_plan: Plan) -> None:
     stream = build_stream(simulation1_plan, 25.0)
     for row in range(6):
-        assert list(TimedCourse(stream, row).at(len(stream.t_s) - 1, math.nan)[3:9]) == [0.0] * 6
+        assert list(PlanReference(stream, row).at(len(stream.t_s) - 1, math.nan)[3:9]) == [0.0] * 6
 
 
 def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     scheduler = Scheduler(Grid((0.0, 0.1), 0.1), T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), HoldCourse(np.zeros(3), 0.0))
+    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), HoldReference(np.zeros(3), 0.0))
     assert due_messages(scheduler, vehicle, 1e9) == []

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.flight.recording.from_telemetry import retrace, steady_times
-from gcs.flight.recording.load_recording import recall
+from gcs.flight.recording.from_telemetry import recording_from_telemetry, steady_times
+from gcs.flight.recording.load_recording import load_recording
 from gcs.flight.recording.tlog import load_tlog, mend_times
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.wire.codec import Codec
@@ -90,7 +90,7 @@ def test_bytes_that_rot_anywhere_never_end_in_anything_but_a_sentence(tmp_path: 
             continue
         assert len(log.unix_s) == len(log.frames)
         assert (np.diff(log.unix_s) >= 0.0).all()
-        retrace((t, one.message) for t, one in zip(log.unix_s, log.frames, strict=True) if one.message)
+        recording_from_telemetry((t, one.message) for t, one in zip(log.unix_s, log.frames, strict=True) if one.message)
 
 
 @pytest.mark.parametrize("data", [b"", b"{}", bytes(5000), random.Random(2).randbytes(200_000)])
@@ -129,7 +129,7 @@ def test_reports_are_true_when_they_were_made_not_when_they_came() -> None:
 
 
 def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
-    tracks, events, remarks, notes = retrace(flight())
+    tracks, events, remarks, notes = recording_from_telemetry(flight())
     assert [track.sysid for track in tracks] == [1, 2]
     assert notes == ()
     t_s = np.array([1.0, 7.33])
@@ -143,7 +143,7 @@ def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
 
 
 def test_who_nobody_can_place_is_named() -> None:
-    tracks, _, _, notes = retrace([one for one in flight() if one[1].name != "GPS_GLOBAL_ORIGIN"])
+    tracks, _, _, notes = recording_from_telemetry([one for one in flight() if one[1].name != "GPS_GLOBAL_ORIGIN"])
     assert len(tracks) == 2
     assert "where on Earth vehicles 2 were" in notes[0]
 
@@ -159,7 +159,7 @@ def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -
     rows = sorted((row for row in rows if row.frame), key=lambda row: row.t_s)
     log = b"".join(struct.pack(">Q", round((START_S + row.t_s) * 1e6)) + row.frame for row in rows)
     (tmp_path / "original.tlog").write_bytes(log)
-    recording = recall(tmp_path / "original.tlog").recording
+    recording = load_recording(tmp_path / "original.tlog").recording
     (track,) = recording.tracks
     assert -track.position_ned_m[:, 2].min() > 4.0
     assert 5.0 < np.ptp(track.position_ned_m[:, 0]) < 30.0

@@ -15,7 +15,14 @@ from gcs.autopilots.flight_modes import ARDUPILOT, PX4, Manners
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.flight.sequence.takeoff_landing import Crew, ask_for_telemetry, set_mode, start_mission, take_off, until_landed
+from gcs.flight.sequence.takeoff_landing import (
+    FlightVehicle,
+    ask_for_telemetry,
+    set_mode,
+    start_mission,
+    take_off,
+    until_landed,
+)
 from gcs.link.microservices.command import CommandRefused
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import GROUND, Message
@@ -86,7 +93,7 @@ class Vehicle:
         self.say(Message("STATUSTEXT", {"severity": 2, "text": words, "id": number, "chunk_seq": chunk}, 1, 1), in_s)
 
 
-def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[Crew], Awaitable[object]]) -> float:
+def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[FlightVehicle], Awaitable[object]]) -> float:
     """Have the ground station act; returns how long it took, in seconds."""
 
     async def story() -> float:
@@ -94,7 +101,7 @@ def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[Crew], Awaitable[ob
         vehicle.session = VehicleSession(vehicle.heartbeat(), vehicle.hear)
         beating = asyncio.ensure_future(vehicle.beat())
         ticking = asyncio.ensure_future(_tick(vehicle.session))
-        crew = Crew(vehicle.session, vehicle.manners, plan, 0, VehicleView(1), FlightOptions())  # type: ignore[arg-type]
+        crew = FlightVehicle(vehicle.session, vehicle.manners, plan, 0, VehicleView(1), FlightOptions())  # type: ignore[arg-type]
         began_s = loop.time()
         try:
             await act(crew)
@@ -142,7 +149,7 @@ def test_landed_is_who_has_disarmed() -> None:
     """PX4 tells its LAND item as reached 16 s before the ground, both tell that they stand before they disarm."""
     vehicle = Vehicle(PX4, armed=True)
 
-    async def come_down(crew: Crew) -> None:
+    async def come_down(crew: FlightVehicle) -> None:
         vehicle.say(Message("MISSION_ITEM_REACHED", {"seq": 7}, 1, 1), 1.0)
         vehicle.say(Message("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": ON_THE_GROUND}, 1, 1), 16.0)
         asyncio.get_running_loop().call_later(18.2, lambda: setattr(vehicle, "armed", False))
@@ -156,7 +163,7 @@ def test_reasons_come_before_or_after_a_refusal_and_in_pieces(result: MavResult,
     """ArduPilot says why just before or after it refuses, PX4 up to half a second later and in two chunks."""
     vehicle = Vehicle(PX4, mode=PX4.armed_in, result=result)
 
-    async def arm(crew: Crew) -> None:
+    async def arm(crew: FlightVehicle) -> None:
         words = "Arming denied: resolve system health failures first"  # 51 letters, a chunk holds 50
         vehicle.text(words[:50], 0.2 + reason_s, number=9)
         vehicle.text(words[50:], 0.25 + reason_s, number=9, chunk=1)

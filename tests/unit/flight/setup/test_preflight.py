@@ -10,16 +10,17 @@ import pytest
 from gcs.cli.main import run
 from gcs.errors import FlightError
 from gcs.flight.setup.preflight import PreflightLimits, battery_needed, preflight, refuse_no_go
-from gcs.frames import Origin, ned_to_geodetic
+from gcs.frames import ned_to_geodetic
 from gcs.link.microservices.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.scenario.schema.scenario import Power
+from gcs.scenario.si import local_origin
 
 
 def place(plan, ned_m):
-    lat, lon, alt = ned_to_geodetic(np.asarray(ned_m), Origin(**plan.scenario.origin.model_dump()))
+    lat, lon, alt = ned_to_geodetic(np.asarray(ned_m), local_origin(plan.scenario))
     return Home(float(lat), float(lon), float(alt))
 
 

@@ -15,7 +15,7 @@ from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpR
 from gcs.link.ftp.reader import FtpReader
 from gcs.link.ftp.requests import FtpNumbers
 from gcs.link.ftp.writer import FtpWriter, WriterState
-from gcs.link.mission_protocol.file_upload import FileDelivery
+from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.mission_dat import (
     ITEM,
@@ -27,7 +27,7 @@ from gcs.link.mission_protocol.mission_dat import (
     write_mission_file,
 )
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import FILE_ITEMS_MIN, Transfer, goes_as_file
+from gcs.link.mission_protocol.strategy import FILE_ITEMS_MIN, Transfer, uploads_as_file
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
@@ -146,14 +146,14 @@ def test_a_file_costs_a_tenth_of_the_round_trips():
 
 
 def test_a_file_is_preferred_where_it_is_faster():
-    assert goes_as_file(Transfer.AUTO, Autopilot.ARDUPILOT, MissionType.MISSION, FILE_ITEMS_MIN)
-    assert not goes_as_file(Transfer.AUTO, Autopilot.ARDUPILOT, MissionType.MISSION, FILE_ITEMS_MIN - 1)
-    assert goes_as_file(Transfer.FILE, Autopilot.ARDUPILOT, MissionType.MISSION, 1)
+    assert uploads_as_file(Transfer.AUTO, Autopilot.ARDUPILOT, MissionType.MISSION, FILE_ITEMS_MIN)
+    assert not uploads_as_file(Transfer.AUTO, Autopilot.ARDUPILOT, MissionType.MISSION, FILE_ITEMS_MIN - 1)
+    assert uploads_as_file(Transfer.FILE, Autopilot.ARDUPILOT, MissionType.MISSION, 1)
     for transfer in (Transfer.AUTO, Transfer.FILE):
-        assert not goes_as_file(transfer, Autopilot.ARDUPILOT, MissionType.MISSION, 0)
-        assert not goes_as_file(transfer, Autopilot.ARDUPILOT, MissionType.RALLY, 50)
-        assert not goes_as_file(transfer, Autopilot.PX4, MissionType.MISSION, 50)
-    assert not goes_as_file(Transfer.ITEMS, Autopilot.ARDUPILOT, MissionType.MISSION, 50)
+        assert not uploads_as_file(transfer, Autopilot.ARDUPILOT, MissionType.MISSION, 0)
+        assert not uploads_as_file(transfer, Autopilot.ARDUPILOT, MissionType.RALLY, 50)
+        assert not uploads_as_file(transfer, Autopilot.PX4, MissionType.MISSION, 50)
+    assert not uploads_as_file(Transfer.ITEMS, Autopilot.ARDUPILOT, MissionType.MISSION, 50)
     for count, quicker in ((FILE_ITEMS_MIN, True), (FILE_ITEMS_MIN - 1, False)):
         both = [
             Air(Autopilot.ARDUPILOT, CALM, 0).deliver(mission_of(count, 0), transfer=t)
@@ -389,7 +389,7 @@ def test_machines_live_for_one_file():
     reader, _ = reading(b"")
     with pytest.raises(ProtocolMisuse):
         reader.start(0.0)
-    delivery = FileDelivery(ITEMS, VEHICLE)
+    delivery = FileUpload(ITEMS, VEHICLE)
     delivery.start(0.0)
     with pytest.raises(ProtocolMisuse):
         delivery.start(0.0)

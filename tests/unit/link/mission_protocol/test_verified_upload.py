@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.microservices.rtt import RoundTrip
+from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.mission_protocol.verified_upload import BUSY_S, Delivery, DeliveryState
+from gcs.link.mission_protocol.verified_upload import BUSY_S, UploadState, VerifiedUpload
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.geofence import FenceCommand
@@ -95,7 +95,7 @@ def test_another_station_in_the_way_is_waited_for_and_named_if_it_stays(autopilo
     assert arrived.error is None
     assert arrived.total_s > BUSY_S / 2
     air = Air(autopilot, CALM, 0)
-    machine = Delivery(ITEMS, VEHICLE, autopilot)
+    machine = VerifiedUpload(ITEMS, VEHICLE, autopilot)
     machine.start(0.0)
     refusals, now_s = 0, 0.0
     while not machine.done:
@@ -183,7 +183,7 @@ def test_fences_and_rally_points_are_delivered_the_same_way(autopilot):
     ]
     rally = [MissionItem(FenceCommand.RALLY_POINT, 3, (0.0,) * 4, 10, 10, 20.0)]
     for kind, items in ((MissionType.FENCE, polygon), (MissionType.RALLY, rally)):
-        machine = run(air, Delivery(items, VEHICLE, autopilot, mission_type=kind))
+        machine = run(air, VerifiedUpload(items, VEHICLE, autopilot, mission_type=kind))
         assert machine.error is None
         assert [(i.lat_degE7, i.params[0]) for i in air.shelf.items(kind)] == [
             (i.lat_degE7, i.params[0]) for i in items
@@ -196,7 +196,7 @@ def test_a_fence_of_a_wrong_shape_is_not_believed_on_either():
         MissionItem(FenceCommand.POLYGON_INCLUSION, 0, (5.0, 0.0, 0.0, 0.0), 10 * n, 7 * n * n, 0.0) for n in range(4)
     ]
     air = Air(Autopilot.ARDUPILOT, CALM, 1)
-    machine = run(air, Delivery(polygon, VEHICLE, Autopilot.ARDUPILOT, mission_type=MissionType.FENCE))
+    machine = run(air, VerifiedUpload(polygon, VEHICLE, Autopilot.ARDUPILOT, mission_type=MissionType.FENCE))
     assert isinstance(machine.error, MissionRefused)
     assert machine.error.result == MissionResult.ERROR
 
@@ -218,11 +218,11 @@ def test_nobody_there_ends_in_one_patience(autopilot):
 
 
 def test_cancelling_tells_the_vehicle_and_claims_nothing():
-    machine = Delivery(ITEMS, VEHICLE, Autopilot.PX4)
+    machine = VerifiedUpload(ITEMS, VEHICLE, Autopilot.PX4)
     machine.start(0.0)
     (told,) = machine.cancel()
     assert told.fields["type"] == MissionResult.OPERATION_CANCELLED
-    assert machine.state is DeliveryState.FAILED
+    assert machine.state is UploadState.FAILED
     assert machine.cancel() == []
     assert machine.tick(1.0) == machine.receive(told, 1.0) == []
     with pytest.raises(ProtocolMisuse):
@@ -230,7 +230,7 @@ def test_cancelling_tells_the_vehicle_and_claims_nothing():
 
 
 def test_a_copy_of_the_count_does_not_begin_a_download_anew():
-    receiver = MissionReceiver(VEHICLE, round_trip=RoundTrip())
+    receiver = MissionReceiver(VEHICLE, round_trip=RttEstimator())
     receiver.start(0.0)
     count = Message(
         "MISSION_COUNT", {"target_system": 255, "target_component": 190, "count": 2, "mission_type": 0}, *VEHICLE
@@ -240,7 +240,7 @@ def test_a_copy_of_the_count_does_not_begin_a_download_anew():
 
 
 def test_round_trips_are_learned_and_bound():
-    trip = RoundTrip(quickest_s=0.03, slowest_s=1.5, first_s=0.5)
+    trip = RttEstimator(quickest_s=0.03, slowest_s=1.5, first_s=0.5)
     assert trip.mean_s is None
     assert trip.wait_s() == 0.5
     for _ in range(100):

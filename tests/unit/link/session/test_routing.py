@@ -1,9 +1,9 @@
 """Who lives where: one vehicle that moves or has two links, and two vehicles with one id."""
 
-from gcs.link.session.routing import PROOF_S, AddressBook, Place
+from gcs.link.session.routing import PROOF_S, LinkAddress, RoutingTable
 from gcs.link.wire.message import Message
 
-FIRST, SECOND = Place(0, ("127.0.0.1", 5001)), Place(0, ("127.0.0.1", 5002))
+FIRST, SECOND = LinkAddress(0, ("127.0.0.1", 5001)), LinkAddress(0, ("127.0.0.1", 5002))
 
 
 def version(uid2, sysid=1, uid=0):
@@ -11,14 +11,14 @@ def version(uid2, sysid=1, uid=0):
 
 
 def met_twice():
-    book = AddressBook()
+    book = RoutingTable()
     assert book.claim(1, FIRST, 0.0)
     assert not book.claim(1, SECOND, 1.0)
     return book
 
 
 def test_each_system_is_answered_at_its_own_address():
-    book = AddressBook()
+    book = RoutingTable()
     assert book.claim(1, FIRST, 0.0)
     assert book.claim(2, SECOND, 0.0)
     assert book.place(1) == FIRST
@@ -63,7 +63,7 @@ def test_different_uids_are_two_vehicles_at_once():
 
 
 def test_two_vehicles_behind_one_address_give_themselves_away():
-    book = AddressBook()
+    book = RoutingTable()
     book.claim(1, FIRST, 0.0)
     book.identify(version(7), FIRST)
     book.identify(version(7), FIRST)
@@ -84,7 +84,7 @@ def test_an_empty_uid2_leaves_it_to_the_uid():
 
 
 def test_a_vehicle_that_fell_silent_may_come_back_from_elsewhere():
-    book = AddressBook()
+    book = RoutingTable()
     assert book.claim(1, FIRST, 0.0)
     assert book.claim(1, SECOND, 4.0)
     assert book.place(1) == SECOND

@@ -13,7 +13,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
-from gcs.frames import Origin, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.formats.maps.geojson import read_geojson
@@ -29,6 +29,7 @@ from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.si import local_origin
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -79,7 +80,7 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
     for drawn in maps:
         assert (drawn.title, drawn.plan_hash, drawn.geofence) == (maps[0].title, plan.hash, maps[0].geofence)
         assert [track.sysid for track in drawn.tracks] == list(plan.sysids)
-        origin = Origin(**plan.scenario.origin.model_dump())
+        origin = local_origin(plan.scenario)
         for row, track in enumerate(drawn.tracks):
             flown = geodetic_to_ned(track.lat_deg, track.lon_deg, track.alt_amsl_m, origin)
             wanted = plan.states(track.t_s[:-1])[row, :, POSITION]

@@ -9,15 +9,16 @@ import pytest
 import shapely
 
 from gcs.autopilots.traits import Autopilot
-from gcs.frames import Origin, geodetic_to_ned
+from gcs.frames import geodetic_to_ned
 from gcs.mission.failsafe.fence_rally import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
-from gcs.mission.geofence import Place
+from gcs.mission.geofence import GeoPoint
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.si import local_origin
 
 
-def flat(places: tuple[Place, ...], plan: Plan) -> Array:
-    origin = Origin(**plan.scenario.origin.model_dump())
+def flat(places: tuple[GeoPoint, ...], plan: Plan) -> Array:
+    origin = local_origin(plan.scenario)
     lat, lon = np.array([(p.lat_degE7 / 1e7, p.lon_degE7 / 1e7) for p in places]).T
     return geodetic_to_ned(lat, lon, origin.alt_amsl_m, origin)[:, :2]
 

@@ -8,9 +8,9 @@ import pytest
 
 from gcs.errors import FileFormatError
 from gcs.mission.formats.qgc_wpl import HEADER, read_fence, read_rally, write_fence, write_rally
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint, fence_items, rally_items
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint, fence_items, rally_items
 
-SQUARE = tuple(Place(473970000 + north, 85450000 + east) for north, east in ((0, 0), (9, 0), (9, 9), (0, 9)))
+SQUARE = tuple(GeoPoint(473970000 + north, 85450000 + east) for north, east in ((0, 0), (9, 0), (9, 9), (0, 9)))
 FENCE = Geofence(
     (FencePolygon(SQUARE, True), FencePolygon(SQUARE[:3], False)),
     (FenceCircle(SQUARE[0], 12.5, False), FenceCircle(SQUARE[1], 1e3, True)),

@@ -12,7 +12,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
-from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, Place, RallyPoint
+from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 
 FILE = PlanFile(
@@ -28,13 +28,20 @@ FILE = PlanFile(
     4.5,
     Geofence(
         (
-            FencePolygon((Place(473970000, 85450000), Place(473980000, 85450000), Place(473980000, 85460000)), True),
-            FencePolygon((Place(473972000, 85452000), Place(473973000, 85452000), Place(473973000, 85453000)), False),
+            FencePolygon(
+                (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000)), True
+            ),
+            FencePolygon(
+                (GeoPoint(473972000, 85452000), GeoPoint(473973000, 85452000), GeoPoint(473973000, 85453000)), False
+            ),
         ),
-        (FenceCircle(Place(473976000, 85454000), 319.85, True), FenceCircle(Place(473975000, 85453000), 0.5, False)),
-        RallyPoint(Place(473971000, 85451000), 12.5),
+        (
+            FenceCircle(GeoPoint(473976000, 85454000), 319.85, True),
+            FenceCircle(GeoPoint(473975000, 85453000), 0.5, False),
+        ),
+        RallyPoint(GeoPoint(473971000, 85451000), 12.5),
     ),
-    (RallyPoint(Place(473971000, 85451000), 0.1), RallyPoint(Place(-473971000, -85451000), -1.0)),
+    (RallyPoint(GeoPoint(473971000, 85451000), 0.1), RallyPoint(GeoPoint(-473971000, -85451000), -1.0)),
 )
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4, by_name
-from gcs.autopilots.navigation.navigator import Ability, Orders
+from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders
 from gcs.autopilots.navigation.predict import NEAR_M, predict
 from gcs.errors import VerificationError
 
@@ -31,13 +31,15 @@ ASKED_S = np.cumsum(np.linalg.norm(np.diff(POINTS, axis=0), axis=1) / SPEEDS)
     ],
 )
 def test_arrivals_of_a_small_mission(name, airborne_s, passed_s):
-    prediction = predict(by_name(name), Orders.through(POINTS, SPEEDS, airborne_s=airborne_s))
+    prediction = predict(by_name(name), NavigatorOrders.through(POINTS, SPEEDS, airborne_s=airborne_s))
     np.testing.assert_allclose(prediction.passed_s, passed_s, atol=0.15)
 
 
 def test_ardupilot_slows_down_late_and_px4_brakes_at_corners():
     """The same small mission; neither keeps the times that lengths and speeds would make."""
-    ardupilot, px4 = (predict(navigator, Orders.through(POINTS, SPEEDS)).passed_s for navigator in (ARDUPILOT, PX4))
+    ardupilot, px4 = (
+        predict(navigator, NavigatorOrders.through(POINTS, SPEEDS)).passed_s for navigator in (ARDUPILOT, PX4)
+    )
     third_leg_s = np.diff(ASKED_S)[1]
     assert np.diff(ardupilot)[1] < 0.6 * third_leg_s
     assert np.diff(px4)[1] > 1.1 * third_leg_s
@@ -45,8 +47,8 @@ def test_ardupilot_slows_down_late_and_px4_brakes_at_corners():
 
 @BOTH
 def test_a_hold_is_held_and_then_it_goes_on_from_rest(navigator):
-    free = predict(navigator, Orders.through(POINTS, SPEEDS))
-    held = predict(navigator, Orders.through(POINTS, SPEEDS, (0.0, 0.0, 4.0, 0.0, 0.0)))
+    free = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS))
+    held = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS, (0.0, 0.0, 4.0, 0.0, 0.0)))
     np.testing.assert_array_equal(held.passed_s[:2], free.passed_s[:2])
     assert held.completed_s[2] >= held.passed_s[2] + 4.0
     at = np.searchsorted(held.t_s, held.completed_s[2])
@@ -70,7 +72,7 @@ def test_a_flight_is_smooth_goes_on_and_is_not_faster_than_asked(navigator, legs
         course += turn
         points.append(points[-1] + [length * math.cos(course), length * math.sin(course), -climb])
     speeds = [speed for *_, speed in legs]
-    flown = predict(navigator, Orders.through(np.array(points), speeds))
+    flown = predict(navigator, NavigatorOrders.through(np.array(points), speeds))
     step_s = np.diff(flown.t_s)
     moved = np.diff(flown.position_ned_m, axis=0) / step_s[:, None]
     middle = 0.5 * (flown.velocity_ned_mps[1:] + flown.velocity_ned_mps[:-1])
@@ -93,8 +95,8 @@ def test_a_flight_is_smooth_goes_on_and_is_not_faster_than_asked(navigator, legs
 @BOTH
 def test_a_weak_vehicle_is_flown_gently(navigator):
     ability = Ability(horizontal_mps2=0.8, horizontal_mps3=0.5, horizontal_mps4=0.4, horizontal_mps=4.0)
-    gentle = predict(navigator.within(ability), Orders.through(POINTS, SPEEDS))
-    strong = predict(navigator, Orders.through(POINTS, SPEEDS))
+    gentle = predict(navigator.within(ability), NavigatorOrders.through(POINTS, SPEEDS))
+    strong = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS))
     acceleration = np.diff(gentle.velocity_ned_mps[:, :2], axis=0) / np.diff(gentle.t_s)[:, None]
     assert np.linalg.norm(acceleration, axis=1).max() < 1.6  # two legs overlap at corners
     assert np.hypot(*gentle.velocity_ned_mps[:, :2].T).max() < 4.4
@@ -104,30 +106,32 @@ def test_a_weak_vehicle_is_flown_gently(navigator):
 
 def test_px4_brakes_before_level_waypoints_while_home_is_corrected():
     straight = np.array([[0.0, 0.0, -20.0], [60.0, 0.0, -20.0], [120.0, 0.0, -20.0], [180.0, 0.0, -20.0]])
-    settled = predict(PX4, Orders.through(straight, (5.0,) * 3)).passed_s
-    unsettled = predict(PX4, Orders.through(straight, (5.0,) * 3, airborne_s=20.0)).passed_s
+    settled = predict(PX4, NavigatorOrders.through(straight, (5.0,) * 3)).passed_s
+    unsettled = predict(PX4, NavigatorOrders.through(straight, (5.0,) * 3, airborne_s=20.0)).passed_s
     assert np.all(np.diff(unsettled - settled)[:1] > 0.4)
     climbing = straight - [[0, 0, 0], [0, 0, 5], [0, 0, 10], [0, 0, 15]]
-    late_s = [predict(PX4, Orders.through(climbing, (5.0,) * 3, airborne_s=a)).passed_s[1] for a in (20.0, math.inf)]
+    late_s = [
+        predict(PX4, NavigatorOrders.through(climbing, (5.0,) * 3, airborne_s=a)).passed_s[1] for a in (20.0, math.inf)
+    ]
     assert abs(late_s[0] - late_s[1]) < 0.2
 
 
 @BOTH
 def test_waypoints_on_the_spot_are_completed_at_once(navigator):
     points = np.array([[0.0, 0.0, -20.0]] * 2 + [[30.0, 0.0, -20.0]] * 2)
-    flown = predict(navigator, Orders.through(points, (5.0, 5.0, 5.0)))
+    flown = predict(navigator, NavigatorOrders.through(points, (5.0, 5.0, 5.0)))
     assert flown.completed_s[0] < 1.5
     assert flown.completed_s[2] - flown.completed_s[1] < 3.0
 
 
 def test_orders_are_checked():
     with pytest.raises(ValueError, match="speeds"):
-        Orders.through(POINTS, (5.0, 0.0, 3.0, 4.0, 6.0))
+        NavigatorOrders.through(POINTS, (5.0, 0.0, 3.0, 4.0, 6.0))
     with pytest.raises(ValueError, match="one speed"):
-        Orders.through(POINTS, (5.0,))
+        NavigatorOrders.through(POINTS, (5.0,))
 
 
 def test_a_flight_that_never_ends_is_said():
     stuck = ARDUPILOT.within(Ability(horizontal_mps=1e-4))
     with pytest.raises(VerificationError, match="waypoint 1 of 1"):
-        predict(stuck, Orders.through(POINTS[:2], (8.0,)))
+        predict(stuck, NavigatorOrders.through(POINTS[:2], (8.0,)))

@@ -7,11 +7,11 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.predicted.autopilot_flight import fly_modelled
-from gcs.mission.predicted.planned_flight import Flight, fly
+from gcs.mission.predicted.planned_flight import PredictedFlight, fly
 from tests.unit.mission.fleets import FLAT, at, do, mission, out_and_land, speed
 
 
-def where(flight: Flight, t_s: float) -> list[float]:
+def where(flight: PredictedFlight, t_s: float) -> list[float]:
     return [float(np.interp(t_s, flight.t_s, flight.ned_m[:, axis])) for axis in range(3)]
 
 

@@ -9,13 +9,13 @@ import pytest
 
 from gcs.mission.predicted import closest_approach as module
 from gcs.mission.predicted.closest_approach import closest_approach, least_distance
-from gcs.mission.predicted.planned_flight import Flight
+from gcs.mission.predicted.planned_flight import PredictedFlight
 
 
-def flight(*knots: tuple[float, float, float, float], ends_s: float = math.inf) -> Flight:
+def flight(*knots: tuple[float, float, float, float], ends_s: float = math.inf) -> PredictedFlight:
     table = np.array(knots)
     item = np.zeros(len(table))
-    return Flight(table[:, 0], table[:, 1:], item, float(table[0, 0]), float(table[-1, 0]), ends_s)
+    return PredictedFlight(table[:, 0], table[:, 1:], item, float(table[0, 0]), float(table[-1, 0]), ends_s)
 
 
 def test_two_that_cross() -> None:

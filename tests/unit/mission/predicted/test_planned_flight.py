@@ -10,15 +10,22 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.formats.any_mission import LoadedMission
 from gcs.mission.model import MissionItem
-from gcs.mission.predicted.planned_flight import ITEMS_FLOWN_MAX, Flight, Surroundings, fly, surroundings, together
+from gcs.mission.predicted.planned_flight import (
+    ITEMS_FLOWN_MAX,
+    PredictedFlight,
+    Surroundings,
+    fly,
+    surroundings,
+    together,
+)
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, do, mission, out_and_land, speed
 
 
-def where(flight: Flight, t_s: float) -> list[float]:
+def where(flight: PredictedFlight, t_s: float) -> list[float]:
     return [float(np.interp(t_s, flight.t_s, flight.ned_m[:, axis])) for axis in range(3)]
 
 
-def flown(*items: MissionItem, firmware: Autopilot = Autopilot.ARDUPILOT) -> Flight:
+def flown(*items: MissionItem, firmware: Autopilot = Autopilot.ARDUPILOT) -> PredictedFlight:
     return fly(mission(items, firmware=firmware), FLAT)
 
 

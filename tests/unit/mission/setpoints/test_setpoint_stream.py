@@ -21,6 +21,7 @@ from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.trajectory import Plan
+from gcs.scenario.si import local_origin
 
 
 @pytest.mark.parametrize("rate_hz", [3.0, 10.0, 25.0, 30.0])
@@ -72,7 +73,7 @@ def test_the_whole_stream_survives_the_file(
     simulation1_plan: Plan, write: Callable[[StreamFile], bytes], read: Callable[[bytes, str], StreamFile]
 ) -> None:
     stream = build_stream(simulation1_plan, 5.0)
-    origin = Origin(**simulation1_plan.scenario.origin.model_dump())
+    origin = local_origin(simulation1_plan.scenario)
     for part in (stream, of_vehicle(stream, 3)):
         data = write(StreamFile(part, simulation1_plan.hash, origin))
         assert write(StreamFile(part, simulation1_plan.hash, origin)) == data

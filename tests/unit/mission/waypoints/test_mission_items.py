@@ -10,19 +10,20 @@ from scipy.interpolate import PPoly
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError
-from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Altitude, Command, Frame, MissionItem, VehicleMission
 from gcs.mission.waypoints.mission_items import ROUNDING_M, TIME_SHARE, build_missions, timed_legs
-from gcs.mission.waypoints.placement import Flown, deviation
+from gcs.mission.waypoints.placement import SampledFlight, deviation
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.trajectory import Phase, Plan, Trajectory
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.si import local_origin
 
 
 def ned(item: MissionItem, mission: VehicleMission, plan: Plan) -> np.ndarray:
     alt = mission.home.alt_amsl_m + item.alt_m
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt, origin)
 
 
@@ -69,7 +70,7 @@ def test_the_stated_error_is_the_measured_one(simulation1_plan: Plan) -> None:
     assert legs.error.path_m <= tolerance_m - ROUNDING_M
     assert legs.error.time_m <= TIME_SHARE * tolerance_m
     fine_s = np.union1d(np.linspace(legs.t_s[0], legs.t_s[-1], 30_001), legs.t_s)
-    fine = Flown(fine_s, simulation1_plan.states(fine_s)[..., POSITION], 0.2)
+    fine = SampledFlight(fine_s, simulation1_plan.states(fine_s)[..., POSITION], 0.2)
     measured = deviation(fine, np.searchsorted(fine_s, legs.t_s).tolist())
     assert measured.path_m == pytest.approx(legs.error.path_m, abs=1e-3)
     assert measured.time_m == pytest.approx(legs.error.time_m, abs=1e-3)
@@ -115,7 +116,7 @@ def test_each_vehicle_starts_above_its_own_pad_and_lands_on_its_own_ground(simul
             mission.home.lat_deg,
             mission.home.lon_deg,
             mission.home.alt_amsl_m,
-            Origin(**simulation1_plan.scenario.origin.model_dump()),
+            local_origin(simulation1_plan.scenario),
         )
         assert np.allclose(home, simulation1_plan.pads_ned_m[row], atol=1e-6)
         takeoff, land = mission.items[0], mission.items[-1]
@@ -146,7 +147,7 @@ def test_the_altitude_frame_is_the_one_asked_for(simulation1_plan: Plan) -> None
     """One place, three ways to say how high: above home, above the sea, above the ground under it."""
     plan = simulation1_plan
     relative, amsl, terrain = (build_missions(plan, altitude=altitude) for altitude in Altitude)
-    origin = Origin(**plan.scenario.origin.model_dump())
+    origin = local_origin(plan.scenario)
     for above_home, above_sea, above_ground in zip(relative, amsl, terrain, strict=True):
         for a, b, c in zip(above_home.items, above_sea.items, above_ground.items, strict=True):
             assert (a.command, a.lat_degE7, a.lon_degE7) == (b.command, b.lat_degE7, b.lon_degE7)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.mission.waypoints.placement import Deviation, Flown, deviation, waypoint_indices
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
 
 T = np.linspace(0.0, 20.0, 2001)
 
 
-def along_north(s_m: np.ndarray) -> Flown:
-    return Flown(T, np.stack([s_m, 0 * s_m, 0 * s_m], axis=-1)[None])
+def along_north(s_m: np.ndarray) -> SampledFlight:
+    return SampledFlight(T, np.stack([s_m, 0 * s_m, 0 * s_m], axis=-1)[None])
 
 
 def test_straight_and_steady_needs_no_waypoint_between() -> None:
@@ -35,10 +35,10 @@ def test_circle_splits_by_sagitta() -> None:
     radius, limit = 50.0, 0.5
     angle = 2 * np.pi * T / T[-1]
     circle = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * T], axis=-1)[None]
-    indices = waypoint_indices(Flown(T, circle), Deviation(limit, 100.0))
+    indices = waypoint_indices(SampledFlight(T, circle), Deviation(limit, 100.0))
     widest = 2 * np.arccos(1 - limit / radius)
     assert len(indices) - 1 == np.ceil(2 * np.pi / widest)
-    assert deviation(Flown(T, circle), indices).path_m <= limit
+    assert deviation(SampledFlight(T, circle), indices).path_m <= limit
 
 
 def test_the_last_leg_is_no_splinter() -> None:
@@ -50,7 +50,7 @@ def test_the_last_leg_is_no_splinter() -> None:
 def test_every_vehicle_counts() -> None:
     straight = np.stack([T, 0 * T, 0 * T], axis=-1)
     weaving = np.stack([T, np.sin(T), 0 * T], axis=-1)
-    both = Flown(T, np.stack([straight, weaving]))
+    both = SampledFlight(T, np.stack([straight, weaving]))
     indices = waypoint_indices(both, Deviation(0.1, 0.5))
     assert len(indices) > 10
     error = deviation(both, indices)
@@ -61,12 +61,12 @@ def test_every_vehicle_counts() -> None:
 def test_deviation_is_measured_from_the_middle_of_a_bend() -> None:
     t = np.array([0.0, 1.0, 2.0])
     bend = np.array([[[0.0, 0, 0], [3, 4, 0], [6, 0, 0]]])
-    assert deviation(Flown(t, bend), [0, 2]) == Deviation(4.0, 4.0)
+    assert deviation(SampledFlight(t, bend), [0, 2]) == Deviation(4.0, 4.0)
 
 
 def test_a_leg_too_slow_to_fly_is_flown_faster_and_waited_out() -> None:
     # 1 m in 20 s at no less than 0.2 m/s: there after 5 s, then 0.75 m ahead of the plan.
-    slow = Flown(T, np.stack([0.05 * T, 0 * T, 0 * T], axis=-1)[None], speed_min_mps=0.2)
+    slow = SampledFlight(T, np.stack([0.05 * T, 0 * T, 0 * T], axis=-1)[None], speed_min_mps=0.2)
     assert deviation(slow, [0, 2000]).time_m == pytest.approx(0.75)
     assert deviation(slow, waypoint_indices(slow, Deviation(0.1, 0.1))).time_m <= 0.1
 

@@ -7,7 +7,7 @@ import pytest
 
 from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.predict import predict
-from gcs.mission.waypoints.leg_profile import SHARES, course_of
+from gcs.mission.waypoints.leg_profile import SHARES, leg_profile
 from gcs.mission.waypoints.speed_correction import correct
 
 NAMES = pytest.mark.parametrize("name", ["ardupilot", "px4"])
@@ -31,7 +31,7 @@ def late_s(name: str, speeds_mps: np.ndarray, course: object) -> np.ndarray:
 
 @NAMES
 def test_late_waypoints_are_passed_in_time(name: str) -> None:
-    course, legs = course_of(*bend(), SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    course, legs = leg_profile(*bend(), SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
     assert legs == list(range(8))
     before = late_s(name, course.planned_mps, course)
     found = correct(by_name(name), course, (0.0, 3.0))
@@ -44,7 +44,7 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
 
 
 def test_speeds_keep_to_the_limits_of_every_axis() -> None:
-    course, _ = course_of(*bend(), np.array([4.0, 4.0, 0.1]), slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
+    course, _ = leg_profile(*bend(), np.array([4.0, 4.0, 0.1]), slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
     ways = np.diff(course.points_ned_m, axis=0)
     found = correct(by_name("ardupilot"), course)
     asked = np.abs(ways) / course.lengths_m[:, None] * found.speeds_mps[:, None]
@@ -56,7 +56,7 @@ def test_a_rest_is_a_hold_and_not_a_leg() -> None:
     t_s = np.arange(0.0, 60.05, 0.1)
     north = np.interp(t_s, [0.0, 20.0, 30.0, 60.0], [0.0, 80.0, 80.0, 200.0])
     position = np.stack([north, 0.0 * north, 0.0 * north - 10.0], axis=1)
-    course, legs = course_of(
+    course, legs = leg_profile(
         t_s, position, [0, 200, 300, 600], SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=0.0
     )
     assert legs == [0, 2]

@@ -14,7 +14,7 @@ from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import Program, transcribe
-from gcs.plan.nlp.variables import NX, ControlForm, Layout
+from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -177,7 +177,7 @@ def test_unknowns_become_a_trajectory_and_come_back(rich: tuple[Problem, Mesh], 
 
 @pytest.mark.parametrize("form", ControlForm)
 def test_sampling_takes_unknowns_to_what_the_trajectory_says(form: ControlForm) -> None:
-    layout = Layout(Mesh(np.array([0.0, 1.0, 4.0]), (2, 5)), form)
+    layout = VariableLayout(Mesh(np.array([0.0, 1.0, 4.0]), (2, 5)), form)
     w = np.random.default_rng(5).normal(size=layout.size)
     times = np.array([0.0, 0.3, 1.0, 1.7, 3.9999])
     z = (layout.sampling(times) @ w).reshape(-1, 16)
@@ -198,7 +198,7 @@ def test_sampling_takes_unknowns_to_what_the_trajectory_says(form: ControlForm) 
 
 
 def test_quadrature_integrates_over_all_intervals() -> None:
-    layout = Layout(Mesh(np.array([-1.0, 1.0, 4.0]), (3, 4)))
+    layout = VariableLayout(Mesh(np.array([-1.0, 1.0, 4.0]), (3, 4)))
     assert layout.quadrature() @ layout.node_times_s() ** 4 == pytest.approx((4**5 + 1) / 5)
 
 

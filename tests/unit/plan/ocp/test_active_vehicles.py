@@ -15,7 +15,7 @@ from gcs.plan.formation.coordinates import composed
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.active_vehicles import NEAR_GROUND, NEAR_ZONE, SLOT, offsets_at, watched
+from gcs.plan.ocp.active_vehicles import NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.initial_guess import along, straight_way
@@ -64,7 +64,7 @@ def places(problem: Problem, times: Array, states: Array) -> Array:
 
 def test_the_nearest_to_the_ground_is_always_watched(problem: Problem) -> None:
     states = wandering(problem, TIMES)
-    chosen = watched(problem, TIMES, states)
+    chosen = active_vehicles(problem, TIMES, states)
     at_all = places(problem, TIMES, states)
     spare = -at_all[..., 2] - ground_envelope_m(problem.scenario.terrain, at_all[..., 0], at_all[..., 1])
     np.testing.assert_array_equal(chosen.ground[:, 0], spare.argmin(axis=0))
@@ -76,7 +76,7 @@ def test_the_nearest_to_the_ground_is_always_watched(problem: Problem) -> None:
 
 def test_so_is_the_nearest_a_little_beside_where_the_leader_was_seen(problem: Problem) -> None:
     states = wandering(problem, TIMES)
-    chosen = watched(problem, TIMES, states)
+    chosen = active_vehicles(problem, TIMES, states)
     for aside in ([8.0, 8.0], [8.0, -8.0], [-8.0, 8.0], [-8.0, -8.0]):
         moved = states.copy()
         moved[:, :2] += aside
@@ -90,7 +90,7 @@ def test_the_nearest_to_every_disk_is_watched(simulation1: Scenario) -> None:
     two = [{"north_m": 50.0, "east_m": -27.0, "radius_m": 14.0}, {"north_m": 20.0, "east_m": 30.0, "radius_m": 5.0}]
     problem = flight_problem(block(simulation1, no_fly=two))
     states = wandering(problem, TIMES)
-    chosen = watched(problem, TIMES, states)
+    chosen = active_vehicles(problem, TIMES, states)
     at_all = places(problem, TIMES, states)
     assert len(chosen.zones) == 2
     for rows, disk in zip(chosen.zones, two, strict=True):
@@ -101,18 +101,18 @@ def test_the_nearest_to_every_disk_is_watched(simulation1: Scenario) -> None:
 
 def test_of_a_few_everyone_is_watched(simulation1: Scenario) -> None:
     problem = flight_problem(fleet(simulation1, 5, "row", no_fly=[{"north_m": 9.0, "east_m": 9.0, "radius_m": 1.0}]))
-    chosen = watched(problem, TIMES[:3], wandering(problem, TIMES[:3]))
+    chosen = active_vehicles(problem, TIMES[:3], wandering(problem, TIMES[:3]))
     assert [set(rows.tolist()) for rows in chosen.ground] == [set(range(5))] * 3
     assert chosen.zones[0].shape == (3, 3)
 
 
 def test_the_leader_alone_moves_where_all_move_alike(simulation1: Scenario) -> None:
     rigid = flight_problem(block(simulation1))
-    chosen = watched(rigid, TIMES, wandering(rigid, TIMES))
+    chosen = active_vehicles(rigid, TIMES, wandering(rigid, TIMES))
     assert chosen.moving.tolist() == [[rigid.leader]] * len(TIMES)
     assert chosen.moving_used.all()
     scheduled = by_schedule(block(simulation1, (at(SHRINK, 20.0),)))
-    chosen = watched(scheduled, TIMES, wandering(scheduled, TIMES))
+    chosen = active_vehicles(scheduled, TIMES, wandering(scheduled, TIMES))
     assert (chosen.moving[:, 0] == scheduled.leader).all()
     assert chosen.moving_used[:, 0].all()
     ((start_s, end_s),) = scheduled.shape.moving_s
@@ -123,7 +123,7 @@ def test_the_leader_alone_moves_where_all_move_alike(simulation1: Scenario) -> N
 
 def test_who_is_farthest_out_moves_most_and_is_watched(simulation1: Scenario) -> None:
     problem = flight_problem(block(simulation1, BEND))
-    chosen = watched(problem, TIMES, wandering(problem, TIMES))
+    chosen = active_vehicles(problem, TIMES, wandering(problem, TIMES))
     base = problem.shape.offsets(TIMES)
     for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
         extreme = (sign * base[..., axis]).max(axis=0)
@@ -135,7 +135,7 @@ def test_the_highest_and_the_lowest_are_watched_where_the_shape_bends_by_itself(
     shapes = ({"name": "ball", "generator": "sphere", "spacing_m": 3.0},)
     problem = flight_problem(fleet(simulation1, 20, "ball", (auto(SHRINK),), shapes, start={"position_m": [2, 1, 9]}))
     assert problem.has_heights
-    chosen = watched(problem, TIMES[:5], wandering(problem, TIMES[:5]))
+    chosen = active_vehicles(problem, TIMES[:5], wandering(problem, TIMES[:5]))
     height = -problem.shape.at(0.0)[:, 2]
     for rows in chosen.moving:
         assert {height[rows].max(), height[rows].min()} == {height.max(), height.min()}
@@ -144,7 +144,7 @@ def test_the_highest_and_the_lowest_are_watched_where_the_shape_bends_by_itself(
 
 def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
     problem = by_schedule(block(simulation1, (at(SHRINK, 20.0),)))
-    chosen = watched(problem, TIMES, wandering(problem, TIMES))
+    chosen = active_vehicles(problem, TIMES, wandering(problem, TIMES))
     rows = np.hstack([chosen.ground, *chosen.zones, chosen.moving])
     slots = chosen.parameters.reshape(len(TIMES), rows.shape[1], SLOT)
     for t, at_s in enumerate(TIMES):
@@ -191,7 +191,7 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
         inside = replace(base, functions=PPoly(_expanded(base.functions, at_s), np.array([at_s, at_s + 0.5])))
         flown = composed(inside, problem.target_ned_m, names, shifted)
         place, speed, acceleration = (flown.at(at_s, order) for order in range(3))
-        chosen = watched(problem, np.array([at_s]), z[None, : 12 + 4 * chains])
+        chosen = active_vehicles(problem, np.array([at_s]), z[None, : 12 + 4 * chains])
         values = np.array(parts.path(z, chosen.parameters[0])).ravel()
         rows = iter(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
         for vehicle in chosen.ground[0]:

@@ -19,10 +19,10 @@ from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
-from gcs.plan.replanning.parametric_nlp import elastic
+from gcs.plan.replanning.parametric_nlp import parametric_nlp
 from gcs.plan.replanning.remaining_plan import flown_part, shape_part
 from gcs.plan.replanning.replanner import Replanner
-from gcs.plan.replanning.warm_start import prices
+from gcs.plan.replanning.warm_start import multipliers
 from gcs.plan.trajectory.plan_file import load_plan, save_plan
 from gcs.plan.trajectory.trajectory import Plan, Trajectory
 from gcs.plan.verification.verify import verify
@@ -228,10 +228,10 @@ def test_parts_of_polynomials_are_what_they_were() -> None:
 def test_multipliers_come_back_on_the_same_mesh(plan: Plan) -> None:
     whole = flight_problem(plan.scenario)
     mesh = counted(0.0, whole.end_s, 16, 1.0, 5)
-    programs = elastic(replace(whole, shape=shape_part(plan.shape, 0.0, whole.end_s)), mesh, 1)
+    programs = parametric_nlp(replace(whole, shape=shape_part(plan.shape, 0.0, whole.end_s)), mesh, 1)
     program = programs.program(programs.whole, mesh, plan.leader_trajectory)
     found = run(programs.afresh, program, {"x0": program.scaled(plan.leader_trajectory)})
-    _, rows = prices(program, found).on(program)
+    _, rows = multipliers(program, found).on(program)
     np.testing.assert_allclose(rows, list(found.g_multipliers.values()), atol=1e-12)
 
 

@@ -12,7 +12,7 @@ import pytest
 from gcs.errors import Infeasible
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search import parallel
-from gcs.plan.search.homotopy_classes import best_way
+from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.parallel import each, pays
 from gcs.plan.trajectory.trajectory import MeshRound
 from gcs.scenario.schema.scenario import Scenario
@@ -51,10 +51,10 @@ def test_the_best_way_is_the_same(simulation1: Scenario, monkeypatch: pytest.Mon
     problem = flight_problem(beyond(simulation1, no_fly=[{**DISK, "east_m": 44.0}]))
     alone_told: list[MeshRound] = []
     together_told: list[MeshRound] = []
-    one, ways = best_way(problem, alone_told.append, every_way=True)
+    one, ways = best_class(problem, alone_told.append, every_way=True)
     assert len(ways) > 1
     monkeypatch.setattr(parallel, "START_S", -1.0)
-    two, same = best_way(problem, together_told.append, every_way=True, workers=2)
+    two, same = best_class(problem, together_told.append, every_way=True, workers=2)
     assert same == ways
     assert two.objective == one.objective
     np.testing.assert_array_equal(two.trajectory.state.c, one.trajectory.state.c)

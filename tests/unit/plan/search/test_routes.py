@@ -10,8 +10,8 @@ import pytest
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.nlp.mesh_refinement import optimise
 from gcs.plan.ocp.problem import Problem, flight_problem
-from gcs.plan.search.homotopy_classes import best_way, least_objective
-from gcs.plan.search.infeasibility import check_time, why_not, with_duration
+from gcs.plan.search.homotopy_classes import best_class, least_objective
+from gcs.plan.search.infeasibility import check_time, explain_infeasible, with_duration
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -105,7 +105,7 @@ def test_disks_can_close_every_way(simulation1: Scenario) -> None:
 def test_the_best_of_both_sides_wins_and_the_other_is_accounted_for(simulation1: Scenario) -> None:
     off_centre = {**DISK, "east_m": 44.0}
     problem = flight_problem(beyond(simulation1, no_fly=[off_centre]))
-    best, ways = best_way(problem, lambda _: None, every_way=True)
+    best, ways = best_class(problem, lambda _: None, every_way=True)
     costs = [w.objective for w in ways if w.objective is not None]
     assert len(costs) >= 2
     assert best.objective == min(costs)
@@ -131,12 +131,12 @@ def test_a_time_that_is_too_short_for_the_way_round_says_how_long_it_takes(simul
     route = find_routes(problem, survey(problem))[0]
     with pytest.raises(PlanningError) as failed:
         optimise(problem, along(problem, route))
-    answer = why_not(problem, route, [failed.value])
+    answer = explain_infeasible(problem, route, [failed.value])
     assert isinstance(answer, Infeasible)
     needed_s = float(answer.message.split("t_f ≥ ")[1].split(" s")[0])
     assert needed_s > 44.0
     enough = with_duration(problem, needed_s)
-    assert isinstance(best_way(enough, lambda _: None)[0].trajectory, Trajectory)
+    assert isinstance(best_class(enough, lambda _: None)[0].trajectory, Trajectory)
 
 
 def test_the_straight_way_is_straight(simulation1: Scenario) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.mavlink import CopterMode, LandedState, MavResult
-from sim_bridge.autopilot.guidance.stream import Setpoint
+from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.personality import Intent, Setting
 from tests.unit.sim_bridge.bodies import HOME, OK, YAW, Body, mission
 
@@ -175,7 +175,7 @@ def test_setpoints_are_ignored_on_the_ground():
     body.mode(Intent.GUIDED)
     body.arm()
     body.run(4.0)
-    body.pilot.follow(body.t_s, Setpoint(body.t_s, np.zeros((3, 4))))
+    body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, np.zeros((3, 4))))
     body.run(1.0)
     np.testing.assert_allclose(body.estimate[:3], HOME)
 
@@ -185,7 +185,7 @@ def test_a_stream_that_stops_is_flown_on_with_its_acceleration_for_three_seconds
     body.fly()
     flat = body.pilot.piece.at(body.t_s)[:3].copy()
     flat[1, 0], flat[2, 0] = 1.0, 0.5
-    body.pilot.follow(body.t_s, Setpoint(body.t_s + 0.5, flat))
+    body.pilot.follow(body.t_s, StampedSetpoint(body.t_s + 0.5, flat))
     body.run(0.45)
     assert body.speed_mps == 0.0
     body.run(3.0)
@@ -202,7 +202,7 @@ def test_a_setpoint_far_off_is_flown_to_and_not_jumped_to():
     flat[0, 0] += 20.0
     for _ in range(400):
         before = body.pilot.piece.at(body.t_s)[0]
-        body.pilot.follow(body.t_s, Setpoint(body.t_s, flat.copy(), stamped=False))
+        body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat.copy(), stamped=False))
         body.run(0.05)
         assert np.linalg.norm(body.pilot.piece.at(body.t_s)[0] - before) < 2.1
     np.testing.assert_allclose(body.pilot.piece.at(body.t_s)[0], flat[0], atol=1e-6)
@@ -217,7 +217,7 @@ def test_the_same_place_asked_for_again_and_again_does_not_slow_it_down():
         flat[0, 0] += 12.0
         start_s = body.t_s
         while abs(body.pilot.piece.at(body.t_s)[0, 0] - flat[0, 0]) > 0.05:
-            body.pilot.follow(body.t_s, Setpoint(body.t_s, flat, stamped=False), to_rest=True)
+            body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat, stamped=False), to_rest=True)
             body.run(min(period_s, 0.1))
         times.append(body.t_s - start_s)
     assert times[0] == pytest.approx(times[1])
@@ -347,7 +347,7 @@ def test_when_a_stream_ran_out_it_comes_back_to_where_that_was():
     body.fly()
     flat = body.pilot.piece.at(body.t_s)[:3].copy()
     flat[1, 0] = 1.0
-    body.pilot.follow(body.t_s, Setpoint(body.t_s, flat, stamped=False))
+    body.pilot.follow(body.t_s, StampedSetpoint(body.t_s, flat, stamped=False))
     body.run(3.0)
     place = body.pilot.piece.at(body.t_s)[0].copy()
     body.run_until(lambda: body.pilot.piece.at(body.t_s)[0, 0] > place[0] + 0.2)

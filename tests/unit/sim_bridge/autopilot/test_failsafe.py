@@ -8,14 +8,14 @@ import pytest
 from gcs.mavlink import LandedState
 from sim_bridge.autopilot.failsafe import Breach, Failsafe, Readings
 from sim_bridge.personality import ARDUPILOT, PX4, Intent, Personality, Setting
-from sim_bridge.protocol.missions.fence import Shape
+from sim_bridge.protocol.missions.fence import FenceShape
 from tests.unit.sim_bridge.bodies import HOME, OK, YAW, Body
 
 BOTH = pytest.mark.parametrize("personality", [ARDUPILOT, PX4], ids=lambda p: p.name)
-SQUARE = Shape(
+SQUARE = FenceShape(
     HOME[:2] + np.array([(-30.0, -30.0), (30.0, -30.0), (30.0, 30.0), (-30.0, 30.0)]), 0.0, stay_outside=False
 )
-FAR = Shape(np.array([[500.0, 500.0]]), 5.0, stay_outside=False)
+FAR = FenceShape(np.array([[500.0, 500.0]]), 5.0, stay_outside=False)
 
 
 class Watched(Body):

@@ -12,8 +12,8 @@ from gcs.mavlink import MavResult
 from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_commands import INJECT_FAILURE, USER_1, is_fault_command, read_order
 from sim_bridge.faults.fault_file import read_fault_file
-from sim_bridge.faults.fault_spec import Direction, Fault, Since, When, make_fault, parse_fault, parse_faults
-from sim_bridge.faults.schedule import Agenda
+from sim_bridge.faults.fault_spec import Fault, LinkDirection, Since, When, make_fault, parse_fault, parse_faults
+from sim_bridge.faults.schedule import FaultSchedule
 
 IDS = (1, 2, 3)
 
@@ -22,8 +22,8 @@ IDS = (1, 2, 3)
     ("text", "fault"),
     [
         ("3:loss=0.2", Fault(f.LOSS, (0.2,))),
-        ("3:up.loss=1@10..30", Fault(f.LOSS, (1.0,), Direction.UP, When(10.0, 30.0, Since.TAKEOFF))),
-        ("3:down.delay=0.2,0.1", Fault(f.DELAY, (0.2, 0.1), Direction.DOWN)),
+        ("3:up.loss=1@10..30", Fault(f.LOSS, (1.0,), LinkDirection.UP, When(10.0, 30.0, Since.TAKEOFF))),
+        ("3:down.delay=0.2,0.1", Fault(f.DELAY, (0.2, 0.1), LinkDirection.DOWN)),
         ("3:delay=0.2@start:5", Fault(f.DELAY, (0.2, 0.0), when=When(5.0, math.inf, Since.START))),
         ("3:silent", Fault(f.SILENT)),
         ("3:die@12.5", Fault(f.DIE, when=When(12.5, math.inf, Since.TAKEOFF))),
@@ -89,16 +89,16 @@ def test_a_wrong_fault_file_is_named(tmp_path, text):
 # When
 
 
-def began(agenda: Agenda, t_s: float) -> list[str]:
+def began(agenda: FaultSchedule, t_s: float) -> list[str]:
     return [fault.kind.name for fault in agenda.step(t_s) or ()]
 
 
-def active(agenda: Agenda) -> list[str]:
+def active(agenda: FaultSchedule) -> list[str]:
     return [fault.kind.name for fault in agenda.active]
 
 
-def agenda_of(*texts: str) -> Agenda:
-    return Agenda(parse_fault(f"1:{text}")[1] for text in texts)
+def agenda_of(*texts: str) -> FaultSchedule:
+    return FaultSchedule(parse_fault(f"1:{text}")[1] for text in texts)
 
 
 def test_a_fault_without_a_time_is_always_in_force():
@@ -152,7 +152,7 @@ def test_ending_a_kind_ends_what_is_in_force_and_what_is_to_come():
 
 
 def test_a_live_fault_counts_from_now():
-    agenda = Agenda(())
+    agenda = FaultSchedule(())
     agenda.add(make_fault(f.LOSS, (0.2,), when=When(1.0, 3.0)), 40.0)
     assert [began(agenda, t_s) for t_s in (40.5, 41.0)] == [[], ["loss"]]
     agenda.step(43.0)
@@ -177,8 +177,8 @@ def test_which_commands_are_for_the_emulator():
 @pytest.mark.parametrize(
     ("params", "fault"),
     [
-        ((1, 0.25, 0, 0, 2), Fault(f.LOSS, (0.25,), Direction.DOWN)),
-        ((5, 0.3, math.nan, 0, 1, 2, 10), Fault(f.DELAY, (0.3, 0.0), Direction.UP, When(2.0, 12.0))),
+        ((1, 0.25, 0, 0, 2), Fault(f.LOSS, (0.25,), LinkDirection.DOWN)),
+        ((5, 0.3, math.nan, 0, 1, 2, 10), Fault(f.DELAY, (0.3, 0.0), LinkDirection.UP, When(2.0, 12.0))),
         ((11, 5, -3, 1), Fault(f.GNSS_JUMP, (5.0, -3.0, 1.0))),
         ((13, math.nan), Fault(f.BATTERY, (0.15,))),
         ((9,), Fault(f.REBOOT)),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
-from sim_bridge.faults.lossy_link import OVERTAKEN_S, FaultyLink, Trouble, break_bits, content
+from sim_bridge.faults.lossy_link import OVERTAKEN_S, LossyLink, Trouble, break_bits, content
 
 FRAMES = 4000
 
@@ -28,7 +28,7 @@ def said(frames: list[bytes]) -> list[int]:
 
 def carried(trouble: Trouble, *, beats: int = 0, seed: int = 3, count: int = FRAMES) -> list[bytes]:
     """What comes of `count` frames sent at 25 Hz with other traffic among them."""
-    link, codec = FaultyLink(seed, 1), Codec(255, 190)
+    link, codec = LossyLink(seed, 1), Codec(255, 190)
     link.trouble = trouble
     arrived = []
     for n in range(count):
@@ -40,7 +40,7 @@ def carried(trouble: Trouble, *, beats: int = 0, seed: int = 3, count: int = FRA
 
 
 def test_without_trouble_everything_passes_at_once():
-    link, codec = FaultyLink(1), Codec(255, 190)
+    link, codec = LossyLink(1), Codec(255, 190)
     frames = [setpoint(n, codec) for n in range(5)]
     for frame in frames:
         link.put(frame, 1.0)
@@ -62,7 +62,7 @@ def test_chances_hold(chance):
 
 
 def test_delay_lies_where_it_should_and_all_values_are_as_likely():
-    link, codec = FaultyLink(1), Codec(255, 190)
+    link, codec = LossyLink(1), Codec(255, 190)
     link.trouble = Trouble(delay_s=0.3, jitter_s=0.1)
     for n in range(FRAMES):
         link.put(setpoint(n, codec), 10.0)
@@ -75,7 +75,7 @@ def test_delay_lies_where_it_should_and_all_values_are_as_likely():
 
 
 def test_an_overtaken_frame_comes_after_those_that_left_within_a_tenth_of_a_second():
-    link, codec = FaultyLink(5), Codec(255, 190)
+    link, codec = LossyLink(5), Codec(255, 190)
     link.trouble = Trouble(reorder=1.0)
     link.put(setpoint(1, codec), 0.0)
     link.trouble = Trouble()
@@ -101,7 +101,7 @@ def test_other_seeds_and_directions_have_other_fates():
 
 def test_what_is_said_again_has_a_new_chance():
     """A command that is repeated until it is heard must be heard some day."""
-    link, codec = FaultyLink(2), Codec(255, 190)
+    link, codec = LossyLink(2), Codec(255, 190)
     link.trouble = Trouble(loss=0.5)
     for n in range(400):
         link.put(beat(codec), float(n))
@@ -128,7 +128,7 @@ def test_content_is_payload_number_and_source():
 
 
 def test_a_flood_does_not_fill_the_memory():
-    link, codec = FaultyLink(2), Codec(255, 190)
+    link, codec = LossyLink(2), Codec(255, 190)
     link.trouble = Trouble(delay_s=1e6)
     frame = beat(codec)
     for _ in range(20_000):

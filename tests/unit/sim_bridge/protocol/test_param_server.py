@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from sim_bridge.personality import ARDUPILOT, PX4, Personality, Setting
-from sim_bridge.protocol.param_server import BY_NAME, Params, stored
+from sim_bridge.protocol.param_server import BY_NAME, ParamServer, stored
 
 UINT32, INT32, REAL32 = 5, 6, 9
 BOTH = pytest.mark.parametrize("personality", [ARDUPILOT, PX4], ids=lambda p: p.name)
@@ -23,11 +23,11 @@ def bits(number: int) -> float:
     return struct.unpack("<f", struct.pack("<i", number))[0]
 
 
-def read(params: Params, name: str, index: int = -1) -> list[Message]:
+def read(params: ParamServer, name: str, index: int = -1) -> list[Message]:
     return over_the_wire(params.receive(Message("PARAM_REQUEST_READ", {"param_id": name, "param_index": index})))
 
 
-def write(params: Params, name: str, value: float, kind: int = REAL32) -> list[Message]:
+def write(params: ParamServer, name: str, value: float, kind: int = REAL32) -> list[Message]:
     fields = {"target_system": 3, "target_component": 1, "param_id": name, "param_value": value, "param_type": kind}
     (sent,) = Codec(3, 1).decode(Codec(255, 190).encode(Message("PARAM_SET", fields)))
     return over_the_wire(params.receive(sent))
@@ -50,7 +50,7 @@ def index_of(personality: Personality, name: str) -> int:
 
 @BOTH
 def test_a_list_has_every_parameter_once_with_its_index(personality):
-    listed = over_the_wire(Params(personality, 3).receive(Message("PARAM_REQUEST_LIST", {})))
+    listed = over_the_wire(ParamServer(personality, 3).receive(Message("PARAM_REQUEST_LIST", {})))
     numbered = [m for m in listed if m.fields["param_index"] != BY_NAME]
     assert [m.fields["param_id"] for m in numbered] == [param.name for param in personality.params]
     assert [m.fields["param_index"] for m in numbered] == list(range(len(personality.params)))
@@ -60,14 +60,14 @@ def test_a_list_has_every_parameter_once_with_its_index(personality):
 @BOTH
 def test_it_knows_its_own_system_id(personality):
     name = personality.param_habits.sysid
-    params = Params(personality, 7)
+    params = ParamServer(personality, 7)
     assert params[name] == 7.0
     assert told(read(params, name))[1] == (bits(7) if personality is PX4 else 7.0)
 
 
 @BOTH
 def test_the_unknown_is_met_with_silence(personality):
-    params = Params(personality, 3)
+    params = ParamServer(personality, 3)
     assert read(params, "NO_SUCH_PARAM") == []
     assert read(params, "", 32_000) == []
     assert write(params, "NO_SUCH_PARAM", 1.0) == []
@@ -76,18 +76,18 @@ def test_the_unknown_is_met_with_silence(personality):
 @BOTH
 def test_by_index_the_first_is_the_first(personality):
     first = personality.params[0]
-    assert told(read(Params(personality, 3), "", 0))[::3] == (first.name, 0)
+    assert told(read(ParamServer(personality, 3), "", 0))[::3] == (first.name, 0)
 
 
 def test_ardupilot_matches_any_case_echoes_it_and_tells_no_index():
-    params = Params(ARDUPILOT, 3)
+    params = ParamServer(ARDUPILOT, 3)
     assert told(read(params, "guid_timeout")) == ("guid_timeout", 3.0, REAL32, BY_NAME)
     assert told(write(params, "Guid_Timeout", 2.5)) == ("Guid_Timeout", 2.5, REAL32, BY_NAME)
     assert params["GUID_TIMEOUT"] == 2.5
 
 
 def test_px4_insists_on_case_and_tells_the_index():
-    params = Params(PX4, 3)
+    params = ParamServer(PX4, 3)
     assert read(params, "com_of_loss_t") == []
     index = index_of(PX4, "COM_OF_LOSS_T")
     assert told(read(params, "COM_OF_LOSS_T")) == ("COM_OF_LOSS_T", 1.0, REAL32, index)
@@ -95,7 +95,7 @@ def test_px4_insists_on_case_and_tells_the_index():
 
 
 def test_ardupilot_converts_what_has_another_type():
-    params = Params(ARDUPILOT, 3)
+    params = ParamServer(ARDUPILOT, 3)
     assert told(write(params, "FS_OPTIONS", 1.4, REAL32)) == ("FS_OPTIONS", 1.0, INT32, BY_NAME)
     assert told(write(params, "FS_OPTIONS", 5.0, INT32))[1] == 5.0
     assert told(write(params, "FENCE_TYPE", 300.0))[1] == 127.0  # a signed byte
@@ -103,7 +103,7 @@ def test_ardupilot_converts_what_has_another_type():
 
 
 def test_px4_keeps_its_value_when_the_type_is_wrong():
-    params = Params(PX4, 3)
+    params = ParamServer(PX4, 3)
     assert told(write(params, "COM_OBL_RC_ACT", bits(1), INT32))[1:3] == (bits(1), INT32)
     assert params["COM_OBL_RC_ACT"] == 1.0
     assert told(write(params, "COM_OBL_RC_ACT", 4.0, REAL32))[1:3] == (bits(1), INT32)
@@ -111,11 +111,11 @@ def test_px4_keeps_its_value_when_the_type_is_wrong():
 
 
 def test_nan_is_refused_by_ardupilot_and_kept_by_px4():
-    params = Params(ARDUPILOT, 3)
+    params = ParamServer(ARDUPILOT, 3)
     assert write(params, "GUID_TIMEOUT", math.nan) == []
     assert write(params, "GUID_TIMEOUT", math.inf) == []
     assert params["GUID_TIMEOUT"] == 3.0
-    params = Params(PX4, 3)
+    params = ParamServer(PX4, 3)
     assert math.isnan(told(write(params, "COM_OF_LOSS_T", math.nan))[1])
     assert math.isnan(told(read(params, "COM_OF_LOSS_T"))[1])
     assert params.setting(Setting.STREAM_TIMEOUT_S) == 1.0  # and nobody flies by it
@@ -123,14 +123,14 @@ def test_nan_is_refused_by_ardupilot_and_kept_by_px4():
 
 @pytest.mark.parametrize("number", [0, 1, -1, 50, 4001, -2_147_483_648, 2_147_483_647])
 def test_px4s_integers_survive_the_float(number):
-    params = Params(PX4, 3)
+    params = ParamServer(PX4, 3)
     (answer,) = write(params, "COM_OBL_RC_ACT", bits(number), INT32)
     assert params["COM_OBL_RC_ACT"] == number
     assert struct.pack("<f", answer.fields["param_value"]) == struct.pack("<i", number)
 
 
 def test_px4s_list_is_headed_by_a_hash_that_changes_with_any_value():
-    params = Params(PX4, 3)
+    params = ParamServer(PX4, 3)
 
     def head() -> float:
         first = params.receive(Message("PARAM_REQUEST_LIST", {}))[0]
@@ -148,11 +148,11 @@ def test_px4s_list_is_headed_by_a_hash_that_changes_with_any_value():
 
 
 def test_ardupilot_has_no_hash():
-    assert read(Params(ARDUPILOT, 3), "_HASH_CHECK") == []
+    assert read(ParamServer(ARDUPILOT, 3), "_HASH_CHECK") == []
 
 
 def test_what_the_vehicle_changes_itself_is_news_once():
-    params = Params(ARDUPILOT, 3)
+    params = ParamServer(ARDUPILOT, 3)
     params.change("MIS_TOTAL", 4)
     params.change("MIS_TOTAL", 5)
     params.change("RALLY_TOTAL", 0)  # as it was
@@ -161,7 +161,7 @@ def test_what_the_vehicle_changes_itself_is_news_once():
 
 
 def test_settings_are_in_si_units_and_within_bounds():
-    params = Params(ARDUPILOT, 3)
+    params = ParamServer(ARDUPILOT, 3)
     write(params, "WPNAV_SPEED", 350.0)
     assert params.setting(Setting.CRUISE_MPS) == pytest.approx(3.5)
     write(params, "WPNAV_SPEED", 1e9)
@@ -200,7 +200,7 @@ def test_anything_can_be_stored_or_refused(value, kind):
     name=st.sampled_from(["GUID_TIMEOUT", "FS_OPTIONS", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"]),
 )
 def test_no_value_breaks_a_vehicle(personality, value, kind, name):
-    params = Params(personality, 3)
+    params = ParamServer(personality, 3)
     write(params, name, value, kind)
     read(params, name)
     over_the_wire(params.receive(Message("PARAM_REQUEST_LIST", {})))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from sim_bridge.sim.lockstep import PATIENCE_S, REMIND_S, StreamPatience
+from sim_bridge.sim.lockstep import PATIENCE_S, REMIND_S, Lockstep
 
 LATE_S = 100.0 + PATIENCE_S
 
 
 def test_who_knows_how_it_goes_on_waits_for_nothing():
-    assert StreamPatience().wait_s({}, 100.0) == 0.0
+    assert Lockstep().wait_s({}, 100.0) == 0.0
 
 
 def test_patience_ends_once_and_for_all_who_wait():
-    patience = StreamPatience()
+    patience = Lockstep()
     assert 0.0 < patience.wait_s({0: 5.0, 2: 5.0}, 100.0) < 2.0 * REMIND_S
     assert patience.wait_s({0: 5.0, 2: 5.0}, LATE_S - 0.01) > 0.0
     assert patience.wait_s({0: 5.0, 2: 5.0}, LATE_S) == 0.0
@@ -20,7 +20,7 @@ def test_patience_ends_once_and_for_all_who_wait():
 
 
 def test_one_that_was_given_up_is_waited_for_as_soon_as_anything_newer_comes():
-    patience = StreamPatience()
+    patience = Lockstep()
     patience.wait_s({0: 5.0, 1: 5.0}, 100.0)
     assert patience.wait_s({0: 5.0, 1: 5.0}, LATE_S) == 0.0
     assert patience.wait_s({0: 5.0, 1: 5.2}, LATE_S + 0.1) > 0.0  # still late, but it goes on
@@ -31,7 +31,7 @@ def test_one_that_was_given_up_is_waited_for_as_soon_as_anything_newer_comes():
 
 
 def test_the_ground_station_is_reminded_while_it_is_waited_for():
-    patience = StreamPatience()
+    patience = Lockstep()
     assert not patience.reminds(100.0)
     patience.wait_s({0: 5.0}, 100.0)
     assert not patience.reminds(100.0 + 0.9 * REMIND_S)

@@ -10,7 +10,7 @@ import pytest
 from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.mission.model import Command, MissionItem
-from sim_bridge.autopilot.guidance.path_generator import Course, Guide
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator, PiecePath
 from sim_bridge.autopilot.guidance.piece import Mark, Piece, hold
 from sim_bridge.cli import run
 from tests.unit.sim_bridge.bodies import HOME, ORIGIN, item
@@ -31,11 +31,11 @@ ITEMS: tuple[MissionItem, ...] = (
 )
 
 
-def guide(navigator: Navigator | None) -> Guide:
-    return Guide(STRONG, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0, navigator=navigator)
+def guide(navigator: Navigator | None) -> PathGenerator:
+    return PathGenerator(STRONG, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0, navigator=navigator)
 
 
-def whole(course: Course) -> tuple[list[Piece], list[Mark], Course]:
+def whole(course: PiecePath) -> tuple[list[Piece], list[Mark], PiecePath]:
     """All pieces and marks, and the last part."""
     pieces, marks = list(course.pieces), list(course.marks)
     for part in course.rest or ():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.autopilot.guidance.stream import Setpoint, SetpointFollower
+from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
 
 W = 0.7  # rad/s of a circle of 2 m
 PERIOD_S = 0.04
@@ -24,7 +24,7 @@ def on_circle(t_s: float) -> np.ndarray:
 def follower(n: int) -> SetpointFollower:
     it = SetpointFollower()
     for k in range(n):
-        it.add(Setpoint(k * PERIOD_S, on_circle(k * PERIOD_S)))
+        it.add(StampedSetpoint(k * PERIOD_S, on_circle(k * PERIOD_S)))
     return it
 
 
@@ -48,7 +48,7 @@ def test_between_setpoints_it_is_the_curve_with_jerk_and_snap():
 def test_order_of_arrival_does_not_matter():
     ordered, shuffled = follower(10), SetpointFollower()
     for k in (3, 1, 0, 2, 5, 4, 9, 8, 6, 7):
-        shuffled.add(Setpoint(k * PERIOD_S, on_circle(k * PERIOD_S)))
+        shuffled.add(StampedSetpoint(k * PERIOD_S, on_circle(k * PERIOD_S)))
     for stream in (ordered, shuffled):
         stream.advance(0.2)
     np.testing.assert_array_equal(ordered.piece(3.0).coefficients, shuffled.piece(3.0).coefficients)
@@ -71,13 +71,13 @@ def test_it_awaits_more_only_when_it_would_have_to_guess():
     assert stream.awaits_more_after_s(PERIOD_S) is None
     stream.advance(2 * PERIOD_S)
     assert stream.awaits_more_after_s(2 * PERIOD_S) == 2 * PERIOD_S
-    stream.add(Setpoint(3 * PERIOD_S, on_circle(3 * PERIOD_S)))
+    stream.add(StampedSetpoint(3 * PERIOD_S, on_circle(3 * PERIOD_S)))
     assert stream.awaits_more_after_s(2 * PERIOD_S) is None
 
 
 def test_unstamped_streams_are_never_awaited():
     stream = SetpointFollower()
-    stream.add(Setpoint(1.0, on_circle(1.0), stamped=False))
+    stream.add(StampedSetpoint(1.0, on_circle(1.0), stamped=False))
     stream.advance(1.0)
     assert stream.awaits_more_after_s(2.0) is None
 
@@ -86,7 +86,7 @@ def test_what_is_older_than_the_one_in_force_is_dropped():
     stream = follower(5)
     stream.advance(0.16)
     before = stream.piece(3.0).coefficients
-    stream.add(Setpoint(0.08, np.zeros((3, 4))))
+    stream.add(StampedSetpoint(0.08, np.zeros((3, 4))))
     stream.advance(0.16)
     np.testing.assert_array_equal(stream.piece(3.0).coefficients, before)
 
@@ -96,7 +96,7 @@ def test_yaw_turns_the_short_way():
     for t_s, yaw in ((0.0, 3.1), (0.1, -3.1)):
         flat = np.zeros((3, 4))
         flat[0, 3] = yaw
-        stream.add(Setpoint(t_s, flat))
+        stream.add(StampedSetpoint(t_s, flat))
     stream.advance(0.0)
     piece = stream.piece(3.0)
     assert piece.at(0.1)[0, 3] == pytest.approx(2 * np.pi - 3.1)

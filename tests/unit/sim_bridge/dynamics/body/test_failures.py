@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.dynamics.body.failures import (
-    Breakdowns,
+    Failures,
     GnssJump,
     GnssOutage,
     LowBattery,
@@ -40,7 +40,7 @@ def go_on(airframes, reference, seconds):
 
 
 def test_schedules_begin_end_and_add_up():
-    faults = Breakdowns(3)
+    faults = Failures(3)
     assert faults.due_s == np.inf and len(faults) == 3
     faults[0].add(GnssOutage(from_s=2.0, until_s=4.0))
     faults[0].add(MotorLoss(from_s=3.0, motor=2, share=0.5))
@@ -70,7 +70,7 @@ def test_schedules_begin_end_and_add_up():
 
 
 def test_a_battery_is_drained_once_by_each_fault():
-    faults = Breakdowns(1)
+    faults = Failures(1)
     low = LowBattery(from_s=1.0, remaining=0.3)
     faults[0].add(low)
     assert faults.effects(0.5).drained == {}

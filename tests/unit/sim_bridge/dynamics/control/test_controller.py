@@ -11,9 +11,9 @@ from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.dynamics.body.integrator import Stepper, Turn
 from sim_bridge.dynamics.body.sensors import RTK
 from sim_bridge.dynamics.control.controller import Controller, tilt_along
-from sim_bridge.dynamics.control.disturbance_observer import Disturbance
+from sim_bridge.dynamics.control.disturbance_observer import DisturbanceObserver
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits, chain_gain, lqr_gains, motor_limits
-from sim_bridge.dynamics.control.position_control import AROUND, PositionLaw
+from sim_bridge.dynamics.control.position_control import AROUND, PositionController
 from sim_bridge.dynamics.control.reference import Reference, hold
 from tests.unit.sim_bridge.flights import (
     F150,
@@ -93,7 +93,7 @@ def test_feed_forward_rates_and_accelerations_are_derivatives_of_the_tilt():
 @pytest.mark.parametrize(("q", "limits"), VEHICLES)
 def test_the_law_without_limits_is_the_law_within_its_limits(q, limits):
     """One matrix where nothing is limited; a slow vehicle, slow at 1 km/s, goes the long way to the same force."""
-    law, slow = PositionLaw(q, limits), PositionLaw(q, limits)
+    law, slow = PositionController(q, limits), PositionController(q, limits)
     slow.speed_max_mps = np.full(50, 1e3)
     rng = np.random.default_rng(7)
 
@@ -176,7 +176,7 @@ def test_a_slow_vehicle_is_asked_for_no_more_speed_than_it_has():
 
 def observer(q, period_s=0.02):
     gains = lqr_gains(q, motor_limits(q))
-    return Disturbance(q, gains.push_radps, gains.push_max, period_s, 1)
+    return DisturbanceObserver(q, gains.push_radps, gains.push_max, period_s, 1)
 
 
 @pytest.mark.parametrize("q", [F150, FIELD])

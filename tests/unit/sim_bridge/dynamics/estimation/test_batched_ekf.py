@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
-from sim_bridge.dynamics.estimation.batched_ekf import FleetFilter, Stack
+from sim_bridge.dynamics.estimation.batched_ekf import BatchedEkf, Stack
 
 VEHICLES, STATES = 5, 7
 
@@ -19,7 +19,7 @@ def covariances(rng):
 @pytest.mark.parametrize("sensors", [1, 3])
 def test_every_vehicle_has_what_a_filter_of_its_own_would_have(sensors):
     rng = np.random.default_rng(1)
-    fleet, singles = FleetFilter(VEHICLES, STATES), [ExtendedKalmanFilter(STATES, sensors) for _ in range(VEHICLES)]
+    fleet, singles = BatchedEkf(VEHICLES, STATES), [ExtendedKalmanFilter(STATES, sensors) for _ in range(VEHICLES)]
     start, noise = covariances(rng), 0.1 * np.eye(STATES)
     fleet.P = Stack.of(start.copy())
     for single, p in zip(singles, start, strict=True):
@@ -50,7 +50,7 @@ def test_a_vehicle_is_not_touched_by_its_neighbours():
     p, f, h = covariances(rng), rng.standard_normal((VEHICLES, STATES, STATES)), np.eye(2, STATES)
     found = []
     for rows in (range(VEHICLES), range(1), (0, 3)):
-        fleet = FleetFilter(len(rows), STATES)
+        fleet = BatchedEkf(len(rows), STATES)
         fleet.P = Stack.of(p[list(rows)].copy())
         fleet.carry_on(np.ones((len(rows), STATES)), f[list(rows)], np.eye(STATES))
         who = np.ones(len(rows), dtype=bool)

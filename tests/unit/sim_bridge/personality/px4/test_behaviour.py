@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.mavlink import PX4_HOLD, PX4_MISSION, PX4_OFFBOARD, PX4_RTL, LandedState, MavResult, px4_mode
-from sim_bridge.autopilot.guidance.stream import Setpoint
+from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.autopilot.mission_progress import MissionState
 from sim_bridge.personality import PX4, Intent, Setting
 from tests.unit.sim_bridge.bodies import HOME, OK, YAW, Body, item, mission
@@ -22,11 +22,11 @@ def body_of(**kwargs) -> Body:
     return Body(PX4, **kwargs)
 
 
-def setpoint(body: Body, north_m: float = 0.0, height_m: float = 3.0, speed_mps: float = 0.0) -> Setpoint:
+def setpoint(body: Body, north_m: float = 0.0, height_m: float = 3.0, speed_mps: float = 0.0) -> StampedSetpoint:
     flat = np.zeros((3, 4))
     flat[0] = HOME[0] + north_m, HOME[1], HOME[2] - height_m, YAW
     flat[1, 0] = speed_mps
-    return Setpoint(body.t_s, flat, stamped=False)
+    return StampedSetpoint(body.t_s, flat, stamped=False)
 
 
 def stream(body: Body, seconds: float, period_s: float = 0.1, **kwargs) -> None:
