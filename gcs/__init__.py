@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
+    from gcs.plan.trajectory.plan import Plan as Plan
     from gcs.plan.trajectory.plan_file import load_plan as load_plan
     from gcs.plan.trajectory.plan_file import save_plan as save_plan
-    from gcs.plan.trajectory.trajectory import Plan as Plan
     from gcs.plan.verification.verify import Report as Report
     from gcs.plan.verification.verify import verify as verify
     from gcs.scenario.load import load_scenario as load_scenario
@@ -41,7 +41,7 @@ _HOME = {
     "Emulated": "gcs.flight.run",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
-    "Plan": "gcs.plan.trajectory.trajectory",
+    "Plan": "gcs.plan.trajectory.plan",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",

@@ -200,6 +200,17 @@ class MessageId(IntEnum):
     EXTENDED_SYS_STATE = 245
 
 
+class FenceCommand(IntEnum):
+    """MAV_CMD values of fence and rally items."""
+
+    RETURN_POINT = 5000
+    POLYGON_INCLUSION = 5001  # parameter 1: number of vertices
+    POLYGON_EXCLUSION = 5002
+    CIRCLE_INCLUSION = 5003  # parameter 1: radius, m
+    CIRCLE_EXCLUSION = 5004
+    RALLY_POINT = 5100
+
+
 class MissionType(IntEnum):
     """MAV_MISSION_TYPE."""
 

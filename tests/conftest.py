@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 

@@ -39,7 +39,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.export.export import export
 from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.registry import Format
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 ROOT = Path(__file__).resolve().parent.parent
 RATE_HZ = 25.0

@@ -12,7 +12,7 @@ import typer
 import gcs
 from gcs.flight.assessment.flight_plot import draw_all
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from tools.pictures.change import draw_change
 from tools.pictures.film import write_film

@@ -15,8 +15,8 @@ from pathlib import Path
 from gcs.cli.console import Screen
 from gcs.errors import UsageError, VerificationError
 from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.plan_file import SUFFIX, load_plan
-from gcs.plan.trajectory.trajectory import MeshRound, Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.load import load_scenario
 

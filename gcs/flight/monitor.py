@@ -17,7 +17,7 @@ from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.error import formation_error_m
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 
 @dataclass

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 
 class Step(StrEnum):
@@ -59,8 +59,15 @@ class Event:
 
 
 if TYPE_CHECKING:
-    from gcs.flight.sequence.flight import FlightSequence
     from gcs.flight.setup.preflight import PreflightCheck
+
+
+class InFlight(Protocol):
+    """A flight, as far as people watch it."""
+
+    def snapshot(self) -> Snapshot:
+        """How it stands now."""
+        ...
 
 
 class Watcher:
@@ -83,5 +90,5 @@ class Watcher:
     async def confirm(self) -> None:
         """All vehicles on a link are fit to fly: may they be armed? Raises `UsageError` for a no."""
 
-    async def follow(self, flight: FlightSequence) -> None:
+    async def follow(self, flight: InFlight) -> None:
         """Runs beside the flight until it is cancelled: `flight.snapshot()` tells how it goes."""

@@ -37,8 +37,8 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
-from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification.verify import Report, verify
 
 SIM_LINK = "udpin:127.0.0.1:0"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
+from gcs.mavlink import FenceCommand
 from gcs.mission.model import Frame, MissionItem
 
 LEAST_VERTICES = 3
@@ -22,17 +22,6 @@ class BadItem(ValueError):
     def __init__(self, index: int, reason: str) -> None:
         super().__init__(f"item {index} {reason}")
         self.index = index
-
-
-class FenceCommand(IntEnum):
-    """MAV_CMD values of fence and rally items."""
-
-    RETURN_POINT = 5000
-    POLYGON_INCLUSION = 5001  # parameter 1: number of vertices
-    POLYGON_EXCLUSION = 5002
-    CIRCLE_INCLUSION = 5003  # parameter 1: radius, m
-    CIRCLE_EXCLUSION = 5004
-    RALLY_POINT = 5100
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,8 @@ from gcs.plan.ocp.problem import Problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, fixed
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
-from gcs.plan.trajectory.trajectory import MeshRound, Phase, Plan, Trajectory, joined
+from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
+from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,

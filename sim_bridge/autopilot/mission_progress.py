@@ -16,7 +16,8 @@ from enum import IntEnum
 from gcs.mavlink import MavResult
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.autopilot.events import Reached, Voice
-from sim_bridge.autopilot.guidance.path_generator import Mark, is_navigation
+from sim_bridge.autopilot.guidance.mission_guidance import is_navigation
+from sim_bridge.autopilot.guidance.piece import Mark
 from sim_bridge.personality import Intent, Note
 from sim_bridge.personality.flight_traits import ReportTraits
 

@@ -18,8 +18,9 @@ from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.arming import Arming
 from sim_bridge.autopilot.events import Placed, Voice
 from sim_bridge.autopilot.guidance.flight_path import Flightpath, Passed
-from sim_bridge.autopilot.guidance.path_generator import PathGenerator, PiecePath
-from sim_bridge.autopilot.guidance.piece import Piece
+from sim_bridge.autopilot.guidance.mission_guidance import fly_mission
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
+from sim_bridge.autopilot.guidance.piece import Piece, PiecePath
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.autopilot.land_detector import LandDetector
 from sim_bridge.autopilot.mission_progress import MissionProgress
@@ -209,17 +210,17 @@ class ModeActions:
             self.progress.tell_current()
         items, first = self.progress.padded
         if self.ground.flying:
-            self.path.start(t_s, self.guide.fly_mission(t_s, self.path.piece.at(t_s), items, first, landed=False))
+            self.path.start(t_s, fly_mission(self.guide, t_s, self.path.piece.at(t_s), items, first, landed=False))
             return
         climb_m = self._climb_before(items[first])
         self._voice.say(Note.MISSION_CLIMBS, height_m=climb_m or items[first].alt_m)
 
         def course(t_s: float) -> PiecePath:
             if not climb_m:
-                return self.guide.fly_mission(t_s, self.path.piece.at(t_s), items, first, landed=True)
+                return fly_mission(self.guide, t_s, self.path.piece.at(t_s), items, first, landed=True)
             climb = self.guide.take_off(t_s, self.path.piece.at(t_s), climb_m)
             top = climb.pieces[-1]
-            rest = self.guide.fly_mission(top.end_s, top.at(top.end_s), items, first, landed=False)
+            rest = fly_mission(self.guide, top.end_s, top.at(top.end_s), items, first, landed=False)
             return replace(rest, pieces=climb.pieces + rest.pieces, climbing_until_s=top.end_s)
 
         self._lift(t_s, course)

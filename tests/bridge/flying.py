@@ -25,7 +25,7 @@ from gcs.mavlink import MavCommand
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call

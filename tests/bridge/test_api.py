@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import gcs
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tests.unit.test_readme import BLOCKS
 
 MISSION = '"missions/simulation1"'

@@ -20,7 +20,7 @@ from gcs.link.fleet_upload.onboard import read_onboard
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, preview, restore, upload_fleet
 from gcs.link.mavsdk.mavsdk_vehicle import mavsdk_url
 from gcs.link.session.vehicle_api import Loadable, Setpoint
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 

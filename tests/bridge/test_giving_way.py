@@ -15,7 +15,7 @@ from gcs.errors import FlightError
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.mavlink import CopterMode
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.sim.world import World

@@ -11,7 +11,7 @@ import pytest
 from gcs.errors import FlightError
 from gcs.flight.contingency.policy import OnLoss
 from gcs.flight.options import FlightMode
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import Flown, fly
 
 

@@ -30,8 +30,8 @@ from gcs.link.session.linked_fleet import LinkedFleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import POSITION
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
-from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 

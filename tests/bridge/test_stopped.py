@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gcs.flight.progress import Step
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
 from tests.fleets import wait_until

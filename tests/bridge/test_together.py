@@ -9,7 +9,7 @@ import numpy as np
 from gcs.flight.assessment.comparison import lateness_s
 from gcs.flight.lateness import skew_s
 from gcs.flight.recording.record_table import write_record
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
 
 

@@ -20,8 +20,8 @@ from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.formats.any_mission import load_missions
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
-from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 

@@ -23,7 +23,7 @@ from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_fi
 from gcs.mission.formats.registry import Format
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 FORMATS = [Format.PLAN, Format.WAYPOINTS, Format.FENCE, Format.RALLY, Format.PARAM]
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE

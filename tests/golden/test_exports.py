@@ -22,7 +22,7 @@ from gcs.mission.formats.qgc_plan import read_plan_file
 from gcs.mission.formats.qgc_wpl import read_waypoints
 from gcs.mission.formats.tables.setpoints_csv import read_setpoints
 from gcs.mission.model import Frame, MissionItem
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05
 ASKED_MPS, LEAVING_S, LATE_S = 0.3, 0.3, 2.0  # found step by step: a step more or less, and they differ by as much

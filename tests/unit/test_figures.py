@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from tools import figures
 from tools.pictures.change import draw_change

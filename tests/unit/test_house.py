@@ -1,109 +1,171 @@
-"""The house keeps its plan: who may import whom, what every file opens with, and how long it may grow."""
+"""The structure of the code: who may import whom, how large rooms and files may grow, and what stays out of them.
+
+Every rule names folders; a folder that does not exist fails, so that a rename cannot turn a rule off.
+"""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LEAVES = {"gcs.aio", "gcs.errors", "gcs.files", "gcs.frames", "gcs.mavlink", "gcs.physics", "gcs.autopilots"}
-LAYERS = ("scenario", "plan", "mission", "link", "flight", "cli")
+LEAVES = ("gcs/aio.py", "gcs/errors.py", "gcs/files.py", "gcs/frames.py", "gcs/mavlink.py", "gcs/physics")
+LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/cli")
 # `plan` and `link` never meet, save in `flight`.
-FORBIDDEN = {("link", "plan"), ("link", "scenario")}
-BRIDGE_MAY = LEAVES | {"gcs.scenario", "gcs.link", "gcs.mission.model"}
+FORBIDDEN = {("gcs/link", "gcs/plan"), ("gcs/link", "gcs/scenario")}
+BRIDGE_MAY = (*LEAVES, "gcs/autopilots", "gcs/scenario", "gcs/link", "gcs/mission/model.py")
+# One library, one place: everybody else asks that place.
+ONLY_IN = {"casadi": "gcs/plan", "pymavlink": "gcs/link/wire/codec.py", "mavsdk": "gcs/link/mavsdk"}
+# State machines and formulas: time is an argument, seeds are injected, bytes are handed over.
+SANS_IO = (
+    "gcs/autopilots",
+    "gcs/flight/contingency/conflict_prediction.py",
+    "gcs/flight/contingency/detection.py",
+    "gcs/flight/contingency/manoeuvres.py",
+    "gcs/flight/contingency/policy.py",
+    "gcs/flight/offboard/deadlines.py",
+    "gcs/flight/offboard/leader_follower.py",
+    "gcs/flight/offboard/reference_trajectory.py",
+    "gcs/link/ftp",
+    "gcs/link/microservices",
+    "gcs/link/mission_protocol",
+    "gcs/link/session/routing.py",
+    "gcs/link/session/quality.py",
+    "gcs/link/wire/codec.py",
+    "gcs/link/wire/fast_frames.py",
+    "gcs/link/wire/message.py",
+    "gcs/link/wire/signing.py",
+    "gcs/mavlink.py",
+    "gcs/mission",
+    "gcs/physics",
+    "sim_bridge/autopilot",
+    "sim_bridge/dynamics",
+    "sim_bridge/faults",
+    "sim_bridge/personality",
+    "sim_bridge/protocol/missions",
+    "sim_bridge/protocol/telemetry",
+)
+OUTSIDE_WORLD = {"time", "socket", "asyncio", "threading", "select", "random"}
 LONGEST = 400
+ROOM_MAX = 9  # files of a room, and rooms in a room
+# Files of one name in several rooms, where it means the same thing in each.
+SAME_SENSE = {
+    "behaviour.py": "the same table for each autopilot",
+    "missions.py": "the same table for each autopilot",
+    "params.py": "the same table for each autopilot",
+    "export.py": "the command calls the function",
+    "plan.py": "the command makes the value",
+    "verify.py": "the command calls the function",
+}
 
-Import = tuple[str, bool]
 
-
-def modules(*folders: str) -> list[Path]:
-    return sorted(file.relative_to(ROOT) for folder in folders for file in (ROOT / folder).rglob("*.py"))
+def modules(*places: str) -> list[Path]:
+    """The Python files of folders, or single files. A place that is not there is a mistake of this test."""
+    found: list[Path] = []
+    for place in places:
+        path = ROOT / place
+        files = [path] if path.suffix == ".py" else sorted(path.rglob("*.py"))
+        assert files and all(file.is_file() for file in files), f"{place} does not exist: was it renamed?"
+        found += [file.relative_to(ROOT) for file in files]
+    return found
 
 
 def name_of(file: Path) -> str:
     return ".".join(file.with_suffix("").parts).removesuffix(".__init__")
 
 
+def within(file: Path, *places: str) -> bool:
+    return any(file == Path(place) or Path(place) in file.parents for place in places)
+
+
 def imports(file: Path) -> Iterator[str]:
     """Every module imported anywhere in the file; `from a import b` counts as a.b where that is a module."""
-    package = name_of(file).split(".") if file.name == "__init__.py" else name_of(file).split(".")[:-1]
     for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = (
-                ".".join([*package[: len(package) + 1 - node.level], node.module or ""]) if node.level else node.module
-            )
-            assert base is not None
-            base = base.rstrip(".")
+            assert node.module and not node.level, f"{file}: imports are absolute here"
             for alias in node.names:
-                inner = f"{base}.{alias.name}"
-                yield inner if is_module(inner) else base
+                inner = f"{node.module}.{alias.name}"
+                yield inner if path_of(inner) else node.module
 
 
-def is_module(name: str) -> bool:
-    path = ROOT / Path(*name.split("."))
-    return path.is_dir() or path.with_suffix(".py").is_file()
+def path_of(name: str) -> Path | None:
+    """The file, or the folder, of one of our modules."""
+    path = Path(*name.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if (ROOT / file).is_file():
+            return file
+    return None
 
 
-def within(name: str, package: str) -> bool:
-    return name == package or name.startswith(f"{package}.")
-
-
-def is_leaf(name: str) -> bool:
-    return any(within(name, leaf) for leaf in LEAVES)
+def ours(file: Path) -> Iterator[Path]:
+    """The files of this project that a file imports."""
+    yield from (path for name in imports(file) if (path := path_of(name)) and path.parts[0] in ("gcs", "sim_bridge"))
 
 
 GCS, BRIDGE = modules("gcs"), modules("sim_bridge")
+ALL = [*GCS, *BRIDGE]
+ROOMS = sorted({file.parent for file in ALL})
 
 
-def test_the_files_are_found() -> None:
-    assert Path("gcs/physics/quadrotor.py") in GCS
-    assert "gcs.physics.quadrotor" in set(imports(Path("gcs/scenario/environment/terrain.py")))
+def test_every_file_and_folder_named_here_exists() -> None:
+    modules(*LEAVES, *LAYERS, *BRIDGE_MAY, *ONLY_IN.values(), *SANS_IO)
+    names = {file.name for file in ALL}
+    assert set(SAME_SENSE) <= names
+    assert Path("gcs/physics/quadrotor.py") in set(ours(Path("gcs/scenario/environment/terrain.py")))
 
 
 @pytest.mark.parametrize("file", GCS, ids=str)
 def test_a_layer_knows_itself_those_to_its_left_and_the_leaves(file: Path) -> None:
-    ours = name_of(file)
-    known = {name for name in imports(file) if within(name, "gcs") and not is_leaf(name)} - {"gcs"}
-    if is_leaf(ours):
-        assert not known, f"{ours} is a leaf"
+    known = [other for other in ours(file) if other != Path("gcs/__init__.py") and not within(other, *LEAVES)]
+    if within(file, *LEAVES):
+        assert not known, f"{file} is a leaf"
         return
-    if ours == "gcs":
+    if file == Path("gcs/__init__.py"):
         return  # the public face may show any room
-    layer = ours.split(".")[1]
-    assert layer in LAYERS, f"{ours} is in no layer: name it in {Path(__file__).name}"
+    layer = next((place for place in LAYERS if within(file, place)), None)
+    assert layer, f"{file} is in no layer"
     allowed = LAYERS[: LAYERS.index(layer) + 1]
-    for name in known:
-        other = name.split(".")[1]
-        assert other in allowed, f"{ours} imports {name}, to its right"
-        assert (layer, other) not in FORBIDDEN, f"{ours} imports {name}"
+    for other in known:
+        assert within(other, *allowed), f"{file} imports {other}, to its right"
+        assert not any(layer == left and within(other, right) for left, right in FORBIDDEN), f"{file} imports {other}"
 
 
 @pytest.mark.parametrize("file", GCS, ids=str)
 def test_the_ground_station_does_not_know_the_emulated_vehicles(file: Path) -> None:
-    assert not [name for name in imports(file) if within(name, "sim_bridge")]
+    assert not [other for other in ours(file) if within(other, "sim_bridge")]
 
 
 @pytest.mark.parametrize("file", BRIDGE, ids=str)
 def test_the_emulated_vehicles_know_physics_and_the_link_only(file: Path) -> None:
-    for name in imports(file):
-        if within(name, "gcs"):
-            assert any(within(name, room) for room in BRIDGE_MAY), f"{name_of(file)} imports {name}"
+    for other in ours(file):
+        assert within(other, "sim_bridge", *BRIDGE_MAY), f"{file} imports {other}"
 
 
-@pytest.mark.parametrize("file", [*GCS, *BRIDGE], ids=str)
-def test_casadi_lives_in_the_planner_and_pymavlink_in_the_codec(file: Path) -> None:
-    names = set(imports(file))
-    if not within(name_of(file), "gcs.plan"):
-        assert not [name for name in names if within(name, "casadi")]
-    if name_of(file) != "gcs.link.wire.codec":
-        assert not [name for name in names if within(name, "pymavlink")]
-    if not within(name_of(file), "gcs.link.mavsdk"):
-        assert not [name for name in names if within(name, "mavsdk")]
+def test_no_file_imports_itself_through_others() -> None:
+    graph = {file: {other for other in ours(file) if other.name != "__init__.py"} - {file} for file in ALL}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail("a circle of imports: " + " -> ".join(map(str, error.args[1])))
+
+
+@pytest.mark.parametrize("file", ALL, ids=str)
+def test_each_library_is_known_in_one_place(file: Path) -> None:
+    names = {name.split(".")[0] for name in imports(file)}
+    for library, place in ONLY_IN.items():
+        assert library not in names or within(file, place), f"{file} imports {library}: ask {place}"
+
+
+@pytest.mark.parametrize("file", modules(*SANS_IO), ids=str)
+def test_a_state_machine_has_no_clock_no_socket_and_no_sleep(file: Path) -> None:
+    assert not OUTSIDE_WORLD & {name.split(".")[0] for name in imports(file)}
 
 
 @pytest.mark.parametrize("file", modules("gcs", "sim_bridge", "tools"), ids=str)
@@ -113,10 +175,30 @@ def test_a_module_opens_by_saying_what_it_is_and_stays_short(file: Path) -> None
     assert len(text.splitlines()) <= LONGEST, f"{file} is longer than {LONGEST} lines: two ideas?"
 
 
-@pytest.mark.parametrize("room", ("microservices", "mission_protocol", "ftp"))
-def test_a_machine_of_the_link_has_no_clock_no_socket_and_no_sleep(room: str) -> None:
-    """The protocol machines are told the time; only endpoints touch the world."""
-    machines = modules(f"gcs/link/{room}")
-    assert machines
-    for file in machines:
-        assert not {"time", "socket", "asyncio", "threading", "select", "random"} & set(imports(file)), file
+@pytest.mark.parametrize("room", ROOMS, ids=str)
+def test_a_room_can_be_looked_over(room: Path) -> None:
+    files = [file for file in ALL if file.parent == room and file.name != "__init__.py"]
+    rooms = [other for other in ROOMS if other.parent == room]
+    assert len(files) <= ROOM_MAX, f"{room} has {len(files)} files"
+    assert len(rooms) <= ROOM_MAX, f"{room} has {len(rooms)} rooms"
+    assert (ROOT / room / "__init__.py").is_file(), f"{room} does not say what it is for"
+
+
+def test_a_file_name_means_one_thing() -> None:
+    names = Counter(file.name for file in ALL if file.name != "__init__.py")
+    assert {name for name, count in names.items() if count > 1} == set(SAME_SENSE)
+
+
+def test_a_public_class_name_means_one_thing() -> None:
+    places: dict[str, list[str]] = {}
+    for file in ALL:
+        for node in ast.parse((ROOT / file).read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(str(file))
+    assert not {name: files for name, files in places.items() if len(files) > 1}
+
+
+def test_unit_tests_mirror_the_rooms() -> None:
+    for folder in {file.parent for file in (ROOT / "tests" / "unit").rglob("test_*.py")}:
+        inside = folder.relative_to(ROOT / "tests" / "unit")
+        assert any((ROOT / base / inside).is_dir() for base in ("gcs", ".")), f"tests/unit/{inside} mirrors no room"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from tools.paper import book
 from tools.paper.peers import ALL

@@ -118,7 +118,7 @@ HABITS = {
         ("tests/property/link/test_codec_fuzz.py", "test_garbage_never_raises_and_a_good_frame_after_it_is_heard")
     ],
     "arrival times": [
-        ("tests/unit/mission/navigator/test_recordings.py", "test_arrivals_are_predicted_as_well_as_the_table_says")
+        ("tests/unit/autopilots/navigation/test_recordings.py", "test_arrivals_are_predicted_as_well_as_the_table_says")
     ],
 }
 

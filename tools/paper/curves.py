@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tools.paper.track import ENDS_S
 from tools.pictures.scenery import ASKED, colour
 

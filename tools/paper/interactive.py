@@ -11,7 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from tools.pictures.scenery import colour
 

@@ -16,7 +16,7 @@ import numpy as np
 import gcs
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.homotopy_classes import best_class
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP
 from tools.bench.describe import alone

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import gcs
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 
 ROOT = Path(__file__).resolve().parents[2]

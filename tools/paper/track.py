@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 Mask = NDArray[np.bool_]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gcs.flight.assessment.flight_plot import draw_formation, draw_map, draw_tracks
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from tools.paper.drawing import save
 from tools.paper.run import Run

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.graph import information_graph
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tools.pictures.scenery import ASIDE, ASKED, colour
 
 _INSTANTS = 301

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from tools.pictures.measures import clearance_m, places_ned_m, size
 from tools.pictures.scenery import ASKED, chain_lines, colour, draw_ground

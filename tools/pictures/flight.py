@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from tools.pictures.measures import clearance_m, nearest_m, places_ned_m, size
 from tools.pictures.scenery import ASIDE, ASKED, chain_lines, colour, draw_ground
 

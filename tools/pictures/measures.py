@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import nearest_pair_m
 from gcs.scenario.environment.terrain import ground_height_m
 

@@ -30,8 +30,8 @@ from gcs.flight.sequence.takeoff_landing import ask_for_telemetry
 from gcs.link.connection import Connection
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan
-from gcs.plan.trajectory.trajectory import Plan
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ from gcs.cli.plan_argument import Stopwatch
 from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError
 from gcs.flight.lateness import skew_s
-from gcs.flight.progress import Snapshot, Watcher
+from gcs.flight.progress import InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import asked
 from gcs.flight.run import FlightRun, Flown, fly_run
-from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.preflight import PreflightCheck
 
 CONFIRMATION = "arm"
@@ -65,7 +64,7 @@ class FlightView(Watcher):
         if self._live is not None:
             self._live.start()
 
-    async def follow(self, flight: FlightSequence) -> None:
+    async def follow(self, flight: InFlight) -> None:
         """A table that redraws where somebody watches, else a line now and then."""
         if not self._screen.is_watched:
             await _tell(self._screen, flight)
@@ -106,7 +105,7 @@ def fly_and_judge(sortie: FlightRun, screen: Screen, watch: Stopwatch, *, asks: 
     raise failure
 
 
-async def _tell(screen: Screen, flight: FlightSequence) -> None:
+async def _tell(screen: Screen, flight: InFlight) -> None:
     last_line, due_s = "", 0.0
     while True:
         snapshot = flight.snapshot()

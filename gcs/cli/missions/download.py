@@ -25,7 +25,7 @@ from gcs.errors import PeerError, PeerTimeout
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
     from gcs.link.fleet_upload.onboard import OnboardState
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 DIFFERENT = 11  # exit code: everything was read, and it is not the same
 FIND_S = 15.0

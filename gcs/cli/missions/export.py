@@ -17,7 +17,7 @@ from gcs.errors import UsageError
 
 if TYPE_CHECKING:
     from gcs.mission.export.index import ExportIndex
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 AUTOPILOTS = tuple(known.key for known in Autopilot)
 _SHOWN = 20  # vehicles

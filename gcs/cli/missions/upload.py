@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gcs.cli.plan_argument import Stopwatch
     from gcs.link.connection import Connection
     from gcs.link.fleet_upload.upload_fleet import Holdings, ParameterChange
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 FIND_S = 15.0
 

@@ -14,7 +14,7 @@ from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
     from gcs.plan.formation.changes.timeline import Move
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
 
 _BAR = 20  # characters

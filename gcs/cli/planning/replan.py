@@ -13,7 +13,7 @@ from gcs.cli.shared_options import DebugOption, JsonOption
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
-    from gcs.plan.trajectory.trajectory import MeshRound, Plan
+    from gcs.plan.trajectory.plan import MeshRound, Plan
     from gcs.scenario.schema.scenario import NoFlyZone
 
 _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,their rates]]]"

@@ -12,7 +12,7 @@ from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2

@@ -13,7 +13,7 @@ import pyarrow as pa
 from gcs.flight.assessment.judge import Truth
 from gcs.flight.lateness import SLOW_MPS
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scipy.spatial.distance import pdist
 from gcs.errors import FileFormatError
 from gcs.flight.progress import FlightTimes
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05

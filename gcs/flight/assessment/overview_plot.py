@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt
 from gcs.flight.assessment.flight_plot import draw_map_on, save
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.separation import least_gap
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP, offsets_ned_m, sysids

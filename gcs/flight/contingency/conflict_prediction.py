@@ -17,7 +17,7 @@ import numpy as np
 from gcs.flight.monitor import VehicleView
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5

@@ -29,7 +29,7 @@ from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # of fleet time between two looks
 _SLEEP_S = 0.005

@@ -18,7 +18,7 @@ from gcs.flight.monitor import VehicleView
 from gcs.flight.offboard.reference_trajectory import PlanReference, Values
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.changes.time_scaling import budget
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 
 BANDWIDTH_RADPS = 0.5

@@ -25,7 +25,7 @@ from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.microservices.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 _LONGEST_WAIT_S = 0.05
 # Emulated time at any speed may have run on since it was last heard of: look often, and send what it may still need.

@@ -19,7 +19,7 @@ from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 NAME = "record.parquet"
 Row = tuple[float, int, float, float, float, float, float, float, bool, int, int, int]

@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.flight.progress import Event
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 SILENCE_S = 3.0  # after so long nobody knows where a vehicle was
 

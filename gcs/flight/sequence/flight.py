@@ -48,7 +48,7 @@ from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream, VehicleMission
 from gcs.mission.waypoints.mission_items import starting_at
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
 

@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 NEAR_M = 3.0
 FADE_S = 10.0

@@ -20,7 +20,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId, ModeFlag
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 

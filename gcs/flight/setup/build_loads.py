@@ -16,7 +16,7 @@ from gcs.mission.failsafe.rtl_altitudes import return_warnings
 from gcs.mission.formats.registry import Format
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 
 def build_loads(

@@ -15,7 +15,7 @@ from gcs.mission.export.export import export
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.formats.registry import DEFAULT
 from gcs.mission.predicted.timing import Timing
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 IDEAL, OWN, AUTO = "ideal", "own", "auto"
 NAVIGATORS = (AUTO, OWN, IDEAL)

@@ -25,7 +25,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 
 _RTK_FIXED = 6

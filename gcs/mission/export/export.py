@@ -30,7 +30,7 @@ from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 # Loaded when asked for: their libraries take a while.
 _WRITERS = {

@@ -16,7 +16,7 @@ from gcs.mission.predicted.timing import Timing
 from gcs.mission.waypoints.placement import Deviation
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _VERSION = 3
 

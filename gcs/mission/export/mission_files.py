@@ -25,7 +25,7 @@ from gcs.mission.waypoints.mission_items import build_missions, starting_at, tim
 from gcs.mission.waypoints.timed_legs import TimedLegs
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _DAY_S = 86400
 _IN_THE_AIR = VerificationError(

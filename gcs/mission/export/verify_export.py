@@ -27,7 +27,7 @@ from gcs.scenario.si import local_origin
 from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _LISTED = 3
 STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which keeps path and time"

@@ -23,7 +23,7 @@ from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 INCLUSION_MARGIN_M = 10.0
 # A plan may touch a zone's edge, and no vehicle flies to the centimetre: there the fence stands this much inside.

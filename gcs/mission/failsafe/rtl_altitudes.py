@@ -24,10 +24,10 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 STEP_MIN_M = 2.0
 _STEP_SHARE = 1.25  # of the plan's separation

@@ -19,7 +19,7 @@ from gcs.scenario.environment.no_fly import displacement_m, outline
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _LOOKS_M = 5.0  # between looks at the (smooth) ground under a way back
 _LOOKS_MAX = 3_000_000

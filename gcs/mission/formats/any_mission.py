@@ -12,10 +12,11 @@ from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
+from gcs.mavlink import FenceCommand
 from gcs.mission.formats.json_lines import line_of
 from gcs.mission.formats.qgc_plan import read_plan_file
 from gcs.mission.formats.qgc_wpl import HEADER, read_fence, read_rally, read_waypoints
-from gcs.mission.geofence import NO_FENCE, FenceCommand, Geofence, RallyPoint
+from gcs.mission.geofence import NO_FENCE, Geofence, RallyPoint
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
 _FENCE = frozenset(int(c) for c in FenceCommand if c is not FenceCommand.RALLY_POINT)

@@ -30,7 +30,7 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _GRID_S = 0.2
 _LOOKS = 9  # at every piece of a flight

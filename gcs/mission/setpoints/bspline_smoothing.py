@@ -20,7 +20,7 @@ from gcs.plan.verification import margins
 from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 DEGREE = 5
 LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25

@@ -14,7 +14,7 @@ from gcs.physics.quadrotor import POSITION, VELOCITY, Array, derivative
 
 if TYPE_CHECKING:
     from gcs.mission.setpoints.bspline_smoothing import SmoothPath
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _DECIMALS = 6  # micrometres: far below what float32 on the wire keeps
 _MS = 1000

@@ -28,7 +28,7 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.vehicle_ability import ability_of
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 VEHICLES_MAX = 20  # with legs of their own: each costs some seconds
 SLACK_S = 5.0  # a stop costs up to two, being late may cost two more

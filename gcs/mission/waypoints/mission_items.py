@@ -26,7 +26,7 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 # degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards; ArduPilot's centimetres by 5 mm more.
 ROUNDING_M = 0.0095

@@ -21,7 +21,7 @@ from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 _OVER_M = 0.02  # beyond the clearance asked: rounding takes some of it
 _LIFTS = 4

@@ -12,7 +12,7 @@ from gcs.mission.waypoints.placement import Deviation
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.violations import broken
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.trajectory.trajectory import MeshRound, Trajectory
+from gcs.plan.trajectory.plan import MeshRound
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.reintegration import STEP_S, WINDOW_S, window_errors
 from gcs.scenario.environment.terrain import ground_envelope_m
 

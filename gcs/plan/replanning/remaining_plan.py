@@ -12,7 +12,8 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.trajectory.trajectory import MeshRound, Phase, Plan, Trajectory, joined
+from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
+from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 
 

@@ -31,7 +31,8 @@ from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
-from gcs.plan.trajectory.trajectory import MeshRound, Plan, Trajectory
+from gcs.plan.trajectory.plan import MeshRound, Plan
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.margins import box, clearance, height, no_fly, state_limits
 from gcs.scenario.schema.scenario import NoFlyZone
 

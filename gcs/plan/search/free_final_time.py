@@ -18,7 +18,8 @@ from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
 from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.infeasibility import least_time_s
-from gcs.plan.trajectory.trajectory import Alternative, MeshRound, Trajectory
+from gcs.plan.trajectory.plan import Alternative, MeshRound
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 
 _LONGEST = 4.0  # times the reference, or the least time, where the scenario says nothing

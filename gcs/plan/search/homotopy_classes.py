@@ -19,7 +19,7 @@ from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.search.parallel import each, pays
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
-from gcs.plan.trajectory.trajectory import Alternative, MeshRound
+from gcs.plan.trajectory.plan import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
 GRID_EXCESS = 1.02

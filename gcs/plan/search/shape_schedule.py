@@ -16,7 +16,8 @@ from gcs.plan.formation.changes.automatic import automatic_moves
 from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.trajectory.trajectory import MeshRound, Trajectory
+from gcs.plan.trajectory.plan import MeshRound
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import ChangeTable
 
 _LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for

@@ -11,7 +11,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 _STEP_S = 0.1
 _J_PER_WH = 3600.0

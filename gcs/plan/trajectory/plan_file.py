@@ -20,7 +20,8 @@ from gcs.errors import FileFormatError
 from gcs.files import atomic_write
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.shape import Shape
-from gcs.plan.trajectory.trajectory import Alternative, MeshRound, Phase, Plan, Trajectory
+from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import Check, Report
 from gcs.scenario.schema.scenario import Scenario
 

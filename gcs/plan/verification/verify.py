@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.formation.shape import Rows
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification import margins
 from gcs.plan.verification.formation_checks import course, landing_points, late_s, least_separation, place_in_formation
 from gcs.plan.verification.margins import Margin

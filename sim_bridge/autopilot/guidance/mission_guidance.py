@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,10 +23,8 @@ from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.ideal_navigator import IdealLeg, fly_legs
 from sim_bridge.autopilot.guidance.motion_primitives import brake
 from sim_bridge.autopilot.guidance.navigator_path import follow, motion
+from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
-
-if TYPE_CHECKING:
-    from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
@@ -46,6 +43,14 @@ class _Waypoint:
     speed_mps: float
     hold_s: float = 0.0
     pause: bool = False
+
+
+def fly_mission(
+    guide: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool
+) -> PiecePath:
+    """The items from seq `first` on; item 0 is home. A vehicle on the ground starts with NAV_TAKEOFF."""
+    stretches = MissionGuidance(guide, t_s, flat, items).stretches(first, landed)
+    return replace(next(stretches), rest=stretches)
 
 
 class MissionGuidance:

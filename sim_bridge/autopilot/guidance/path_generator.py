@@ -6,16 +6,13 @@ Knows: how manoeuvres follow one another. Does not know: modes, arming, clocks, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.frames import Origin
-from gcs.mission.model import MissionItem
 from gcs.physics.quadrotor import Array
-from sim_bridge.autopilot.guidance.mission_guidance import MissionGuidance, is_navigation
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.motion_primitives import (
     Descent,
@@ -27,9 +24,7 @@ from sim_bridge.autopilot.guidance.motion_primitives import (
     transfer,
     travel,
 )
-from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
-
-__all__ = ["Mark", "PathGenerator", "PiecePath", "is_navigation"]
+from sim_bridge.autopilot.guidance.piece import Piece, PiecePath, hold
 
 _MOVED_M = 0.05  # less is no reason to fly anywhere
 _LEVEL_MPS = 0.05
@@ -149,8 +144,3 @@ class PathGenerator:
             pieces.append(Piece(start_s, start_s + self.return_wait_s, hold(start_s, now).coefficients))
         down = self.land(pieces[-1].end_s, pieces[-1].at(pieces[-1].end_s))
         return PiecePath((*pieces, *down.pieces), landing_from_s=down.landing_from_s)
-
-    def fly_mission(self, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool) -> PiecePath:
-        """The items from seq `first` on; item 0 is home. A vehicle on the ground starts with NAV_TAKEOFF."""
-        stretches = MissionGuidance(self, t_s, flat, items).stretches(first, landed)
-        return replace(next(stretches), rest=stretches)

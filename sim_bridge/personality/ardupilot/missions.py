@@ -8,9 +8,8 @@ come: after a transfer that breaks off, new items are followed by the old ones b
 
 from __future__ import annotations
 
-from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity
+from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
-from sim_bridge.protocol.missions.fence import FenceCommand
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, Keeping, MissionAnswer, MissionTraits
 
 _FLOWN = (*Command, MavCommand.NAV_RETURN_TO_LAUNCH)

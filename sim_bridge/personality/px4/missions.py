@@ -8,9 +8,8 @@ numbers are taken as they come: NaN altitudes and impossible places are kept, an
 
 from __future__ import annotations
 
-from gcs.mavlink import MavCommand, MissionResult, MissionType, Severity, WireFrame
+from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
-from sim_bridge.protocol.missions.fence import FenceCommand
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, Keeping, MissionAnswer, MissionTraits
 
 _RALLY_POINT = 5100

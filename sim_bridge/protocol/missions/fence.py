@@ -9,29 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mavlink import Severity
+from gcs.mavlink import FenceCommand, Severity
 from gcs.mission.model import MissionItem
 from gcs.physics.quadrotor import Array
 
-
-class FenceCommand(IntEnum):
-    """MAV_CMD values of fence items."""
-
-    RETURN_POINT = 5000
-    POLYGON_INSIDE = 5001  # parameter 1: how many vertices the polygon has
-    POLYGON_OUTSIDE = 5002
-    CIRCLE_INSIDE = 5003  # parameter 1: radius in metres
-    CIRCLE_OUTSIDE = 5004
-
-
-POLYGONS = frozenset({FenceCommand.POLYGON_INSIDE, FenceCommand.POLYGON_OUTSIDE})
-CIRCLES = frozenset({FenceCommand.CIRCLE_INSIDE, FenceCommand.CIRCLE_OUTSIDE})
-_OUTSIDE = frozenset({FenceCommand.POLYGON_OUTSIDE, FenceCommand.CIRCLE_OUTSIDE})
+POLYGONS = frozenset({FenceCommand.POLYGON_INCLUSION, FenceCommand.POLYGON_EXCLUSION})
+CIRCLES = frozenset({FenceCommand.CIRCLE_INCLUSION, FenceCommand.CIRCLE_EXCLUSION})
+_OUTSIDE = frozenset({FenceCommand.POLYGON_EXCLUSION, FenceCommand.CIRCLE_EXCLUSION})
 LEAST_VERTICES = 3
 
 

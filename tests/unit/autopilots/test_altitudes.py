@@ -14,7 +14,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.missions.acceptance import kept

@@ -16,7 +16,7 @@ from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, Track, build_map
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 CLOCKWISE = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
 FENCE = Geofence(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import FLIGHTS, Planned

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Report
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import meadow

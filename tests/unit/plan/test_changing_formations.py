@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan, save_plan
-from gcs.plan.trajectory.trajectory import Plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m

@@ -11,7 +11,7 @@ import pytest
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Terrain

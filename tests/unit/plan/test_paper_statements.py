@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 PlanOf = Callable[[str], Plan]

@@ -16,7 +16,7 @@ from gcs.physics.quadrotor import derivative, hover_trim
 from gcs.physics.wind import SteadyWind
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.ground_phases import vertical
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario

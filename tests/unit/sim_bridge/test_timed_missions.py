@@ -13,7 +13,7 @@ from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.waypoints.arrival_times import corrected_legs
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from sim_bridge.personality import by_name
 from tests.unit.sim_bridge.timed_missions import Fleet, Flight
 from tools.fit_navigator import MODELS, RECORDINGS, read_recording

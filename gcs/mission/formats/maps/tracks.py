@@ -17,7 +17,7 @@ from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 T0_SHOWN = "2000-01-01T00:00:00Z"  # no plan has a date
 PERIOD_S = 1.0

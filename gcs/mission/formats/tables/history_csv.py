@@ -17,7 +17,7 @@ from gcs.mission.formats.tables.csv_table import read_csv, write_csv
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
-    from gcs.plan.trajectory.trajectory import Plan
+    from gcs.plan.trajectory.plan import Plan
 
 COLUMNS = {
     "t_s": "s",

@@ -8,7 +8,7 @@ import pytest
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.monitor import VehicleView
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 T0 = 1_700_000_000.0
 ALL = (1, 2, 3, 4, 5, 6)

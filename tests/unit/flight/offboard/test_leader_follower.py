@@ -10,7 +10,7 @@ from gcs.flight.offboard.leader_follower import IGNORED_M, FollowReference, Lead
 from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 T0 = 1_700_000_000.0
 

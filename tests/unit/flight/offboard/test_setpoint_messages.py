@@ -13,7 +13,7 @@ from gcs.flight.offboard.setpoint_messages import Streamed, due_messages, wait_s
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
 from gcs.mission.setpoints.setpoint_stream import build_stream
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0  # GNSS time of T0 and of the vehicle's start
 

@@ -17,7 +17,7 @@ from gcs.flight.recording.tlog import read_messages
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0
 

@@ -27,7 +27,7 @@ from gcs.link.microservices.command import CommandRefused
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
 ON_THE_GROUND = 1  # MAV_LANDED_STATE

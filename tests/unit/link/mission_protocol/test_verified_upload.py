@@ -17,8 +17,7 @@ from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.mission_protocol.verified_upload import BUSY_S, UploadState, VerifiedUpload
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import MissionResult, MissionType
-from gcs.mission.geofence import FenceCommand
+from gcs.mavlink import FenceCommand, MissionResult, MissionType
 from gcs.mission.model import MissionItem
 from tools.upload.air import VEHICLE, Air, Weather, mission_of
 

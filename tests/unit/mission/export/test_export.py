@@ -28,7 +28,7 @@ from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
 from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.physics.quadrotor import POSITION
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 
 

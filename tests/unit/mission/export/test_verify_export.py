@@ -20,7 +20,7 @@ from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
 from gcs.mission.formats.registry import Format
 from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 Tamper = Callable[[PlanFile], PlanFile]
 

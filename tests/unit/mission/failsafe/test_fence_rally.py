@@ -13,7 +13,7 @@ from gcs.frames import geodetic_to_ned
 from gcs.mission.failsafe.fence_rally import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
 from gcs.mission.geofence import GeoPoint
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 
 

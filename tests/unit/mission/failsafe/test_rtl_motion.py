@@ -16,7 +16,7 @@ from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distan
 from gcs.mission.failsafe.rtl_parameters import FENCE_ABOVE_M, return_parameters
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from tests.unit.plan.problems import alone, changed
 

@@ -16,7 +16,7 @@ from gcs.mission.formats.tables.setpoints_csv import read_setpoints
 from gcs.mission.setpoints.bspline_smoothing import SHORTEST_KNOT_S, SmoothPath, smoothed
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 TOLERANCE_M = 0.1

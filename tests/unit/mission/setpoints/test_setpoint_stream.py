@@ -20,7 +20,7 @@ from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet,
 from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.physics.quadrotor import POSITION, VELOCITY
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 
 

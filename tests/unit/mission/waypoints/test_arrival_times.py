@@ -20,7 +20,7 @@ from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.formats.registry import Format
 from gcs.mission.model import Altitude, Command
 from gcs.mission.waypoints.arrival_times import corrected_legs
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 Plans = Callable[[str], Plan]
 LATE_S, SPREAD_S = 2.0, 0.2

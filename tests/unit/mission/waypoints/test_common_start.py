@@ -9,7 +9,7 @@ import pytest
 
 from gcs.mission.model import Command
 from gcs.mission.waypoints.mission_items import build_missions, starting_at
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 
 def test_the_wait_names_the_time_of_day(simulation1_plan: Plan) -> None:

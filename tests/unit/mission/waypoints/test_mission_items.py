@@ -16,7 +16,8 @@ from gcs.mission.waypoints.mission_items import ROUNDING_M, TIME_SHARE, build_mi
 from gcs.mission.waypoints.placement import SampledFlight, deviation
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.formation.shape import rigid
-from gcs.plan.trajectory.trajectory import Phase, Plan, Trajectory
+from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.si import local_origin
 

@@ -23,8 +23,9 @@ from gcs.plan.replanning.parametric_nlp import parametric_nlp
 from gcs.plan.replanning.remaining_plan import flown_part, shape_part
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.replanning.warm_start import multipliers
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan, save_plan
-from gcs.plan.trajectory.trajectory import Plan, Trajectory
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
@@ -152,7 +153,7 @@ def test_a_new_plan_is_stored_and_exported_as_any(plan: Plan, replanner: Replann
 
 def test_a_new_plan_is_changed_again(plan: Plan, replanner: Replanner) -> None:
     once = replanner.replan(planned(plan, off_m=(0.0, 6.0, 0.0)), AT_S, [ahead(plan)])
-    twice = once.replan(planned(once, 25.0), 25.0)
+    twice = Replanner(once).replan(planned(once, 25.0), 25.0)
     assert verify(twice).ok, verify(twice).failures
     assert twice.scenario.no_fly == once.scenario.no_fly
 
@@ -206,7 +207,7 @@ def test_changes_of_shape_keep_their_times(simulation1: Scenario) -> None:
         {"kind": "shrink", "scale": 0.9, "gate_m": [[80.0, 0.0], [80.0, 90.0]]},
     ]
     plan = make_plan(crossing(simulation1, formation={"change": changes}))
-    new = plan.replan(planned(plan, 20.0, (0.0, 7.0, 0.0)), 20.0)
+    new = Replanner(plan).replan(planned(plan, 20.0, (0.0, 7.0, 0.0)), 20.0)
     assert verify(new).ok, verify(new).failures
     t_s = np.arange(20.0, 60.0, 0.1)
     np.testing.assert_allclose(new.offsets(t_s), plan.offsets(t_s), atol=1e-9)

@@ -14,7 +14,7 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.free_final_time import freed
 from gcs.plan.search.initial_guess import along, straight_way
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check

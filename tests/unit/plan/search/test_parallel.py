@@ -14,7 +14,7 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search import parallel
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.parallel import each, pays
-from gcs.plan.trajectory.trajectory import MeshRound
+from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.search.test_routes import DISK, beyond
 

@@ -12,7 +12,8 @@ from gcs.physics.quadrotor import Quadrotor
 from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.energy import energy_Wh
-from gcs.plan.trajectory.trajectory import Phase, Plan, Trajectory
+from gcs.plan.trajectory.plan import Phase, Plan
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Power
 
 POWER = Power(battery_Wh=80.0, rotor_radius_m=0.04, figure_of_merit=0.6)

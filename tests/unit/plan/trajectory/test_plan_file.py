@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
+from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.plan_file import load_plan, save_plan
-from gcs.plan.trajectory.trajectory import Phase, Plan
 from gcs.plan.verification.verify import Report
 from tests.unit.plan.problems import changed
 

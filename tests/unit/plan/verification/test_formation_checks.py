@@ -18,7 +18,7 @@ from gcs.plan.formation import followers
 from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.changes.transforms import rotation, shrinking, straight
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import _Bends, least_separation, nearest_pair_m
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario

@@ -21,8 +21,7 @@ from gcs.link.mission_protocol.mission_dat import (
 )
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import Capability, MissionType
-from gcs.mission.geofence import FenceCommand
+from gcs.mavlink import Capability, FenceCommand, MissionType
 from gcs.mission.model import MissionItem
 from sim_bridge.personality import ARDUPILOT, PX4
 from sim_bridge.protocol.missions.ftp_files import items_in

@@ -8,7 +8,7 @@ import pytest
 from gcs.errors import FileFormatError
 from gcs.mission.formats.tables.history_csv import COLUMNS, build_histories, read_history, write_history
 from gcs.physics.quadrotor import CONTROL_NAMES, STATE_NAMES, derivative
-from gcs.plan.trajectory.trajectory import Plan
+from gcs.plan.trajectory.plan import Plan
 
 
 def test_columns_are_the_states_and_controls_of_eq_1() -> None:

@@ -10,6 +10,7 @@ import pytest
 from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.mission.model import Command, MissionItem
+from sim_bridge.autopilot.guidance.mission_guidance import fly_mission
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator, PiecePath
 from sim_bridge.autopilot.guidance.piece import Mark, Piece, hold
 from sim_bridge.cli import run
@@ -47,7 +48,7 @@ def whole(course: PiecePath) -> tuple[list[Piece], list[Mark], PiecePath]:
 
 @ALL
 def test_every_piece_goes_on_where_the_last_ended(navigator):
-    pieces, marks, last = whole(guide(navigator).fly_mission(5.0, ON_THE_GROUND, ITEMS, 1, landed=True))
+    pieces, marks, last = whole(fly_mission(guide(navigator), 5.0, ON_THE_GROUND, ITEMS, 1, landed=True))
     assert pieces[0].start_s == 5.0
     for before, after in itertools.pairwise(pieces):
         ended, begins = before.at(before.end_s), after.at(before.end_s)
@@ -63,7 +64,7 @@ def test_every_piece_goes_on_where_the_last_ended(navigator):
 
 @ALL
 def test_holds_and_delays_last(navigator):
-    _, marks, _ = whole(guide(navigator).fly_mission(0.0, ON_THE_GROUND, ITEMS, 1, landed=True))
+    _, marks, _ = whole(fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True))
     at_s = {mark.reached: mark.t_s for mark in marks}
     if navigator is None:  # on time: 30 m at 3 m/s, a hold of 2 s, and a delay that is part of the curve
         assert at_s[4] - at_s[3] == pytest.approx(np.hypot(30.0, 2.0) / 3.0 + 2.0, abs=0.05)
@@ -75,7 +76,7 @@ def test_holds_and_delays_last(navigator):
 
 @pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 def test_a_mission_that_ends_at_a_waypoint_comes_to_rest_there(navigator):
-    pieces, _, _ = whole(guide(navigator).fly_mission(0.0, ON_THE_GROUND, ITEMS[:4], 1, landed=True))
+    pieces, _, _ = whole(fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS[:4], 1, landed=True))
     end = pieces[-1].at(pieces[-1].end_s)
     np.testing.assert_allclose(end[0, :3], HOME + np.array([30.0, 0.0, -8.0]), atol=0.5)
     np.testing.assert_allclose(end[1:3], 0.0, atol=1e-6)
@@ -83,7 +84,7 @@ def test_a_mission_that_ends_at_a_waypoint_comes_to_rest_there(navigator):
 
 @pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 def test_only_what_is_flown_is_worked_out(navigator):
-    course = guide(navigator).fly_mission(0.0, ON_THE_GROUND, ITEMS, 1, landed=True)
+    course = fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True)
     known_s = course.pieces[-1].end_s
     assert course.rest is not None
     for _ in range(3):

@@ -1,0 +1,166 @@
+"""A plan: the phases of a flight, the leader's trajectory, and the formation built on it.
+
+Knows: how to evaluate every vehicle at any instant. Does not know: how the plan was found, how good it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gcs.physics.quadrotor import VELOCITY, Array, Quadrotor, derivative
+from gcs.plan.formation.changes.timeline import Move
+from gcs.plan.formation.error import formation_error_m
+from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.graph import InformationGraph, information_graph
+from gcs.plan.formation.shape import EVERYONE, Rows, Shape
+from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A named part of the flight."""
+
+    name: str  # takeoff, hover, run-up, mission, arrival-hover, landing
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class MeshRound:
+    """One solve of the refinement: what it cost and what was still wrong between the nodes."""
+
+    intervals: int
+    unknowns: int
+    watched: int
+    iterations: int
+    seconds: float
+    objective: float
+    complaints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One way through the map and what became of it."""
+
+    length_m: float
+    objective: float | None  # None: not optimised, or without success
+    verdict: str  # in words
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A formation's whole flight: the leader's trajectory and everyone's offset from it. t = 0 is T0."""
+
+    scenario: Scenario
+    leader_trajectory: Trajectory
+    shape: Shape  # offsets from the leader, on the same span as the leader's trajectory
+    phases: tuple[Phase, ...]
+    objective: float
+    mesh_history: tuple[MeshRound, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    moves: tuple[Move, ...] = ()
+    timings_s: dict[str, float] = field(default_factory=dict)
+    begin_state: tuple[float, ...] | None = None  # the leader's (12), SI and NED, of a plan that begins in the air
+
+    def __post_init__(self) -> None:
+        if self.shape.basis_ned_m.shape[1] != len(self.sysids):
+            raise ValueError(f"shape needs {len(self.sysids)} vehicles, not {self.shape.basis_ned_m.shape[1]}")
+
+    @cached_property
+    def sysids(self) -> tuple[int, ...]:
+        """System ids, in the order of every (V, ...) array."""
+        return sysids(self.scenario)
+
+    @cached_property
+    def quadrotor(self) -> Quadrotor:
+        """The vehicle that flies it."""
+        return quadrotor(self.scenario)
+
+    @property
+    def leader(self) -> int:
+        """Row of the leader."""
+        return leader_index(self.scenario)
+
+    @property
+    def t_start_s(self) -> float:
+        """Take-off begins."""
+        return self.leader_trajectory.start_s
+
+    @property
+    def airborne_s(self) -> float:
+        """The take-off is over, or was over before the plan began."""
+        return next((p.end_s for p in self.phases if p.name == "takeoff"), self.t_start_s)
+
+    @property
+    def t_end_s(self) -> float:
+        """All have landed."""
+        return self.leader_trajectory.end_s
+
+    @property
+    def flight_s(self) -> float:
+        """Arrival time t_f of the paper's problem."""
+        return self.scenario.time.flight_s
+
+    @cached_property
+    def joints_s(self) -> Array:
+        """Instants where polynomials join, the leader's or the shape's."""
+        return np.union1d(self.leader_trajectory.joints_s, self.shape.joints_s)
+
+    @cached_property
+    def pads_ned_m(self) -> Array:
+        """Ground points (V, 3) the vehicles start from."""
+        return pads_ned_m(self.scenario)
+
+    @cached_property
+    def landing_points_ned_m(self) -> Array:
+        """Ground points (V, 3) the vehicles land on: straight below their places when the landing begins."""
+        return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
+
+    def phase(self, name: str) -> Phase:
+        """The phase of that name."""
+        return next(p for p in self.phases if p.name == name)
+
+    def offsets(self, t_s: Array, order: int = 0) -> Array:
+        """Offsets from the leader, or their `order`-th time derivative: (V, N, 3)."""
+        return self.shape.offsets(t_s, order)
+
+    def states(self, t_s: Array) -> Array:
+        """States (V, N, 12) of all vehicles: the leader's, moved by the shape (Eq. 22)."""
+        return self.motion(t_s)[0]
+
+    def controls(self, t_s: Array) -> Array:
+        """Controls (V, N, 4): the leader's, and what moves a vehicle within the shape."""
+        return self.motion(t_s)[1]
+
+    def motion(self, t_s: Array, rows: slice | Rows = EVERYONE) -> tuple[Array, Array]:
+        """States and controls of the vehicles in `rows`: (V, N, 12) and (V, N, 4)."""
+        leader = self.leader_trajectory
+        return formation_motion(leader.state, leader.control, self.shape, self.quadrotor, t_s, rows)
+
+    def accelerations(self, t_s: Array) -> Array:
+        """Accelerations (V, N, 3) in NED, by Eq. 1 from states and controls."""
+        return derivative(*self.motion(t_s), self.quadrotor)[..., VELOCITY]
+
+    def information_graph(self, t_s: float) -> InformationGraph:
+        """Whose state each vehicle needs when it follows telemetry, in the shape of that instant."""
+        return information_graph(self.scenario.formation.topology, self.shape.at(t_s), self.leader)
+
+    def formation_error_m(self, t_s: Array, positions_ned_m: Array) -> Array:
+        """Definition 1 for positions (V, N, 3) flown at plan times t_s (N,): how far the shape is off, (N,), in m."""
+        return formation_error_m(positions_ned_m, self.offsets(t_s))
+
+    @cached_property
+    def hash(self) -> str:
+        """Hex digest over everything that is flown."""
+        digest = hashlib.sha256(self.scenario.model_dump_json().encode() + repr(self.phases).encode())
+        for part in (self.leader_trajectory.state, self.leader_trajectory.control, self.shape.functions):
+            digest.update(np.ascontiguousarray(part.x).tobytes())
+            digest.update(np.ascontiguousarray(part.c).tobytes())
+        digest.update(np.ascontiguousarray(self.shape.basis_ned_m).tobytes())
+        return digest.hexdigest()
