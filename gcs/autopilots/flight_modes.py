@@ -28,7 +28,7 @@ from gcs.mavlink import (
 
 
 @dataclass(frozen=True)
-class Manners:
+class FlightBehaviour:
     """How one autopilot wants to be flown. Modes are values of HEARTBEAT.custom_mode."""
 
     firmware: Autopilot
@@ -73,7 +73,7 @@ class Manners:
         return 0.0, 0.0, 0.0, math.nan, place, place, top_m
 
 
-ARDUPILOT = Manners(
+ARDUPILOT = FlightBehaviour(
     firmware=Autopilot.ARDUPILOT,
     guided=CopterMode.GUIDED,
     mission=CopterMode.AUTO,
@@ -93,7 +93,7 @@ ARDUPILOT = Manners(
     mode_names={int(mode): mode.name for mode in CopterMode},
 )
 
-PX4 = Manners(
+PX4 = FlightBehaviour(
     firmware=Autopilot.PX4,
     guided=PX4_OFFBOARD,
     mission=PX4_MISSION,
@@ -122,8 +122,8 @@ PX4 = Manners(
 _BY_FIRMWARE = {Autopilot.ARDUPILOT: ARDUPILOT, Autopilot.PX4: PX4}
 
 
-def manners_of(sysid: int, autopilot: int) -> Manners:
-    """The manners of MAV_AUTOPILOT `autopilot`; raises PeerError for one that nobody here knows how to fly."""
+def flight_behaviour(sysid: int, autopilot: int) -> FlightBehaviour:
+    """The behaviour of MAV_AUTOPILOT `autopilot`; raises PeerError for one that nobody here knows how to fly."""
     try:
         return _BY_FIRMWARE[Autopilot(autopilot)]
     except ValueError:

@@ -19,7 +19,7 @@ import pytest
 from matplotlib import image
 from pymavlink import mavutil
 
-from gcs.autopilots.flight_modes import manners_of
+from gcs.autopilots.flight_modes import flight_behaviour
 from gcs.cli.main import run
 from gcs.flight.progress import Event
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
@@ -40,12 +40,12 @@ GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit
 
 
 async def hop_up_and_down(session: VehicleSession, fleet: Fleet) -> None:
-    manners = manners_of(session.sysid, session.autopilot)
-    await session.command(MavCommand.DO_SET_MODE, *manners.mode_parameters(manners.guided))
+    behaviour = flight_behaviour(session.sysid, session.autopilot)
+    await session.command(MavCommand.DO_SET_MODE, *behaviour.mode_parameters(behaviour.guided))
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
-    await session.command(MavCommand.NAV_TAKEOFF, *manners.takeoff_parameters(HEIGHT_M, 0.0))
+    await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(HEIGHT_M, 0.0))
     await fleet.until(lambda: fleet.state(session.sysid).position_ned_m[2] < -HEIGHT_M + 0.3)
-    await session.command(MavCommand.DO_SET_MODE, *manners.mode_parameters(manners.land))
+    await session.command(MavCommand.DO_SET_MODE, *behaviour.mode_parameters(behaviour.land))
     await fleet.until(lambda: not session.armed)
 
 

@@ -119,7 +119,7 @@ async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> li
     rows = []
     for sysid, crew in flight.crews.items():
         north_m, east_m, down_m = views[sysid].position_ned_m.tolist()
-        mode = crew.manners.mode_name(crew.session.custom_mode)
+        mode = crew.behaviour.mode_name(crew.session.custom_mode)
         speed_mps = float(np.linalg.norm(views[sysid].velocity_ned_mps))
         place = f"{north_m:.1f} m", f"{east_m:.1f} m", f"{-down_m:.1f} m"
         table.add_row(str(sysid), "yes" if crew.session.armed else "no", mode, *place, f"{speed_mps:.1f} m/s")

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.autopilots.flight_modes import Manners
+from gcs.autopilots.flight_modes import FlightBehaviour
 from gcs.link.wire.message import Message
 
 
@@ -58,12 +58,12 @@ class VehicleWatch:
     """One vehicle. `obeys` are the modes it was told: any other one means that somebody else has taken over."""
 
     def __init__(
-        self, sysid: int, manners: Manners, limits: DetectionLimits, unix_s: float, obeys: frozenset[int]
+        self, sysid: int, behaviour: FlightBehaviour, limits: DetectionLimits, unix_s: float, obeys: frozenset[int]
     ) -> None:
         self.sysid = sysid
         self.obeys = obeys
         self.usable = True  # for whoever knows where it should be
-        self._manners = manners
+        self._behaviour = behaviour
         self._limits = limits
         self._heard_s = unix_s
         self._silent = self._lost = False
@@ -134,7 +134,7 @@ class VehicleWatch:
         self._fence_told = self._fence
         if self._mode is not None and self._mode not in self.obeys:
             if not self._mode_told:
-                name = self._manners.mode_name(self._mode)
+                name = self._behaviour.mode_name(self._mode)
                 found.append(Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, f"it is in {name} now"))
             self._mode_told = True
         else:

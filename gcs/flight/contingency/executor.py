@@ -75,7 +75,7 @@ class ContingencyExecutor:
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
     def _watch(self, crew: FlightVehicle) -> VehicleWatch:
-        m = crew.manners
+        m = crew.behaviour
         obeys = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
         return VehicleWatch(crew.sysid, m, self._options.limits, math.inf, frozenset(obeys))
 
@@ -109,7 +109,7 @@ class ContingencyExecutor:
     def landing(self) -> None:
         """The plan is over: modes change now because we say so."""
         for crew in self._crews.values():
-            self._watches[crew.sysid].obeys |= {crew.manners.land}
+            self._watches[crew.sysid].obeys |= {crew.behaviour.land}
 
     def longest_return_s(self) -> float:
         """Within this time of the fleet everybody who is on the way home should be down."""
@@ -148,7 +148,7 @@ class ContingencyExecutor:
         for sysid, course in list(self._going_home.items()):
             if t_s > course.end_s:
                 del self._going_home[sysid]
-                self._start(sysid, partial(self._change_mode, self._crews[sysid], self._crews[sysid].manners.land))
+                self._start(sysid, partial(self._change_mode, self._crews[sysid], self._crews[sysid].behaviour.land))
         formation = self.director.in_formation
         self._monitor.in_formation = [i for i in formation if self.director.states[i] is State.FLYING]
         if not formation:
@@ -182,7 +182,7 @@ class ContingencyExecutor:
     def _carry_out(self, order: Order, t_s: float) -> None:
         self._note(self._time.sure_s(), t_s, order.sysid, f"told to {order.action.value}", order.rule)
         crew = self._crews[order.sysid]
-        watch, m, view = self._watches[order.sysid], crew.manners, crew.view
+        watch, m, view = self._watches[order.sysid], crew.behaviour, crew.view
         self._going_home.pop(order.sysid, None)
         begin_s = t_s + self._options.lead_s
         match order.action:

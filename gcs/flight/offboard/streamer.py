@@ -83,7 +83,7 @@ class Streamer:
         T0 is chosen when the last one has said that it obeys, so nobody can be late. `run` must go on beside it.
         Raises PeerError.
         """
-        if any(crew.manners.stream_first_s for crew in self._crews.values()):
+        if any(crew.behaviour.stream_first_s for crew in self._crews.values()):
             self._schedule(self._time.sure_s() + _NEVER_S, ends=False)
         await each(self._crews.values(), self._switch)
         first_s = float(self._stream.t_s[0])
@@ -134,7 +134,7 @@ class Streamer:
                     course = RejoinReference(base, off_m, off_mps, t_s, fade_s)
                     self.vehicles[crew.sysid].course = course
                 now_s = self._time.sure_s() - t0_unix_s
-                end = None if crew.manners.stream_first_s else len(self._stream.t_s)
+                end = None if crew.behaviour.stream_first_s else len(self._stream.t_s)
                 self.scheduler.start(crew.sysid, self.scheduler.grid.ahead_of(now_s), end)
         return t0_unix_s
 
@@ -188,7 +188,7 @@ class Streamer:
         self.scheduler = self._scheduler(t0_unix_s)
         grid = self.scheduler.grid
         for crew in self._crews.values():
-            if crew.manners.stream_first_s:  # it needs a stream to stay in its mode, until it lands
+            if crew.behaviour.stream_first_s:  # it needs a stream to stay in its mode, until it lands
                 soon_s = _EMULATED_SOON_S if self._emulated else 0.0
                 self.scheduler.start(crew.sysid, grid.ahead_of(self._time.sure_s() + soon_s - t0_unix_s), None)
             elif ends:
@@ -198,7 +198,7 @@ class Streamer:
         grid = Grid.of(self._stream.t_s, self._plan.scenario.mission.setpoint_rate_hz)
         keep_s = _EMULATED_KEEP_S if self._emulated else 0.0
         # Who goes by the stamp needs no such help.
-        lags_s = {} if self._emulated else {crew.sysid: crew.manners.lag_s for crew in self._crews.values()}
+        lags_s = {} if self._emulated else {crew.sysid: crew.behaviour.lag_s for crew in self._crews.values()}
         return Scheduler(grid, t0_unix_s, lead_s=self._options.lead_s, keep_s=keep_s, lags_s=lags_s)
 
     async def _turn(self, scheduler: Scheduler) -> None:
@@ -219,13 +219,13 @@ class Streamer:
 
     async def _switch(self, crew: FlightVehicle) -> None:
         """To the mode that obeys setpoints, where need be once they have come for long enough."""
-        if crew.session.custom_mode == crew.manners.guided and crew.options.mode is FlightMode.STREAM:
+        if crew.session.custom_mode == crew.behaviour.guided and crew.options.mode is FlightMode.STREAM:
             return
         end_s = self._loop.time() + crew.options.phase_timeout_s
         while True:
-            await self._time.until(self._time.sure_s() + crew.manners.stream_first_s)
+            await self._time.until(self._time.sure_s() + crew.behaviour.stream_first_s)
             try:
-                await set_mode(crew, crew.manners.guided)
+                await set_mode(crew, crew.behaviour.guided)
                 return
             except CommandRefused:  # a gap in the stream
                 if self._loop.time() > end_s:

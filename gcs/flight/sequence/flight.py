@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
-from gcs.autopilots.flight_modes import manners_of
+from gcs.autopilots.flight_modes import flight_behaviour
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
@@ -82,7 +82,7 @@ class FlightSequence:
         self.crews = {
             sysid: FlightVehicle(
                 sessions[sysid],
-                manners_of(sysid, sessions[sysid].autopilot),
+                flight_behaviour(sysid, sessions[sysid].autopilot),
                 plan,
                 row,
                 self.monitor.views[sysid],
@@ -216,10 +216,10 @@ class FlightSequence:
         )
 
     def _check_mode(self) -> None:
-        late = [c.sysid for c in self.crews.values() if not c.manners.waits_for_time_of_day]
+        late = [c.sysid for c in self.crews.values() if not c.behaviour.waits_for_time_of_day]
         if self.options.mode is FlightMode.MISSION and late:
             raise PeerError(
-                f"missions on {self.crews[late[0]].manners.firmware.title} (vehicle {late[0]}) cannot start together:"
+                f"missions on {self.crews[late[0]].behaviour.firmware.title} (vehicle {late[0]}) cannot start together:"
                 " it knows no time of day.",
                 hint="fly it with --mode stream",
             )
@@ -254,7 +254,7 @@ class FlightSequence:
             await self._until_all_are_down()
 
     async def _land(self, crew: FlightVehicle) -> None:
-        await set_mode(crew, crew.manners.land)
+        await set_mode(crew, crew.behaviour.land)
         self.pilot.leave(crew.sysid)
 
     async def _until_all_are_down(self) -> None:
@@ -302,7 +302,7 @@ class FlightSequence:
 
     async def _returns(self) -> ReturnPlan:
         """How everybody would come home: the same heights that the export verified."""
-        firmware = next(iter(self.crews.values())).manners.firmware
+        firmware = next(iter(self.crews.values())).behaviour.firmware
         return await asyncio.to_thread(plan_returns, self.plan, firmware)
 
     async def _each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
@@ -341,7 +341,7 @@ class FlightSequence:
         """Once, at once, to everybody, without waiting for an answer."""
         now_s = asyncio.get_running_loop().time()
         for crew in self._perhaps_aloft():
-            land = crew.manners.mode_parameters(crew.manners.land)
+            land = crew.behaviour.mode_parameters(crew.behaviour.land)
             command = CommandSender(MavCommand.DO_SET_MODE, land, crew.session.station, me=crew.session.me)
             for message in command.start(now_s):
                 crew.session.send(message)
@@ -351,6 +351,6 @@ class FlightSequence:
 
         async def land(crew: FlightVehicle) -> None:
             with suppress(GcsError):
-                await crew.session.command(MavCommand.DO_SET_MODE, *crew.manners.mode_parameters(crew.manners.land))
+                await crew.session.command(MavCommand.DO_SET_MODE, *crew.behaviour.mode_parameters(crew.behaviour.land))
 
         await each(self._perhaps_aloft(), land)

@@ -1,6 +1,6 @@
 """Our own way to ask a vehicle for what `gcs.link.session.vehicle_api` names.
 
-Knows: autopilots' manners, commands, setpoints. Does not know: plans, formations, MAVSDK.
+Knows: autopilots' behaviour, commands, setpoints. Does not know: plans, formations, MAVSDK.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.aio import ended
-from gcs.autopilots.flight_modes import Manners, manners_of
+from gcs.autopilots.flight_modes import FlightBehaviour, flight_behaviour
 from gcs.errors import PeerError
 from gcs.flight.offboard.setpoint_messages import setpoint_message
 from gcs.link.session.vehicle_api import Flyable, Setpoint
@@ -26,7 +26,7 @@ _TIMEOUT_S = 10.0
 
 
 async def until_mode(
-    session: VehicleSession, manners: Manners, mode: int, timeout_s: float, command: MavCommand | None = None
+    session: VehicleSession, behaviour: FlightBehaviour, mode: int, timeout_s: float, command: MavCommand | None = None
 ) -> None:
     """Ask for a mode, by a command that brings it about or DO_SET_MODE, and believe the HEARTBEAT only.
 
@@ -37,14 +37,14 @@ async def until_mode(
         session.wait_for(
             lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
             timeout_s,
-            f"mode {manners.mode_name(mode)}",
+            f"mode {behaviour.mode_name(mode)}",
             or_latest=True,
         )
     )
     try:
         await asyncio.sleep(0)
         if command is None:
-            await session.command(MavCommand.DO_SET_MODE, *manners.mode_parameters(mode))
+            await session.command(MavCommand.DO_SET_MODE, *behaviour.mode_parameters(mode))
         else:
             await session.command(command)
         await seen
@@ -63,13 +63,13 @@ class SessionControl:
     def __init__(self, session: VehicleSession) -> None:
         """Raises `PeerError` for an autopilot that nobody here knows how to fly."""
         self._session = session
-        self._manners = manners_of(session.sysid, session.autopilot)
+        self._behaviour = flight_behaviour(session.sysid, session.autopilot)
         self._setpoint: Setpoint | None = None
         self._repeating: asyncio.Task[None] | None = None
 
     async def arm(self) -> None:
         """See `Flyable`."""
-        await self._mode(self._manners.armed_in)
+        await self._mode(self._behaviour.armed_in)
         await self._session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
         await self._session.wait_for(
             lambda m: m.name == "HEARTBEAT" and bool(m.fields["base_mode"] & ModeFlag.ARMED),
@@ -83,28 +83,28 @@ class SessionControl:
         home = await self._session.home()
         if home is None:
             raise PeerError(f"vehicle {self._session.sysid} has no home to count its height from.")
-        parameters = self._manners.takeoff_parameters(height_m, home.alt_amsl_m)
+        parameters = self._behaviour.takeoff_parameters(height_m, home.alt_amsl_m)
         await self._session.command(MavCommand.NAV_TAKEOFF, *parameters)
 
     async def hold(self) -> None:
         """See `Flyable`."""
-        await self._mode(self._manners.hold)
+        await self._mode(self._behaviour.hold)
 
     async def land(self) -> None:
         """See `Flyable`."""
-        await self._mode(self._manners.land)
+        await self._mode(self._behaviour.land)
 
     async def return_home(self) -> None:
         """See `Flyable`."""
-        await self._mode(self._manners.returning)
+        await self._mode(self._behaviour.returning)
 
     async def follow(self, setpoint: Setpoint) -> None:
         """See `Flyable`."""
         self._setpoint = setpoint
         if self._repeating is None:
             self._repeating = asyncio.ensure_future(self._repeat())
-            await asyncio.sleep(self._manners.stream_first_s)
-            await until_mode(self._session, self._manners, self._manners.guided, _TIMEOUT_S)
+            await asyncio.sleep(self._behaviour.stream_first_s)
+            await until_mode(self._session, self._behaviour, self._behaviour.guided, _TIMEOUT_S)
 
     async def close(self) -> None:
         """See `Flyable`."""
@@ -113,7 +113,7 @@ class SessionControl:
             self._repeating = None
 
     async def _mode(self, mode: int) -> None:
-        await until_mode(self._session, self._manners, mode, _TIMEOUT_S)
+        await until_mode(self._session, self._behaviour, mode, _TIMEOUT_S)
         await self.close()
 
     async def _repeat(self) -> None:

@@ -1,6 +1,6 @@
 """From a silent vehicle to one that hovers over its pad, and from one that was told to land to one that has.
 
-Knows: one vehicle, its manners, its row of the plan. Does not know: the others, what is flown in between.
+Knows: one vehicle, its behaviour, its row of the plan. Does not know: the others, what is flown in between.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.aio import LOOK_S, until
-from gcs.autopilots.flight_modes import Manners
+from gcs.autopilots.flight_modes import FlightBehaviour
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
@@ -30,7 +30,7 @@ class FlightVehicle:
     """Everything about one vehicle of a flight."""
 
     session: VehicleSession
-    manners: Manners
+    behaviour: FlightBehaviour
     plan: Plan
     row: int
     view: VehicleView
@@ -52,7 +52,7 @@ async def ask_for_telemetry(crew: FlightVehicle) -> None:
     """Positions often, everything that tells of trouble now and then."""
     session = crew.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, crew.options.telemetry_rate_hz)
-    m = crew.manners
+    m = crew.behaviour
     for number in (m.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
         await session.set_message_interval(number, 2.0)
 
@@ -61,7 +61,7 @@ async def until_ready(crew: FlightVehicle) -> None:
     """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
     session, options = crew.session, crew.options
     await session.wait_for(
-        lambda message: crew.manners.position_is_known(message.name, message.fields),
+        lambda message: crew.behaviour.position_is_known(message.name, message.fields),
         options.ready_timeout_s,
         "a position estimate",
         or_latest=True,
@@ -79,23 +79,23 @@ async def until_ready(crew: FlightVehicle) -> None:
 
 async def take_off(crew: FlightVehicle) -> None:
     """Arm and climb to the hover over the pad."""
-    session, manners = crew.session, crew.manners
+    session, behaviour = crew.session, crew.behaviour
     pad_up_m = -float(crew.plan.pads_ned_m[crew.row, 2])
     height_m = -float(crew.hover_ned_m[2]) - pad_up_m
-    await set_mode(crew, manners.armed_in)
+    await set_mode(crew, behaviour.armed_in)
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     home_amsl_m = crew.plan.scenario.origin.alt_amsl_m + pad_up_m
-    await session.command(MavCommand.NAV_TAKEOFF, *manners.takeoff_parameters(height_m, home_amsl_m))
+    await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))
 
 
 async def set_mode(crew: FlightVehicle, mode: int) -> None:
     """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
-    await until_mode(crew.session, crew.manners, mode, crew.options.phase_timeout_s)
+    await until_mode(crew.session, crew.behaviour, mode, crew.options.phase_timeout_s)
 
 
 async def start_mission(crew: FlightVehicle) -> None:
     """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
-    m = crew.manners
+    m = crew.behaviour
     await until_mode(crew.session, m, m.mission, crew.options.phase_timeout_s, MavCommand.MISSION_START)
 
 

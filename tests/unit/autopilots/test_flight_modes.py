@@ -1,4 +1,4 @@
-"""The table of manners, held against the modes and habits that the emulated vehicles have from recordings."""
+"""The table of behaviour, held against the modes and habits that the emulated vehicles have from recordings."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ import math
 
 import pytest
 
-from gcs.autopilots.flight_modes import ARDUPILOT, PX4, Manners, manners_of
+from gcs.autopilots.flight_modes import ARDUPILOT, PX4, FlightBehaviour, flight_behaviour
 from gcs.errors import PeerError
 from sim_bridge.personality import Intent, by_name
 
-BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
+BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 
 
 @BOTH
-def test_modes_are_what_they_are_for(manners: Manners) -> None:
-    modes = by_name(manners.firmware.key).modes
+def test_modes_are_what_they_are_for(behaviour: FlightBehaviour) -> None:
+    modes = by_name(behaviour.firmware.key).modes
     wanted = {
-        manners.guided: Intent.GUIDED,
-        manners.mission: Intent.MISSION,
-        manners.hold: Intent.HOLD,
-        manners.land: Intent.LAND,
-        manners.returning: Intent.RETURN,
+        behaviour.guided: Intent.GUIDED,
+        behaviour.mission: Intent.MISSION,
+        behaviour.hold: Intent.HOLD,
+        behaviour.land: Intent.LAND,
+        behaviour.returning: Intent.RETURN,
     }
     for number, intent in wanted.items():
         mode = modes.numbered(number)
         assert mode is not None
         assert mode.intent is intent
-        assert manners.mode_name(number).lower() == mode.name.lower()
-    armed_in = modes.numbered(manners.armed_in)
+        assert behaviour.mode_name(number).lower() == mode.name.lower()
+    armed_in = modes.numbered(behaviour.armed_in)
     assert armed_in is not None
     assert armed_in.armable
-    assert manners.two_part_modes == modes.two_part
+    assert behaviour.two_part_modes == modes.two_part
 
 
 def test_modes_as_commands() -> None:
@@ -47,15 +47,15 @@ def test_heights_of_take_off() -> None:
 
 
 @BOTH
-def test_ready_as_the_recordings_show_it(manners: Manners) -> None:
-    health = by_name(manners.firmware.key).health
-    assert not manners.position_is_known(manners.estimator[0], {"flags": int(health.before_ready)})
-    assert manners.position_is_known(manners.estimator[0], {"flags": int(health.ready)})
-    assert not manners.position_is_known("HEARTBEAT", {})
+def test_ready_as_the_recordings_show_it(behaviour: FlightBehaviour) -> None:
+    health = by_name(behaviour.firmware.key).health
+    assert not behaviour.position_is_known(behaviour.estimator[0], {"flags": int(health.before_ready)})
+    assert behaviour.position_is_known(behaviour.estimator[0], {"flags": int(health.ready)})
+    assert not behaviour.position_is_known("HEARTBEAT", {})
 
 
 def test_an_autopilot_that_nobody_knows() -> None:
-    assert manners_of(1, 3) is ARDUPILOT
-    assert manners_of(1, 12) is PX4
+    assert flight_behaviour(1, 3) is ARDUPILOT
+    assert flight_behaviour(1, 12) is PX4
     with pytest.raises(PeerError, match="vehicle 7 runs autopilot number 4"):
-        manners_of(7, 4)
+        flight_behaviour(7, 4)

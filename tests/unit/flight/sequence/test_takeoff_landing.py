@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.autopilots.flight_modes import ARDUPILOT, PX4, Manners
+from gcs.autopilots.flight_modes import ARDUPILOT, PX4, FlightBehaviour
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
@@ -29,7 +29,7 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.plan.trajectory.plan import Plan
 
-BOTH = pytest.mark.parametrize("manners", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
+BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
 ON_THE_GROUND = 1  # MAV_LANDED_STATE
 
 
@@ -59,7 +59,7 @@ class _Loop(asyncio.SelectorEventLoop):
 class Vehicle:
     """Beats every second, acknowledges commands as told, and does what `obey` makes of them."""
 
-    manners: Manners
+    behaviour: FlightBehaviour
     mode: int = 0
     armed: bool = False
     result: int = MavResult.ACCEPTED
@@ -68,7 +68,7 @@ class Vehicle:
     session: VehicleSession | None = None
 
     def heartbeat(self) -> Message:
-        fields = {"autopilot": int(self.manners.firmware), "base_mode": int(ModeFlag.CUSTOM)}
+        fields = {"autopilot": int(self.behaviour.firmware), "base_mode": int(ModeFlag.CUSTOM)}
         fields["base_mode"] |= int(ModeFlag.ARMED) if self.armed else 0
         return Message("HEARTBEAT", {**fields, "type": 2, "custom_mode": self.mode, "system_status": 4}, 1, 1)
 
@@ -101,7 +101,7 @@ def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[FlightVehicle], Awa
         vehicle.session = VehicleSession(vehicle.heartbeat(), vehicle.hear)
         beating = asyncio.ensure_future(vehicle.beat())
         ticking = asyncio.ensure_future(_tick(vehicle.session))
-        crew = FlightVehicle(vehicle.session, vehicle.manners, plan, 0, VehicleView(1), FlightOptions())  # type: ignore[arg-type]
+        crew = FlightVehicle(vehicle.session, vehicle.behaviour, plan, 0, VehicleView(1), FlightOptions())  # type: ignore[arg-type]
         began_s = loop.time()
         try:
             await act(crew)
@@ -121,16 +121,16 @@ async def _tick(session: VehicleSession) -> None:
 
 
 @BOTH
-def test_a_mode_is_believed_when_the_heartbeat_shows_it(manners: Manners) -> None:
+def test_a_mode_is_believed_when_the_heartbeat_shows_it(behaviour: FlightBehaviour) -> None:
     """Both acknowledge modes that they then do not take, PX4 even modes that it does not know."""
 
     def later(vehicle: Vehicle, fields: dict[str, Any]) -> None:
-        asyncio.get_running_loop().call_later(7.3, lambda: setattr(vehicle, "mode", manners.land))
+        asyncio.get_running_loop().call_later(7.3, lambda: setattr(vehicle, "mode", behaviour.land))
 
-    slow = Vehicle(manners, obey=later)
-    assert 7.3 < live(slow, None, lambda crew: set_mode(crew, manners.land)) < 9.0
-    with pytest.raises(PeerTimeout, match=f"mode {manners.mode_name(manners.land)}"):
-        live(Vehicle(manners), None, lambda crew: set_mode(crew, manners.land))
+    slow = Vehicle(behaviour, obey=later)
+    assert 7.3 < live(slow, None, lambda crew: set_mode(crew, behaviour.land)) < 9.0
+    with pytest.raises(PeerTimeout, match=f"mode {behaviour.mode_name(behaviour.land)}"):
+        live(Vehicle(behaviour), None, lambda crew: set_mode(crew, behaviour.land))
 
 
 def test_a_mission_has_begun_when_the_heartbeat_shows_its_mode() -> None:
@@ -175,35 +175,37 @@ def test_reasons_come_before_or_after_a_refusal_and_in_pieces(result: MavResult,
 
 
 @BOTH
-def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(manners: Manners, simulation1_plan: Plan) -> None:
+def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(
+    behaviour: FlightBehaviour, simulation1_plan: Plan
+) -> None:
     """ArduPilot cannot be armed in AUTO, PX4 armed in its mission mode flies off; both want to be armed first."""
 
     def obey(vehicle: Vehicle, fields: dict[str, Any]) -> None:
         if fields["command"] == MavCommand.DO_SET_MODE:
-            vehicle.mode = manners.armed_in
+            vehicle.mode = behaviour.armed_in
 
-    vehicle = Vehicle(manners, mode=manners.mission, obey=obey)
+    vehicle = Vehicle(behaviour, mode=behaviour.mission, obey=obey)
     live(vehicle, simulation1_plan, take_off)
     assert [fields["command"] for fields in vehicle.heard] == [
         MavCommand.DO_SET_MODE,
         MavCommand.COMPONENT_ARM_DISARM,
         MavCommand.NAV_TAKEOFF,
     ]
-    assert manners.armed_in != manners.mission
+    assert behaviour.armed_in != behaviour.mission
     scenario = simulation1_plan.scenario
     hovering = simulation1_plan.states(np.array([simulation1_plan.phase("takeoff").end_s]))
     hover_m = -float(hovering[0, 0, 2])
-    above_m = scenario.origin.alt_amsl_m if manners is PX4 else float(simulation1_plan.pads_ned_m[0, 2])
+    above_m = scenario.origin.alt_amsl_m if behaviour is PX4 else float(simulation1_plan.pads_ned_m[0, 2])
     assert vehicle.heard[-1]["param7"] == pytest.approx(hover_m + above_m, abs=1e-3)
 
 
 @BOTH
-def test_nothing_is_expected_that_was_not_asked_for(manners: Manners) -> None:
+def test_nothing_is_expected_that_was_not_asked_for(behaviour: FlightBehaviour) -> None:
     """ArduPilot sends little but HEARTBEAT until asked, at about nine tenths of the rate; interval 0 switches off."""
-    vehicle = Vehicle(manners)
+    vehicle = Vehicle(behaviour)
     live(vehicle, None, ask_for_telemetry)
     asked = {int(fields["param1"]): fields["param2"] for fields in vehicle.heard}
     assert {fields["command"] for fields in vehicle.heard} == {MavCommand.SET_MESSAGE_INTERVAL}
-    wanted = {MessageId.LOCAL_POSITION_NED, MessageId.SYSTEM_TIME, manners.estimator_id, *manners.health_ids}
+    wanted = {MessageId.LOCAL_POSITION_NED, MessageId.SYSTEM_TIME, behaviour.estimator_id, *behaviour.health_ids}
     assert wanted <= set(asked)
     assert all(interval_us > 0.0 for interval_us in asked.values())
