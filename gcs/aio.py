@@ -1,7 +1,4 @@
-"""The same with all vehicles at once, and waiting that ends.
-
-Knows: tasks. Does not know: vehicles.
-"""
+"""Helpers for asyncio: one action for several vehicles at once, background work, and waits that end."""
 
 from __future__ import annotations
 
@@ -14,11 +11,11 @@ from gcs.errors import GcsError, PeerTimeout
 
 T = TypeVar("T")
 LOOK_S = 0.05
-_COARSE_S = 1e-3  # the event loop's timers come up to so much late
+_COARSE_S = 1e-3  # the event loop's timers are late by up to this
 
 
 async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) -> None:
-    """Do it with all at once; the first failure ends the others' waiting and is raised."""
+    """Run `action` for all things at once. The first failure cancels the other actions and is raised."""
     tasks = [asyncio.ensure_future(action(thing)) for thing in things]
     try:
         await asyncio.gather(*tasks)
@@ -28,8 +25,8 @@ async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) ->
 
 
 async def ended(task: asyncio.Future[Any]) -> None:
-    """Cancel a task and wait until it has ended; what it failed with is somebody else's to say."""
-    while not task.done():  # a library on the way may swallow being cancelled
+    """Cancel a task and wait until it has ended. Its own GcsError is dropped: the caller already has a failure."""
+    while not task.done():  # a library in between may swallow the cancellation
         task.cancel()
         await asyncio.wait({task}, timeout=1.0)
     with suppress(asyncio.CancelledError, GcsError):
@@ -37,7 +34,7 @@ async def ended(task: asyncio.Future[Any]) -> None:
 
 
 async def insisted(work: Coroutine[Any, Any, None]) -> None:
-    """Have it done although somebody cancels us, again and again; it has to end by itself."""
+    """Run `work` to its end even if the caller is cancelled, once or often. It must end by itself."""
     task = asyncio.ensure_future(work)
     while not task.done():
         with suppress(asyncio.CancelledError):
@@ -48,7 +45,7 @@ async def insisted(work: Coroutine[Any, Any, None]) -> None:
 
 @asynccontextmanager
 async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Endless work that goes on as long as the block; if it fails, the block is ended with its failure."""
+    """Run endless work in the background of the block. If the work fails, the block ends with that failure."""
     block = asyncio.current_task()
     task = asyncio.ensure_future(work)
 
@@ -71,7 +68,7 @@ async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 
 
 async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:
-    """Look again and again. Raises PeerTimeout: "`what` was not reached within ..."."""
+    """Return once `condition` is true; it is checked every 0.05 s. Raises PeerTimeout: "`what` was not reached ..."."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + timeout_s
     while not condition():
@@ -81,9 +78,9 @@ async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> N
 
 
 async def sleep_sharply(seconds: float) -> None:
-    """Sleep to a fraction of a millisecond; the last one is spent looking at the links again and again."""
+    """Sleep `seconds`, accurate to a fraction of a millisecond. The last millisecond is a busy loop that yields."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + seconds
-    await asyncio.sleep(max(seconds - _COARSE_S, 0.0))  # others get a turn in any case
+    await asyncio.sleep(max(seconds - _COARSE_S, 0.0))  # other tasks get a turn in any case
     while loop.time() < end_s:
         await asyncio.sleep(0)

@@ -1,15 +1,13 @@
-"""Every error a person can meet, and the exit code of its family.
+"""Every error the operator can meet, and the exit code of its family.
 
-Knows: what went wrong, where, and what to do next. Does not know: how it is shown (that is `gcs.cli`).
-Your own mistake and the peer's are different classes, so that no caller has to read the text to tell them
-apart.
+A mistake of the operator and a fault of the vehicle are different classes, so that no caller has to parse the text.
 """
 
 from __future__ import annotations
 
 
 class GcsError(Exception):
-    """A failure that can be said in one sentence, with a next step where there is one."""
+    """A failure in one sentence. `hint` is the next step for the operator, if there is one."""
 
     exit_code = 1
 
@@ -20,13 +18,13 @@ class GcsError(Exception):
 
 
 class UsageError(GcsError):
-    """The command line asks for something that cannot be done."""
+    """The command line requests something that is not possible."""
 
     exit_code = 2
 
 
 class ScenarioError(GcsError):
-    """The scenario file is missing, unreadable or wrong; the message lists every mistake."""
+    """The scenario file is missing, unreadable or invalid. The message lists every mistake."""
 
     exit_code = 3
 
@@ -38,29 +36,29 @@ class PlanningError(GcsError):
 
 
 class Infeasible(PlanningError):
-    """The problem has no solution; the message names the constraint that forbids it."""
+    """The problem has no solution. The message names the constraint that cannot be met."""
 
 
 class VerificationError(GcsError):
-    """A plan exists and does not hold what it promises."""
+    """A plan exists and failed verification."""
 
     exit_code = 5
 
 
 class FileFormatError(GcsError):
-    """A plan, mission or log file cannot be read as what it claims to be."""
+    """A plan, mission or log file is not in the format that it claims."""
 
     exit_code = 6
 
 
 class LinkError(GcsError):
-    """The connection itself: a port in use, a host that cannot be reached."""
+    """The connection itself failed: a port in use, an unreachable host."""
 
     exit_code = 7
 
 
 class PeerError(GcsError):
-    """The vehicle at the other end: silent, refusing, or breaking the protocol."""
+    """The vehicle is silent, refuses, or violates the protocol."""
 
     exit_code = 8
 
@@ -70,22 +68,22 @@ class PeerTimeout(PeerError):
 
 
 class PeerRefusal(PeerError):
-    """The vehicle answered no."""
+    """The vehicle refused."""
 
 
 class ProtocolMisuse(GcsError):
-    """This program used a protocol machine out of turn: a bug of ours, never the peer's."""
+    """This program used a protocol machine out of order: a bug in Skein, never a fault of the vehicle."""
 
     exit_code = 70
 
 
 class FlightError(GcsError):
-    """The flight was aborted: a vehicle lost, a separation broken, the stream stalled."""
+    """The flight was aborted: a vehicle was lost, a separation was violated, or the setpoint stream stalled."""
 
     exit_code = 9
 
 
 class JudgementError(GcsError):
-    """The flight ended, and did not hold what the scenario asks of it."""
+    """The flight ended, and violated a limit of the scenario."""
 
     exit_code = 10

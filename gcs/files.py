@@ -1,7 +1,4 @@
-"""Files that are either the old one or the new one, whole.
-
-Knows: how to replace a file so that no reader and no power cut ever sees half of it. Does not know: formats.
-"""
+"""Atomic file replacement: after a failure or a power cut the file is the old one or the new one, never half of one."""
 
 from __future__ import annotations
 
@@ -11,12 +8,12 @@ from pathlib import Path
 
 
 def atomic_write(path: Path, data: str | bytes) -> None:
-    """Replace `path` by `data` (text as UTF-8, newlines as given); missing folders are made.
+    """Replace the file `path` with `data`: text as UTF-8, newlines unchanged. Missing folders are created.
 
-    Raises OSError as the file system does; the old file is then still there, and nothing else.
+    Raises OSError of the file system. The old file is then unchanged and no temporary file is left.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    target = path.resolve()  # a link stays a link; what it points to is replaced
+    target = path.resolve()  # a symbolic link stays: its target is replaced
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     beside = Path(name)
     try:
@@ -32,7 +29,7 @@ def atomic_write(path: Path, data: str | bytes) -> None:
 
 
 def _mode(path: Path) -> int:
-    """Permissions of the file replaced, else what any new file gets (mkstemp's are for secrets)."""
+    """The permissions of the replaced file, or the default of new files (mkstemp's 0600 is too strict)."""
     try:
         return path.stat().st_mode & 0o777
     except FileNotFoundError:

@@ -1,8 +1,7 @@
-"""Positions on Earth and in the formation's local NED frame, and the integers that carry them.
+"""Conversions between geodetic coordinates (WGS 84), the formation's local NED frame, and MAVLink's degE7 integers.
 
-Knows: WGS 84 (through pymap3d) and MAVLink's degE7. Does not know: vehicles, missions, which origin is right.
-A mission has one origin. Heights are AMSL and enter the ellipsoid formulas as they are: leaving out the
-geoid's undulation (under 110 m) stretches horizontal distances by less than 2e-5.
+A mission has one origin. Altitudes are AMSL and enter the ellipsoid formulas unchanged: this neglects the geoid
+undulation (under 110 m) and stretches horizontal distances by less than 2e-5.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from gcs.physics.quadrotor import Array
 
 @dataclass(frozen=True)
 class Origin:
-    """The point on Earth that is (0, 0, 0) of a local NED frame."""
+    """The geodetic position of (0, 0, 0) of a local NED frame."""
 
     lat_deg: float
     lon_deg: float
@@ -25,7 +24,7 @@ class Origin:
 
 
 def ned_to_geodetic(ned_m: Array, origin: Origin) -> tuple[Array, Array, Array]:
-    """Local NED (..., 3) in metres -> (lat_deg, lon_deg, alt_amsl_m), each (...).
+    """Return (lat_deg, lon_deg, alt_amsl_m), each (...), of local NED positions (..., 3) in metres.
 
     Raises ValueError when the last axis is not 3.
     """
@@ -38,16 +37,16 @@ def ned_to_geodetic(ned_m: Array, origin: Origin) -> tuple[Array, Array, Array]:
 
 
 def geodetic_to_ned(lat_deg: Array | float, lon_deg: Array | float, alt_amsl_m: Array | float, origin: Origin) -> Array:
-    """Geodetic coordinates, each (...) -> local NED (..., 3) in metres."""
+    """Return local NED positions (..., 3) in metres of geodetic coordinates, each (...)."""
     parts = pymap3d.geodetic2ned(lat_deg, lon_deg, alt_amsl_m, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
     return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
 
 
 def to_degE7(angle_deg: float) -> int:
-    """Degrees -> MAVLink's integer of 1e-7 degrees, the nearest: off by 6 mm at most, truncated by 11."""
+    """Return the nearest MAVLink integer of 1e-7 degrees. The error is at most 6 mm (11 mm if truncated instead)."""
     return round(float(angle_deg) * 1e7)
 
 
 def from_degE7(angle_degE7: int) -> float:
-    """MAVLink's integer of 1e-7 degrees -> degrees."""
+    """Return degrees of a MAVLink integer of 1e-7 degrees."""
     return angle_degE7 / 1e7

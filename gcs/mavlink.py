@@ -1,7 +1,6 @@
-"""The MAVLink numbers this project speaks, by name and in words.
+"""MAVLink numbers by name and in words: the values of the common and ardupilotmega dialects that this project uses.
 
-Knows: enum values of the common and ardupilotmega dialects, as far as they are used here. Does not know:
-bytes; importing it costs nothing. Numbers arrive from peers as plain ints: unknown ones must survive.
+Vehicles send plain ints: unknown values must survive.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from enum import IntEnum, IntFlag
 
 
 class MavType(IntEnum):
-    """MAV_TYPE: what kind of system sends a HEARTBEAT."""
+    """MAV_TYPE: the kind of system that sends a HEARTBEAT."""
 
     QUADROTOR = 2
     GCS = 6
@@ -119,7 +118,7 @@ class Severity(IntEnum):
 
 
 class WireFrame(IntEnum):
-    """MAV_FRAME values on links; files use 0, 3 and 10 where links use 5, 6 and 11."""
+    """MAV_FRAME values on links. Files use 0, 3 and 10 where links use 5, 6 and 11."""
 
     GLOBAL = 0
     LOCAL_NED = 1
@@ -144,21 +143,23 @@ class SetpointMask(IntFlag):
     IGNORE_YAW = 0x400
     IGNORE_YAW_RATE = 0x800
 
-    POSITION_YAW = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW_RATE
-    POSITION_VELOCITY_YAW = IGNORE_ACCELERATION | IGNORE_YAW_RATE
     POSITION_VELOCITY_ACCELERATION_YAW = IGNORE_YAW_RATE
 
 
 class MavCommand(IntEnum):
-    """MAV_CMD values sent as commands (those of missions are `gcs.mission.model.Command`)."""
+    """MAV_CMD values of commands. Those of mission items made here are `gcs.mission.model.Command`."""
 
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    NAV_LAST = 95  # marks the end of the NAV commands
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178
     DO_SET_HOME = 179
+    DO_LAND_START = 189
     DO_REPOSITION = 192
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI = 201
     DO_SET_MISSION_CURRENT = 224
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
@@ -171,7 +172,7 @@ class MavCommand(IntEnum):
 
 
 class MessageId(IntEnum):
-    """Numbers of messages that are asked for by number."""
+    """The ids of messages that are requested by id."""
 
     HEARTBEAT = 0
     SYS_STATUS = 1
@@ -209,6 +210,18 @@ class FenceCommand(IntEnum):
     CIRCLE_INCLUSION = 5003  # parameter 1: radius, m
     CIRCLE_EXCLUSION = 5004
     RALLY_POINT = 5100
+
+
+class ParameterType(IntEnum):
+    """MAV_PARAM_TYPE: the 64 bit types are not used by any autopilot."""
+
+    UINT8 = 1
+    INT8 = 2
+    UINT16 = 3
+    INT16 = 4
+    UINT32 = 5
+    INT32 = 6
+    REAL32 = 9
 
 
 class MissionType(IntEnum):
@@ -288,7 +301,7 @@ _RESULT_WORDS = {
 
 
 def mission_result_words(value: int) -> str:
-    """A MAV_MISSION_RESULT in words, its MAVLink name in brackets; unknown values keep their number."""
+    """Return a MAV_MISSION_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
     if value in _MISSION_RESULT_WORDS:
         result = MissionResult(value)
         return f"{_MISSION_RESULT_WORDS[result]} (MAV_MISSION_{result.name})"
@@ -296,7 +309,7 @@ def mission_result_words(value: int) -> str:
 
 
 def result_words(value: int) -> str:
-    """A MAV_RESULT in words, its MAVLink name in brackets; unknown values keep their number."""
+    """Return a MAV_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
     if value in _RESULT_WORDS:
         result = MavResult(value)
         return f"{_RESULT_WORDS[result]} (MAV_RESULT_{result.name})"
@@ -304,7 +317,7 @@ def result_words(value: int) -> str:
 
 
 def command_name(command: int) -> str:
-    """`MAV_CMD_...` where the command is known here, else `MAV_CMD n`."""
+    """Return `MAV_CMD_...` if the command is known here, else `MAV_CMD n`."""
     try:
         return f"MAV_CMD_{MavCommand(command).name}"
     except ValueError:

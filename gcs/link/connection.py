@@ -1,7 +1,4 @@
-"""Where vehicles are and how to talk to them, before anything is opened.
-
-Knows: that there are two backends, and how each is opened. Does not know: command lines, vehicles.
-"""
+"""How to reach the vehicles, before any link is open: link names, system ids, signing key, backend."""
 
 from __future__ import annotations
 
@@ -20,39 +17,44 @@ if TYPE_CHECKING:
     from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet
 
 BACKENDS = ("skein", "mavsdk")
-TRANSFERS = tuple(str(way) for way in Transfer)
+TRANSFERS = tuple(str(transfer) for transfer in Transfer)
 
 
 @dataclass(frozen=True)
 class Connection:
-    """Links as they are written (`udpin:HOST:PORT`), system ids that differ from the plan's, a key to sign with."""
+    """The links by name (`udpin:HOST:PORT`), system ids that differ from the plan, and the signing key."""
 
     links: tuple[str, ...]
-    systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles that are called something else
+    systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles with another MAVLink system id
     key: bytes | None = field(default=None, repr=False)
-    transfer: str = "auto"  # one of TRANSFERS: how ArduPilot gets its mission
+    transfer: str = "auto"  # one of TRANSFERS: as a file or item by item
 
     @asynccontextmanager
     async def open_backend(self, backend: str) -> AsyncIterator[LinkedFleet | MavsdkFleet]:
-        """The links by one of BACKENDS. Raises `UsageError`, `LinkError`."""
+        """The open links of one of BACKENDS. Raises `UsageError`, `LinkError`."""
         if backend not in BACKENDS:
-            raise UsageError(f"--backend {backend}: there are {' and '.join(BACKENDS)}")
+            raise UsageError(f"--backend {backend} is not known.", hint=f"use {' or '.join(BACKENDS)}")
         if backend == "skein":
             async with self.open() as fleet:
                 yield fleet
             return
         if self.key is not None:
-            raise UsageError("MAVSDK cannot sign", hint="leave the key away, or use --backend skein")
+            raise UsageError(
+                "MAVSDK cannot sign, and a signing key is given.", hint="remove the key, or use --backend skein"
+            )
         if self.transfer == "file":
-            raise UsageError("MAVSDK sends missions item by item", hint="leave --transfer away, or use --backend skein")
-        from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet  # noqa: PLC0415 (loading MAVSDK takes long, and few need it)
+            raise UsageError(
+                "MAVSDK sends missions item by item, and --transfer file is given.",
+                hint="remove --transfer, or use --backend skein",
+            )
+        from gcs.link.mavsdk.mavsdk_vehicle import MavsdkFleet  # noqa: PLC0415 (MAVSDK loads slowly)
 
-        async with MavsdkFleet.open(self.links) as foreign:
-            yield foreign
+        async with MavsdkFleet.open(self.links) as mavsdk:
+            yield mavsdk
 
     @asynccontextmanager
     async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[LinkedFleet]:
-        """The links, open. Raises `UsageError`, `LinkError`."""
+        """The open links of our own backend. Raises `UsageError`, `LinkError`."""
         signing = signing_with(self.key, asyncio.get_running_loop().time())
         async with LinkedFleet.open(
             self.links, on_frame=on_frame, signing=signing, transfer=Transfer(self.transfer)

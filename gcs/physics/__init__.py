@@ -1,1 +1,1 @@
-"""Leaves of physics: Eq. 1 of a quadrotor, the power its rotors draw, the wind."""
+"""Physics: Eqs. 1 and 2 of a quadrotor, the power of its rotors, steady wind."""

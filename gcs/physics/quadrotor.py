@@ -1,8 +1,7 @@
-"""Eqs. 1 and 2: the rigid quadrotor, written once for the optimiser, the verifier and the emulated vehicles.
+"""Eqs. 1 and 2: the rigid quadrotor, written once for the optimiser, the verification and the emulated vehicles.
 
-Knows: forces, moments, rotors. Does not know: trajectories, control laws, CasADi.
-The equations are plain arithmetic on components; `xp` supplies sin and cos, so that NumPy arrays of any batch
-shape and CasADi symbols go through the same lines.
+The equations are plain arithmetic on components. `xp` supplies sin and cos, so that NumPy arrays of any batch shape
+and CasADi symbols use the same lines.
 
 State `(..., 12)`:   position_ned_m (3), velocity_ned_mps (3), roll, pitch, yaw (rad), their rates (rad/s).
 Control `(..., 4)`:  U1 thrust (N); U2, U3 roll and pitch rotor force differences (N, acting on arm l);
@@ -29,7 +28,7 @@ CONTROL_NAMES = ("U1", "U2", "U3", "U4")
 
 @dataclass(frozen=True)
 class Quadrotor:
-    """Physical constants of one type of vehicle (the paper's Table 1)."""
+    """The physical constants of one vehicle type (Table 1 of the paper)."""
 
     mass_kg: float
     arm_m: float
@@ -40,11 +39,11 @@ class Quadrotor:
     drag_moment_Nms: tuple[float, float, float]  # K_4..K_6, linear
     rotor_max_radps: float
     gravity_mps2: float = 9.8
-    wind: SteadyWind = STILL  # in which it is planned to fly; who knows the wind at the moment says so instead
+    wind: SteadyWind = STILL  # the planned wind; a caller that knows the present wind passes that instead
 
     @property
     def weight_N(self) -> float:
-        """Thrust that balances gravity, N."""
+        """The thrust that balances gravity, N."""
         return self.mass_kg * self.gravity_mps2
 
 
@@ -55,9 +54,9 @@ def equations_of_motion(
     wind_ned_mps: Sequence[Any] | None = None,
     xp: Any = np,
 ) -> tuple[Any, ...]:
-    """Time derivatives of the twelve state components (Eq. 1; drag opposes the air-relative velocity).
+    """Return the time derivatives of the twelve state components (Eq. 1). Drag opposes the air-relative velocity.
 
-    Without a word about the wind it is the one that `q` is planned to fly in.
+    `wind_ned_mps` None means the planned wind `q.wind`.
     """
     _, _, down, vx, vy, vz, roll, pitch, yaw, p, qq, r = x
     u1, u2, u3, u4 = u
@@ -86,7 +85,7 @@ def equations_of_motion(
 
 
 def derivative(state: Array, control: Array, q: Quadrotor, wind_ned_mps: Array | None = None) -> Array:
-    """Eq. 1 on arrays: state (..., 12), control (..., 4), wind (..., 3; default: the planned one) -> (..., 12)."""
+    """Return Eq. 1 on arrays (..., 12), from state (..., 12), control (..., 4), wind (..., 3; None: planned wind)."""
     wind = None if wind_ned_mps is None else tuple(np.moveaxis(wind_ned_mps, -1, 0))
     parts = equations_of_motion(tuple(np.moveaxis(state, -1, 0)), tuple(np.moveaxis(control, -1, 0)), q, wind)
     out = np.empty((*np.broadcast_shapes(state.shape[:-1], control.shape[:-1]), 12))
@@ -106,21 +105,20 @@ _MIXER = np.array(
     ]
 )
 _UNMIXER = np.linalg.inv(_MIXER)
-_ROUNDING = 1e-9  # share of the squared top speed by which a reachable control may seem to miss
+_ROUNDING = 1e-9  # rounding tolerance of a reachable control, as a share of the squared maximum speed
 
 
 def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
-    """Eq. 2: rotor speeds (..., 4) in rad/s -> controls (..., 4)."""
+    """Return controls (..., 4) of rotor speeds (..., 4) in rad/s (Eq. 2)."""
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
     return np.asarray(np.square(rotor_radps) @ _MIXER.T * k)
 
 
 def rotors_from_control(control: Array, q: Quadrotor) -> Array:
-    """Inverse of Eq. 2 with motor limits: (..., 4) -> rotor speeds (..., 4) in [0, rotor_max_radps].
+    """Return rotor speeds (..., 4) in [0, rotor_max_radps] of controls (..., 4): Eq. 2 inverted, with motor limits.
 
-    What cannot be had is given up in order: yaw first, then roll and pitch together, thrust last, because a
-    vehicle that keeps its height but not its heading still has its formation. Reachable controls are met
-    exactly.
+    Reachable controls are met exactly. If a motor saturates, yaw is reduced first, then roll and pitch together, and
+    thrust last: a vehicle that keeps its height but not its heading still keeps the formation.
     """
     k = np.array([q.thrust_coeff_Ns2] * 3 + [q.moment_coeff_Nms2])
     wanted = control / k
@@ -133,7 +131,7 @@ def rotors_from_control(control: Array, q: Quadrotor) -> Array:
 
 
 def _nearest_by_rank(wanted: Array, top: float) -> Array:
-    """Squared rotor speeds (..., 4) that serve thrust, then roll and pitch, then yaw as far as there is room."""
+    """Squared rotor speeds (..., 4) that meet thrust, then roll and pitch, then yaw, as far as the limits allow."""
     base = np.clip(wanted[..., :1] * 0.25, 0.0, top) * np.ones(4)
     tilt = wanted[..., 1:3] @ _UNMIXER[:, 1:3].T
     tilted = base + tilt * _room(base, tilt, top)
@@ -142,7 +140,7 @@ def _nearest_by_rank(wanted: Array, top: float) -> Array:
 
 
 def _room(base: Array, step: Array, top: float) -> Array:
-    """Largest share (..., 1) in [0, 1] of `step` that keeps base + share * step within [0, top]."""
+    """The largest share (..., 1) in [0, 1] of `step` that keeps base + share * step within [0, top]."""
     limit = np.where(step > 0, top - base, base)
     size = np.maximum(np.abs(step), 1e-300)
     return np.asarray(np.clip(np.min(limit / size, axis=-1, keepdims=True), 0.0, 1.0))
@@ -151,7 +149,7 @@ def _room(base: Array, step: Array, top: float) -> Array:
 def thrust_and_tilt(
     acceleration_ned_mps2: Array, air_velocity_ned_mps: Array, yaw_ned_rad: Array, q: Quadrotor
 ) -> tuple[Array, Array, Array]:
-    """Solve Eq. 1's translation for (thrust_N, roll_rad, pitch_rad), each (...), by velocity relative to the air."""
+    """Return (thrust_N, roll_rad, pitch_rad), each (...): the translation of Eq. 1 solved for the control."""
     drag = np.array(q.drag_Nspm) * air_velocity_ned_mps
     force = q.mass_kg * (np.array([0.0, 0.0, q.gravity_mps2]) - acceleration_ned_mps2) - drag
     fx, fy, fz = np.moveaxis(force, -1, 0)
@@ -163,12 +161,12 @@ def thrust_and_tilt(
 
 
 def hover_trim(height_m: float, yaw_ned_rad: float, q: Quadrotor) -> tuple[float, float, float]:
-    """Thrust (N), roll and pitch (rad) that hold a place, at a height above height 0, against the planned wind."""
+    """Return thrust (N), roll and pitch (rad) that hold position in the planned wind, at a height above height 0."""
     still = -np.array(q.wind.at(height_m))
     thrust, roll, pitch = thrust_and_tilt(np.zeros(3), still, np.asarray(yaw_ned_rad), q)
     return float(thrust), float(roll), float(pitch)
 
 
 def level_flight_thrust_N(state: Array, q: Quadrotor) -> float:
-    """Thrust that leaves a state (12,) without vertical acceleration."""
+    """The thrust (N) at which a state (12,) has no vertical acceleration."""
     return float((q.weight_N - q.drag_Nspm[2] * state[5]) / (np.cos(state[6]) * np.cos(state[7])))

@@ -1,7 +1,6 @@
-"""Steady wind that grows with height, as plans expect it.
+"""Steady horizontal wind that grows with height by a power law, as plans assume it. Gusts exist in `sim_bridge` only.
 
-Knows: the power law. Does not know: gusts (`sim_bridge`), vehicles. `xp` supplies sqrt, so that arrays and symbols go
-through the same lines.
+`xp` supplies sqrt, so that arrays and CasADi symbols use the same lines.
 """
 
 from __future__ import annotations
@@ -11,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-_FLOOR_M = 1.0  # below it the law, which has no slope at the ground, is rounded
+_FLOOR_M = 1.0  # below it the power law is smoothed: its slope at the ground is infinite
 
 
 @dataclass(frozen=True)
 class SteadyWind:
-    """Where air moves to, level: so fast at a reference height above height 0, by a power of the height elsewhere."""
+    """The air velocity at `reference_m` above height 0. Elsewhere it scales with a power of the height."""
 
     north_mps: float = 0.0
     east_mps: float = 0.0
@@ -25,27 +24,27 @@ class SteadyWind:
 
     @property
     def is_still(self) -> bool:
-        """No wind at all."""
+        """Whether there is no wind at all."""
         return not (self.north_mps or self.east_mps)
 
     @property
     def has_shear(self) -> bool:
-        """Differs with height."""
+        """Whether the wind differs with height."""
         return self.exponent > 0.0 and not self.is_still
 
     @property
     def speed_mps(self) -> float:
-        """At the reference height."""
+        """The speed at the reference height."""
         return float(np.hypot(self.north_mps, self.east_mps))
 
     def share(self, height_m: Any, xp: Any = np) -> Any:
-        """Speed at a height above height 0 as a share of that at the reference height."""
+        """The speed at a height above height 0, as a share of the speed at the reference height."""
         if not self.has_shear:
             return 1.0
         return (_rounded(height_m, xp) / self.reference_m) ** self.exponent
 
     def shares(self, height_m: Any) -> tuple[Any, Any, Any]:
-        """The share and its first two derivatives by height, 1/m and 1/m^2."""
+        """The share and its first two derivatives with respect to height, 1/m and 1/m^2."""
         if not self.has_shear:
             return 1.0, 0.0, 0.0
         root = np.sqrt(height_m**2 + _FLOOR_M**2)
@@ -54,13 +53,13 @@ class SteadyWind:
         return value, k * value * slope / s, k * value * ((k - 1.0) * (slope / s) ** 2 + bend / s)
 
     def at(self, height_m: Any, xp: Any = np) -> tuple[Any, Any, Any]:
-        """Velocity of the air north, east and down at a height above height 0, m/s."""
+        """The air velocity (north, east, down) at a height above height 0, m/s."""
         share = self.share(height_m, xp)
         return share * self.north_mps, share * self.east_mps, 0.0
 
 
 def _rounded(height_m: Any, xp: Any) -> Any:
-    """The height, and above the ground never quite nothing."""
+    """The height, smoothed so that it stays above 0 at the ground."""
     return 0.5 * (height_m + xp.sqrt(height_m**2 + _FLOOR_M**2))
 
 

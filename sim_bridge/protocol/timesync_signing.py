@@ -51,7 +51,7 @@ class Trust:
 
     def believes(self, message: Message, now_s: float) -> bool:
         """Whether to listen to a message, judged by the frame it came in."""
-        return self._signing.believes(message.raw, now_s)
+        return self._signing.accepts(message.raw, now_s)
 
     def set_up(self, message: Message, now_s: float, *, armed: bool) -> None:
         """Take the key of SETUP_SIGNING; not in flight, and not where the original does not know it."""

@@ -214,5 +214,5 @@ def test_links_have_mavsdks_names_and_keys_are_refused() -> None:
 
     with pytest.raises(UsageError, match="MAVSDK cannot sign"):
         asyncio.run(opened("mavsdk", bytes(range(32))))
-    with pytest.raises(UsageError, match="there are skein and mavsdk"):
+    with pytest.raises(UsageError, match="--backend nonsense is not known"):
         asyncio.run(opened("nonsense", None))

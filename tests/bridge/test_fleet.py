@@ -15,8 +15,8 @@ from gcs.link.mission_protocol.rules import MissionRefused, Timers
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing import DuplicateSystemId
-from gcs.link.wire.codec import Codec, Message
-from gcs.link.wire.message import GROUND, Station
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
 

@@ -1,1 +1,1 @@
-"""Where bytes come from and go to: UDP, TCP, serial lines."""
+"""Endpoints that send and receive bytes: UDP, TCP, serial lines."""

@@ -1,7 +1,7 @@
-"""Where bytes come from and go to: the tiny interface of all endpoints, and what a person writes to name one.
+"""The interface of all endpoints, and the names of links on the command line.
 
-Knows: `udpin:HOST:PORT` (wait for vehicles), `udpout:HOST:PORT` (call a peer), `tcp:HOST:PORT`, `serial:DEVICE:BAUD`.
-Does not know: messages, who is where (`addressbook`), sockets (each kind of endpoint has a file of its own).
+A name is `udpin:HOST:PORT` (listen for vehicles), `udpout:HOST:PORT` (call a peer), `tcp:HOST:PORT` or
+`serial:DEVICE:BAUD`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Address = tuple[str, int]  # host and port; of a serial line its device and baud
 Receive = Callable[[bytes, Address], None]
 
 DEFAULT_SPEC = "udpin:127.0.0.1:14550"
-DEFAULT_BAUD = 57_600  # what telemetry radios come with
+DEFAULT_BAUD = 57_600  # the default of telemetry radios
 
 
 class LinkMode(Enum):
-    """Kinds of endpoint, by their names in a spec."""
+    """The kinds of endpoint, by their names in a spec."""
 
     LISTEN = "udpin"
     CALL = "udpout"
@@ -30,13 +30,13 @@ class LinkMode(Enum):
 
     @property
     def speaks_first(self) -> bool:
-        """Whether there is somebody at the other end to be told of us before it was heard."""
+        """Whether the peer's address is known before it sends: we send the first heartbeat."""
         return self is not LinkMode.LISTEN
 
 
 @dataclass(frozen=True)
 class LinkSpec:
-    """An endpoint by name; of a serial line `host` is the device and `port` the baud rate."""
+    """One endpoint by name. For a serial line `host` is the device and `port` the baud rate."""
 
     mode: LinkMode
     host: str
@@ -44,7 +44,7 @@ class LinkSpec:
 
     @property
     def address(self) -> Address:
-        """The address to listen at or to call."""
+        """The address to listen on or to call."""
         return self.host, self.port
 
     def __str__(self) -> str:
@@ -52,28 +52,28 @@ class LinkSpec:
 
 
 class Endpoint(Protocol):
-    """Sends and receives bytes, datagram by datagram or as they come; `receive` is called in the event loop."""
+    """Sends and receives datagrams or a byte stream. `receive` is called in the event loop."""
 
     @property
     def local_address(self) -> Address:
-        """The address it receives at, once open."""
+        """The address it receives on, once open."""
 
     @property
     def spec(self) -> LinkSpec:
-        """What it was made of."""
+        """The name it was made from."""
 
     async def open(self, receive: Receive) -> None:
-        """Starts to receive. Raises `LinkError` when the address cannot be had."""
+        """Start to receive. Raises `LinkError` if the address is not available."""
 
     def send(self, data: bytes, address: Address | None = None) -> None:
-        """Sends a frame, to the default peer without an address; never waits, may lose it."""
+        """Send one frame to `address` (None: the default peer). Never blocks; the frame may be lost."""
 
     def close(self) -> None:
-        """Lets the address go. Harmless the second time."""
+        """Release the address. A second call has no effect."""
 
 
 def parse_link_spec(text: str) -> LinkSpec:
-    """The endpoint that a person names; `host:port` alone means udpin, `/dev/...` alone a serial line.
+    """Return the endpoint of a name. `host:port` alone means udpin, `/dev/...` alone a serial line.
 
     Raises `UsageError` that quotes the text and shows an example.
     """
@@ -87,18 +87,20 @@ def parse_link_spec(text: str) -> LinkSpec:
         return _serial(text, rest, hint)
     host, colon, port_text = rest.rpartition(":")
     if not colon or not host or ":" in host:
-        raise UsageError(f"{text!r} does not name a link: KIND:HOST:PORT, with udpin, udpout or tcp.", hint=hint)
-    least = 0 if mode is LinkMode.LISTEN else 1  # listening at port 0 takes any free one
+        raise UsageError(
+            f"{text!r} does not name a link: the form is KIND:HOST:PORT, with KIND udpin, udpout or tcp.", hint=hint
+        )
+    least = 0 if mode is LinkMode.LISTEN else 1  # to listen on port 0 takes any free port
     if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) < 65536):
-        raise UsageError(f"{text!r} does not name a link: the port is a number from 1 to 65535.", hint=hint)
+        raise UsageError(f"{text!r} does not name a link: the port must be a number from 1 to 65535.", hint=hint)
     return LinkSpec(mode, host, int(port_text))
 
 
 def _serial(text: str, rest: str, hint: str) -> LinkSpec:
-    """A device's path may hold colons; what follows the last one is a baud rate if it is a number."""
+    """The serial line of a name. The device path may contain colons: a number after the last one is the baud rate."""
     device, colon, baud = rest.rpartition(":")
     if not (colon and baud.isascii() and baud.isdigit()):
         device, baud = rest, str(DEFAULT_BAUD)
     if not device or not 0 < int(baud) <= 10_000_000:
-        raise UsageError(f"{text!r} does not name a serial line: serial:DEVICE:BAUD.", hint=hint)
+        raise UsageError(f"{text!r} does not name a serial line: the form is serial:DEVICE:BAUD.", hint=hint)
     return LinkSpec(LinkMode.SERIAL, device, int(baud))

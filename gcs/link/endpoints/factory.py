@@ -1,7 +1,4 @@
-"""The endpoint that a spec names.
-
-Knows: which class serves which kind. Does not know: what is sent.
-"""
+"""The endpoint class of each kind of link."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from gcs.link.endpoints.udp import UdpEndpoint
 
 
 def make_endpoint(spec: LinkSpec | str) -> Endpoint:
-    """Not open yet. Raises `UsageError` for what names no link."""
+    """Return the endpoint of a spec, not open yet. Raises `UsageError` for text that names no link."""
     spec = parse_link_spec(spec) if isinstance(spec, str) else spec
     if spec.mode is LinkMode.TCP:
         return TcpEndpoint(spec)

@@ -1,7 +1,4 @@
-"""A serial line: a telemetry radio or a USB cable, opened again when it is plugged in again.
-
-Knows: one device by pyserial, the event loop. Does not know: messages; where frames begin is the codec's business.
-"""
+"""A serial line: a telemetry radio or a USB cable, reopened once a second after it was unplugged."""
 
 from __future__ import annotations
 
@@ -14,13 +11,13 @@ import serial
 from gcs.errors import LinkError, ProtocolMisuse
 from gcs.link.endpoints.base import Address, LinkSpec, Receive
 
-_AGAIN_S = 1.0
+_REOPEN_S = 1.0
 _LARGEST = 65_536
-_MOST_WAITING = 1 << 14  # bytes: some seconds of a slow radio; what comes on top is lost
+_QUEUE_MAX = 1 << 14  # bytes, some seconds of a slow radio; further frames are lost
 
 
 class SerialEndpoint:
-    """Opens `spec` for itself alone; reads and writes without ever waiting."""
+    """One device, opened exclusively. Reads and writes never block."""
 
     def __init__(self, spec: LinkSpec) -> None:
         self.spec = spec
@@ -28,17 +25,17 @@ class SerialEndpoint:
         self._port: serial.Serial | None = None
         self._receive: Receive | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._waiting = bytearray()
-        self._again: asyncio.TimerHandle | None = None
+        self._queue = bytearray()
+        self._reopening: asyncio.TimerHandle | None = None
         self._closed = False
 
     @property
     def local_address(self) -> Address:
-        """Device and baud rate."""
+        """The device and its baud rate."""
         return self.spec.address
 
     async def open(self, receive: Receive) -> None:
-        """Starts to receive. Raises `LinkError` when the device is not there, taken, or not ours to open."""
+        """Start to receive. Raises `LinkError` if the device is missing, in use, or may not be opened."""
         if self._receive is not None:
             raise ProtocolMisuse(f"{self.spec} was opened twice.")
         self._loop, self._receive = asyncio.get_running_loop(), receive
@@ -47,25 +44,25 @@ class SerialEndpoint:
         except (OSError, ValueError) as error:
             raise LinkError(
                 f"the serial line {self.spec.host} cannot be opened at {self.spec.port} baud: {_reason(error)}.",
-                hint="check the device's name, that nobody else uses it, and your permission to (group dialout)",
+                hint="check the device name and your permission (group dialout), and close other programs that use it",
             ) from error
 
     def send(self, data: bytes, address: Address | None = None) -> None:
-        """Queues a frame; a line that is too slow or unplugged loses it."""
-        del address  # there is one peer
-        if self._port is None or self._loop is None or len(self._waiting) + len(data) > _MOST_WAITING:
+        """Queue one frame. It is lost if the queue is full or the line is unplugged."""
+        del address  # a serial line has one peer
+        if self._port is None or self._loop is None or len(self._queue) + len(data) > _QUEUE_MAX:
             self.lost += 1
             return
-        idle = not self._waiting
-        self._waiting += data
+        idle = not self._queue
+        self._queue += data
         if idle:
             self._write()
 
     def close(self) -> None:
-        """Lets the device go. Harmless the second time."""
+        """Release the device. A second call has no effect."""
         self._closed = True
-        if self._again is not None:
-            self._again.cancel()
+        if self._reopening is not None:
+            self._reopening.cancel()
         self._drop()
 
     def _open(self) -> None:
@@ -95,14 +92,14 @@ class SerialEndpoint:
             return
         file = self._port.fileno()
         try:
-            written = os.write(file, self._waiting)
+            written = os.write(file, self._queue)
         except (BlockingIOError, InterruptedError):
             written = 0
         except OSError:
             self._unplugged()
             return
-        del self._waiting[:written]
-        if self._waiting:
+        del self._queue[:written]
+        if self._queue:
             self._loop.add_writer(file, self._write)
         else:
             self._loop.remove_writer(file)
@@ -110,9 +107,9 @@ class SerialEndpoint:
     def _unplugged(self) -> None:
         self._drop()
         if self._loop is not None and not self._closed:
-            self._again = self._loop.call_later(_AGAIN_S, self._plugged)
+            self._reopening = self._loop.call_later(_REOPEN_S, self._reopen)
 
-    def _plugged(self) -> None:
+    def _reopen(self) -> None:
         try:
             self._open()
         except (OSError, ValueError):
@@ -120,7 +117,7 @@ class SerialEndpoint:
 
     def _drop(self) -> None:
         port, self._port = self._port, None
-        self._waiting.clear()
+        self._queue.clear()
         if port is not None and self._loop is not None:
             self._loop.remove_reader(port.fileno())
             self._loop.remove_writer(port.fileno())

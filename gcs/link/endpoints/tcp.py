@@ -1,7 +1,4 @@
-"""A TCP connection to a vehicle, a router or a simulator, made again when it breaks.
-
-Knows: one connection and the event loop. Does not know: messages; where frames begin is the codec's business.
-"""
+"""A TCP connection to a vehicle, a router or a simulator, reconnected once a second after it broke."""
 
 from __future__ import annotations
 
@@ -12,13 +9,13 @@ from gcs.errors import LinkError, ProtocolMisuse
 from gcs.link.endpoints.base import Address, LinkSpec, Receive
 
 _CONNECT_S = 5.0
-_AGAIN_S = 1.0
+_RECONNECT_S = 1.0
 _LARGEST = 65_536
-_MOST_WAITING = 1 << 18  # bytes: a peer that does not read loses what comes on top
+_QUEUE_MAX = 1 << 18  # bytes; if the peer does not read, further frames are lost
 
 
 class TcpEndpoint:
-    """Calls `spec`. A connection that breaks is made again once a second; what is sent meanwhile is lost."""
+    """One connection to `spec`. Frames sent while it is broken are lost."""
 
     def __init__(self, spec: LinkSpec) -> None:
         self.spec = spec
@@ -29,14 +26,14 @@ class TcpEndpoint:
 
     @property
     def local_address(self) -> Address:
-        """This end of the connection. Raises `ProtocolMisuse` before `open`."""
+        """The local address of the connection. Raises `ProtocolMisuse` before `open`."""
         if self._writer is None:
             raise ProtocolMisuse(f"{self.spec} is not open.")
         host, port = self._writer.get_extra_info("sockname")[:2]
         return host, port
 
     async def open(self, receive: Receive) -> None:
-        """Connects; `receive` is called for whatever arrives. Raises `LinkError` when nobody listens there."""
+        """Connect; `receive` gets all bytes that arrive. Raises `LinkError` if no program listens at the address."""
         if self._reading is not None:
             raise ProtocolMisuse(f"{self.spec} was opened twice.")
         host, port = self.spec.address
@@ -54,16 +51,16 @@ class TcpEndpoint:
         self._reading = asyncio.ensure_future(self._read(receive))
 
     def send(self, data: bytes, address: Address | None = None) -> None:
-        """Sends a frame to whoever is connected."""
-        del address  # there is one peer
+        """Send one frame to the peer. It is lost if the connection is broken or the queue is full."""
+        del address  # a TCP connection has one peer
         writer = self._writer
-        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > _MOST_WAITING:
+        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > _QUEUE_MAX:
             self.lost += 1
             return
         writer.write(data)
 
     def close(self) -> None:
-        """Hangs up. Harmless the second time."""
+        """Close the connection. A second call has no effect."""
         if self._reading is not None:
             self._reading.cancel()
         if self._writer is not None:
@@ -82,6 +79,6 @@ class TcpEndpoint:
             if self._writer is not None:
                 self._writer.close()
             self._reader = self._writer = None
-            await asyncio.sleep(_AGAIN_S)
+            await asyncio.sleep(_RECONNECT_S)
             with suppress(OSError, TimeoutError):
                 await self._connect()

@@ -1,8 +1,7 @@
-"""Datagrams over UDP on asyncio: one socket, many vehicles.
+"""A UDP socket on asyncio: one socket for many vehicles.
 
-Knows: sockets and the event loop. Does not know: messages, system ids. The socket is read until it is empty each
-time it has something (asyncio's own transport reads one datagram per turn, which costs a fleet at high speed-up
-most of its time), but for a bounded number of datagrams, so that timers get their turn.
+The socket is read until it is empty each time it becomes readable, up to 256 datagrams, so that timers get their turn.
+The transport of asyncio reads one datagram per turn, which takes most of the time of a fleet at high speed-up.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _LARGEST = 65_536
 
 
 class UdpEndpoint:
-    """A listening socket (udpin), or one that calls a peer and then answers whoever answers (udpout)."""
+    """A listening socket (udpin), or one that calls a peer and then sends to the address that answered (udpout)."""
 
     def __init__(self, spec: LinkSpec | str) -> None:
         self.spec = parse_link_spec(spec) if isinstance(spec, str) else spec
@@ -28,18 +27,18 @@ class UdpEndpoint:
         self._receive: Receive | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._peer: Address | None = None
-        self.lost = 0  # datagrams the system did not take
+        self.lost = 0  # datagrams that the operating system did not accept
 
     @property
     def local_address(self) -> Address:
-        """Where this endpoint's socket is bound. Raises `ProtocolMisuse` before `open`."""
+        """The address this socket is bound to. Raises `ProtocolMisuse` before `open`."""
         if self._socket is None:
             raise ProtocolMisuse(f"{self.spec} is not open.")
         host, port = self._socket.getsockname()[:2]
         return host, port
 
     async def open(self, receive: Receive) -> None:
-        """Starts to receive; `receive` is called for every datagram. Raises `LinkError`."""
+        """Start to receive; `receive` is called for every datagram. Raises `LinkError`."""
         if self._socket is not None:
             raise ProtocolMisuse(f"{self.spec} was opened twice.")
         self._loop = asyncio.get_running_loop()
@@ -61,19 +60,19 @@ class UdpEndpoint:
         self._loop.add_reader(sock.fileno(), self._read)
 
     def send(self, data: bytes, address: Address | None = None) -> None:
-        """Sends one datagram to `address`, else to the peer (udpout). A full socket loses it, as UDP may."""
-        to = address or self._peer
-        if self._socket is None or to is None:
-            raise ProtocolMisuse(f"{self.spec} was asked to send without being open or having a peer.")
+        """Send one datagram to `address`, or to the peer (udpout) if that is None. A full socket loses it."""
+        target = address or self._peer
+        if self._socket is None or target is None:
+            raise ProtocolMisuse(f"{self.spec} cannot send: it is not open or has no peer.")
         try:
-            self._socket.sendto(data, to)
+            self._socket.sendto(data, target)
         except (BlockingIOError, InterruptedError, ConnectionError):
             self.lost += 1
         except OSError as error:
             raise _link_error(self.spec, error) from error
 
     def close(self) -> None:
-        """Lets the port go. Harmless the second time."""
+        """Release the port. A second call has no effect."""
         if self._socket is not None and self._loop is not None:
             self._loop.remove_reader(self._socket.fileno())
             self._socket.close()
@@ -87,7 +86,7 @@ class UdpEndpoint:
                 data, address = self._socket.recvfrom(_LARGEST)
             except (BlockingIOError, InterruptedError):
                 return
-            except OSError:  # an earlier datagram met a closed port; the next one may not
+            except OSError:  # an earlier datagram reached a closed port: read on
                 continue
             if self.spec.mode is LinkMode.CALL:
                 self._peer = address
@@ -100,7 +99,7 @@ class UdpEndpoint:
             found = await self._loop.getaddrinfo(*self.spec.address, family=socket.AF_INET)
         except OSError as error:
             raise LinkError(
-                f"there is no host named {self.spec.host!r}.", hint="check the name, or use an IPv4 address"
+                f"no host is named {self.spec.host!r}.", hint="check the name, or use an IPv4 address"
             ) from error
         host, port = found[0][4][:2]
         return str(host), int(port)
@@ -114,7 +113,7 @@ def _link_error(spec: LinkSpec, error: OSError) -> LinkError:
             hint="close the other ground station, or choose another port",
         )
     if error.errno == errno.EADDRNOTAVAIL:
-        return LinkError(f"{host} is not an address of this machine.", hint="listen at 127.0.0.1 or 0.0.0.0")
+        return LinkError(f"{host} is not an address of this machine.", hint="listen on 127.0.0.1 or 0.0.0.0")
     if error.errno == errno.EACCES:
         return LinkError(f"UDP port {port} needs privileges.", hint="choose a port above 1023")
     return LinkError(f"the link {spec} failed: {error.strerror or error}.", hint="check host, port and network")

@@ -171,14 +171,14 @@ class LinkedFleet:
                 continue
             if session is not None and message.compid != session.station.compid:
                 continue
-            if not self._signing.believes(message.raw, now_s, note=False):
+            if not self._signing.accepts(message.raw, now_s, note=False):
                 self.refused_frames += 1
                 continue
             self._book.identify(message, place)
             if not self._book.claim(message.sysid, place, now_s):
                 self._found.set()
                 continue
-            self._signing.believes(message.raw, now_s)
+            self._signing.accepts(message.raw, now_s)
             if session is None:
                 self._meet(message)
                 continue

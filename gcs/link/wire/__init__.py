@@ -1,1 +1,1 @@
-"""Frames on the wire: codec, signing. The codec is the only module that imports pymavlink."""
+"""Frames on the wire: codec and signing. Only the codec imports pymavlink."""

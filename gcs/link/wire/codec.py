@@ -1,8 +1,7 @@
-"""Messages to and from MAVLink 2 frames: the only module that knows pymavlink.
+"""Encoder and decoder of MAVLink 2 frames: the only module that imports pymavlink (dialect ardupilotmega).
 
-Knows: framing, checksums, field order, as pymavlink's ardupilotmega dialect defines them. Does not know:
-what the messages mean. Bytes that are no frame of this dialect are skipped, never fatal: vehicles do write
-console text into the link, and a frame broken on the way must not take the good one behind it along.
+Bytes that are no frame of this dialect are skipped: vehicles write console text into the link. A corrupt frame must not
+discard the valid frame behind it.
 """
 
 from __future__ import annotations
@@ -18,13 +17,9 @@ os.environ["MAVLINK20"] = "1"  # read once, when the dialect is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
-from gcs.link.mission_protocol.item_messages import item_from_message, item_to_message
 from gcs.link.wire.fast_frames import FrameLayout
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import Signature
-
-__all__ = ["Codec", "Message", "Station", "frame_length", "item_from_message", "item_to_message"]
-
 
 _CLASSES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
 _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
@@ -34,14 +29,20 @@ _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
 _V1, _V2 = 0xFE, 0xFD
 
 _MARKER = re.compile(b"[\xfd\xfe]")
-_ENDS = (b"", b"\xfe", b"\xfd")  # what may follow a frame that no checksum vouches for
+_ENDS = (b"", b"\xfe", b"\xfd")  # the next byte after a frame of an unknown message, whose checksum cannot be verified
 _SIGNED = 0x01
 _HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
 _MAX_SOURCES = 64
-# All messages without lists and single letters among their fields.
+# All messages without arrays and single characters among their fields.
 _LAYOUTS: dict[str, FrameLayout] = {
     name: FrameLayout(
-        name, cls.id, cls.crc_extra, cls.unpacker, cls.ordered_fieldnames, cls.fieldnames, list(_TEXT_FIELDS[name])
+        name=name,
+        message_id=cls.id,
+        crc_extra=cls.crc_extra,
+        packer=cls.unpacker,
+        wire_order=cls.ordered_fieldnames,
+        fields=cls.fieldnames,
+        texts=_TEXT_FIELDS[name],
     )
     for name, cls in _CLASSES.items()
     if all(
@@ -49,34 +50,33 @@ _LAYOUTS: dict[str, FrameLayout] = {
         for at, length in enumerate(cls.array_lengths)
     )
 }
-_LAYOUT_OF: dict[bytes, FrameLayout] = {
+_LAYOUT_BY_ID: dict[bytes, FrameLayout] = {
     _CLASSES[name].id.to_bytes(3, "little"): layout for name, layout in _LAYOUTS.items()
 }
 
 
 class Codec:
-    """One station's encoder, with its own sequence number, and a decoder with one memory per source.
+    """The encoder of one station, with its own sequence number, and a decoder with one buffer for each source.
 
-    A frame that is cut by the end of a chunk is completed by the next chunk of the same source; a datagram
-    that starts with a whole frame of its own shows that the rest was lost.
+    If a chunk ends inside a frame, the next chunk of the same source completes it. If the next chunk begins with a
+    whole frame, the rest of the cut frame was lost.
     """
 
     def __init__(self, sysid: int, compid: int) -> None:
         self._encoder = dialect.MAVLink(None, sysid, compid)
         self._decoder = dialect.MAVLink(None)
         self._tails: dict[Hashable, bytes] = {}
-        self.skipped_bytes = 0
 
     @property
     def station(self) -> Station:
-        """Whose frames this codec makes."""
+        """The source of the frames that this codec encodes."""
         return Station(self._encoder.srcSystem, self._encoder.srcComponent)
 
     def encode(self, message: Message, signature: Signature | None = None) -> bytes:
-        """The message as a MAVLink 2 frame, signed where there is a signature to sign it with.
+        """Return the message as a MAVLink 2 frame, signed if there is a signature.
 
-        Its source is this codec's station unless it names one. Raises `ProtocolMisuse` for a name, a field or a value
-        that the dialect does not have.
+        The source is this codec's station unless the message names another. Raises `ProtocolMisuse` for a name, a field
+        or a value that the dialect does not have.
         """
         encoder = self._encoder
         if signature is None:
@@ -97,7 +97,7 @@ class Codec:
             encoder.srcComponent = message.compid or own[1]
             frame = bytes(_CLASSES[message.name](**fields).pack(encoder))
         except KeyError:
-            raise ProtocolMisuse(f"there is no MAVLink message {message.name!r} to encode.") from None
+            raise ProtocolMisuse(f"{message.name!r} is no MAVLink message of this dialect.") from None
         except (TypeError, struct.error, AttributeError, OverflowError) as error:
             raise ProtocolMisuse(f"{message.name} cannot be encoded: {error}.") from error
         finally:
@@ -106,7 +106,7 @@ class Codec:
         return frame
 
     def _packed(self, message: Message) -> bytes | None:
-        """The message as a frame, if there is a short way to it."""
+        """The message as a frame, or None if it has no `FrameLayout`."""
         layout, encoder = _LAYOUTS.get(message.name), self._encoder
         if layout is None:
             return None
@@ -120,9 +120,9 @@ class Codec:
         return frame
 
     def decode(self, data: bytes, source: Hashable = None) -> list[Message]:
-        """All whole messages in `data` (one datagram, or the next bytes of a stream) that came from `source`.
+        """Return all whole messages in `data`: one datagram, or the next bytes of a stream, from `source`.
 
-        `source` is any key that tells senders apart, such as an address. Never raises.
+        `source` is any key that distinguishes senders, such as an address. Never raises.
         """
         tail = self._tails.pop(source, b"") if self._tails else b""
         if tail and not self._begins_with_frame(data):
@@ -135,33 +135,29 @@ class Codec:
                 cut = at if cut < 0 else cut
                 length = 0
             frame = data[at : at + length]
-            message = self._decode_frame(frame) if length else None
+            message = self.decode_frame(frame) if length else None
             if message is not None:
                 messages.append(message)
                 cut = -1
             elif not (length and _is_unknown(frame) and data[at + length : at + length + 1] in _ENDS):
                 marker = _MARKER.search(data, at + 1)
                 length = (marker.start() if marker is not None else size) - at
-                self.skipped_bytes += length
             at += length
         if cut >= 0 and len(self._tails) < _MAX_SOURCES:
             self._tails[source] = data[cut:]
         return messages
 
     def decode_frame(self, frame: bytes) -> Message | None:
-        """One whole frame, as `frame_length` has measured it; None where its checksum is wrong or its kind unknown."""
-        return self._decode_frame(frame)
+        """Return the message of one whole frame of `frame_length`; None if its checksum is wrong or its id unknown."""
+        layout = _LAYOUT_BY_ID.get(frame[7:10]) if frame[0] == _V2 and not frame[2] else None
+        if layout is not None:
+            fields = layout.read(frame)
+            return Message(layout.name, fields, frame[5], frame[6], frame) if fields is not None else None
+        return None if _is_unknown(frame) else self._decode_by_dialect(frame)
 
     def _begins_with_frame(self, data: bytes) -> bool:
         length = frame_length(data, 0) if data else 0
-        return 0 < length <= len(data) and self._decode_frame(data[:length]) is not None
-
-    def _decode_frame(self, frame: bytes) -> Message | None:
-        layout = _LAYOUT_OF.get(frame[7:10]) if frame[0] == _V2 and not frame[2] else None
-        if layout is not None:
-            known = layout.read(frame)
-            return Message(layout.name, known, frame[5], frame[6], frame) if known is not None else None
-        return None if _is_unknown(frame) else self._decode_by_dialect(frame)
+        return 0 < length <= len(data) and self.decode_frame(data[:length]) is not None
 
     def _decode_by_dialect(self, frame: bytes) -> Message | None:
         try:
@@ -180,7 +176,7 @@ class Codec:
 
 
 def frame_length(data: bytes, at: int) -> int:
-    """Length the header at `at` claims: 0 where there is none, more than is left of `data` where it is cut."""
+    """Return the frame length by the header at `at`: 0 if there is no header, more than the rest of `data` if cut."""
     marker, left = data[at], len(data) - at
     if marker == _V2:
         if left < 3:
@@ -195,6 +191,6 @@ def frame_length(data: bytes, at: int) -> int:
 
 
 def _is_unknown(frame: bytes) -> bool:
-    """Whether the frame's message id is none of the dialect's, so that its checksum cannot be known."""
+    """Whether the message id is not in the dialect, so that the checksum cannot be verified."""
     number = int.from_bytes(frame[7:10], "little") if frame[0] == _V2 else frame[5]
     return number not in dialect.mavlink_map

@@ -1,18 +1,15 @@
-"""One MAVLink message as a plain value, and who is who on a link.
-
-Knows: a name, fields, a source. Does not know: bytes (that is `gcs.link.wire.codec`), addresses.
-"""
+"""One MAVLink message as a plain value, and the station (system, component) that sends or receives it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-_GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, what ground stations call themselves
+_GROUND_COMPONENT = 190  # MAV_COMP_ID_MISSIONPLANNER, the usual id of ground stations
 
 
 class Station(NamedTuple):
-    """One end of a conversation: MAVLink system and component id. Component 0 stands for any component."""
+    """One end of a conversation: MAVLink system and component id. Component 0 means any component."""
 
     sysid: int
     compid: int
@@ -27,10 +24,10 @@ GROUND = Station(255, _GROUND_COMPONENT)
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message by its MAVLink name; fields are str, int, float or lists of them, in the wire's units.
+    """One message by its MAVLink name. Fields are str, int, float or lists of them, in the units of the wire.
 
-    `sysid`, `compid` name the source; 0 means whoever encodes it. `raw` is the frame it was decoded from,
-    byte for byte, for logs; it takes no part in comparisons.
+    `sysid`, `compid` name the source; 0 means the station that encodes it. `raw` is the frame it was decoded from, for
+    logs; comparisons ignore it.
     """
 
     name: str
@@ -49,7 +46,7 @@ class Message:
         return self.sysid == station.sysid and (station.compid in (0, self.compid))
 
     def is_for(self, station: Station) -> bool:
-        """Whether it is addressed to `station`: by name, to all, or to nobody in particular."""
+        """Whether it is addressed to `station`, to all, or has no address."""
         fields = self.fields
         return fields.get("target_system", 0) in (0, station.sysid) and (
             station.compid == 0 or fields.get("target_component", 0) in (0, station.compid)

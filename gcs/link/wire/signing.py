@@ -1,10 +1,8 @@
-"""MAVLink 2 signing: what a frame is signed with, and whether a frame that came is to be believed.
+"""MAVLink 2 signing: signs frames, and accepts or rejects signed ones.
 
-Knows: where the signature stands in a frame, and the rule that time only goes forward. Does not know: messages,
-clocks (time is an argument), where keys are kept. Keys are never shown: not in `repr`, not in errors.
-
+Specification: https://mavlink.io/en/guide/message_signing.html.
 A signature is 13 bytes behind the checksum: link id, time in 10 µs since the beginning of 2015, and the first 6 bytes
-of SHA-256 over the key and everything before them.
+of SHA-256 over the key and everything before them. Timestamps only increase. No `repr` and no error shows a key.
 """
 
 from __future__ import annotations
@@ -20,12 +18,12 @@ TICKS_PER_S = 100_000
 _V2, _FLAGS_AT, _SIGNED = 0xFD, 2, 0x01
 _SYSID_AT, _COMPID_AT = 5, 6
 _LENGTH, _HASH = 13, 6
-_STALE_TICKS = 60 * TICKS_PER_S  # a station that was never heard may be so far behind
+_STALE_TICKS = 60 * TICKS_PER_S  # the first frame of a station may be this old
 
 
 @dataclass(frozen=True)
 class Signature:
-    """What to sign a frame with."""
+    """The key, link id and time that sign one frame."""
 
     key: bytes = field(repr=False)
     link_id: int
@@ -33,15 +31,15 @@ class Signature:
 
 
 def is_signed(frame: bytes) -> bool:
-    """Whether the frame carries a signature, good or bad."""
+    """Whether the frame carries a signature, valid or not."""
     return len(frame) > _LENGTH and frame[0] == _V2 and bool(frame[_FLAGS_AT] & _SIGNED)
 
 
 class Signing:
-    """One station's key and clock. Without a key nothing is signed and everything is believed.
+    """The key and the clock of one station. Without a key nothing is signed and every frame is accepted.
 
-    `ticks` is the station's time at `now_s` of any monotonic clock; it follows that clock, what it is shown by others
-    and what it signs itself, and never goes back.
+    `ticks` is the signing time at `now_s` of any monotonic clock. It advances with that clock, with accepted frames and
+    with its own signatures, and never runs back.
     """
 
     def __init__(self, link_id: int = 0) -> None:
@@ -57,31 +55,31 @@ class Signing:
         return bool(self._key)
 
     def set_up(self, key: bytes, ticks: int, now_s: float) -> None:
-        """Use `key` from now on; one of zeros alone switches signing off."""
+        """Use `key` from now on. A key of zeros switches signing off."""
         self._key = key if any(key) else b""
         self._ticks, self._now_s = ticks, now_s
         self._heard.clear()
 
     def signature(self, now_s: float) -> Signature | None:
-        """For the next frame to be sent; None while signing is off."""
+        """Return the signature of the next frame to send; None while signing is off."""
         if not self._key:
             return None
         self._ticks = self._at(now_s) + 1
         self._now_s = now_s
         return Signature(self._key, self._link_id, self._ticks)
 
-    def believes(self, frame: bytes, now_s: float, *, note: bool = True) -> bool:
-        """Whether to listen to this frame: signed with the key, and newer than all before of its sender.
+    def accepts(self, frame: bytes, now_s: float, *, note: bool = True) -> bool:
+        """Whether this frame is signed with the key and newer than all earlier frames of its sender.
 
-        With `note` it counts as heard from then on, and its copies as replayed.
+        With `note` it becomes the newest frame of its sender, so that its copies are rejected.
         """
         if not self._key:
             return True
         if not is_signed(frame):
             return False
         signed, signature = frame[:-_HASH], frame[-_HASH:]
-        right = hashlib.sha256(self._key + signed).digest()[:_HASH]
-        if not hmac.compare_digest(right, signature):
+        expected = hashlib.sha256(self._key + signed).digest()[:_HASH]
+        if not hmac.compare_digest(expected, signature):
             return False
         link_id, ticks = frame[-_LENGTH], int.from_bytes(frame[-_LENGTH + 1 : -_HASH], "little")
         sender = (link_id, frame[_SYSID_AT], frame[_COMPID_AT])

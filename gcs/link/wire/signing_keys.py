@@ -1,9 +1,7 @@
-"""Where signing keys come from: a file or the environment, never the command line.
+"""Signing keys from a file or the environment, never from the command line. No `repr` and no error shows a key.
 
-Knows: the forms a key is written in. Does not know: signing. Nothing here shows a key: not an error, not a `repr`.
-
-64 hexadecimal digits are a key as it is; 32 bytes in a file that are no text as well. Any other text is a passphrase,
-whose SHA-256 is the key, as Mission Planner, QGroundControl and MAVProxy have it.
+A key is 64 hexadecimal digits, or 32 bytes of a file that is no text. Any other text is a passphrase whose SHA-256 is
+the key, as in Mission Planner, QGroundControl and MAVProxy.
 """
 
 from __future__ import annotations
@@ -25,9 +23,9 @@ _OTHERS = 0o077
 
 
 def load_key(file: Path | None, environment: Mapping[str, str] = os.environ) -> bytes | None:
-    """The key in `file`, else that of the environment variable SKEIN_SIGNING_KEY, else None.
+    """Return the key in `file`, else that of the environment variable SKEIN_SIGNING_KEY, else None.
 
-    Raises `UsageError` for a file that cannot be read, that others may read, or that holds no key.
+    Raises `UsageError` if the file cannot be read, other users may read it, or it contains no key.
     """
     if file is None:
         text = environment.get(VARIABLE)
@@ -35,9 +33,7 @@ def load_key(file: Path | None, environment: Mapping[str, str] = os.environ) -> 
     try:
         with file.open("rb") as opened:
             if os.fstat(opened.fileno()).st_mode & _OTHERS:
-                raise UsageError(
-                    f"the signing key {file} can be read by others.", hint=f"make it yours alone: chmod 600 {file}"
-                )
+                raise UsageError(f"the signing key {file} can be read by other users.", hint=f"run: chmod 600 {file}")
             data = opened.read(_LARGEST_BYTES + 1)
     except OSError as error:
         raise UsageError(f"the signing key {file} cannot be read: {error.strerror}.") from None
@@ -45,7 +41,7 @@ def load_key(file: Path | None, environment: Mapping[str, str] = os.environ) -> 
 
 
 def signing_with(key: bytes | None, now_s: float, unix_s: float | None = None) -> Signing | None:
-    """The station's signing at `now_s` of the clock it will be used with; None without a key."""
+    """Return the signing state at `now_s` of the clock it is used with; None without a key."""
     if key is None:
         return None
     unix_s = time.time() if unix_s is None else unix_s
@@ -60,15 +56,15 @@ def _key(data: bytes, source: str) -> bytes:
     except UnicodeDecodeError:
         if len(data) == KEY_BYTES:
             return data
-        raise UsageError(f"{source} holds neither text nor a key of {KEY_BYTES} bytes.") from None
+        raise UsageError(f"{source} contains neither text nor a key of {KEY_BYTES} bytes.") from None
     if len(data) > _LARGEST_BYTES or len(text) < _SHORTEST:
         raise UsageError(
-            f"{source} holds no signing key.",
-            hint=f"{2 * KEY_BYTES} hexadecimal digits, or a passphrase of {_SHORTEST} characters or more",
+            f"{source} contains no signing key.",
+            hint=f"write {2 * KEY_BYTES} hexadecimal digits, or a passphrase of {_SHORTEST} characters or more",
         )
     if re.fullmatch(rf"[0-9a-fA-F]{{{2 * KEY_BYTES}}}", text):
         key = bytes.fromhex(text)
         if not any(key):
-            raise UsageError(f"{source} holds a key of zeros, which means no signing.")
+            raise UsageError(f"{source} contains a key of zeros, which means no signing.")
         return key
     return hashlib.sha256(text.encode()).digest()

@@ -1,7 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.link.wire.codec import Codec, Message
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 
 NUMBER = st.floats(width=32, allow_nan=False)
 MESSAGES = st.one_of(

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from gcs.link.mission_protocol.item_messages import item_from_message
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.wire.codec import Codec, item_from_message
+from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Station
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem

@@ -116,7 +116,7 @@ def test_after_set_up_ardupilot_hears_and_says_nothing_unsigned(repo_root: Path)
     good = mine.signature(line.now_s)
     assert ask_version(line, good)
     assert all(map(is_signed, line.frames))
-    assert all(mine.believes(frame, line.now_s) for frame in line.frames)
+    assert all(mine.accepts(frame, line.now_s) for frame in line.frames)
     assert not ask_version(line, good), "a frame that was overheard and is sent again"
     line.ask("SETUP_SIGNING", mine.signature(line.now_s), secret_key=[0] * 32, initial_timestamp=0)
     assert ask_version(line)

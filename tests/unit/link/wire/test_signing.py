@@ -48,8 +48,8 @@ def test_others_believe_our_signature_and_not_one_bit_less():
 
 def test_we_believe_what_others_sign():
     signed = other_implementation(KEY, NOON).heartbeat_encode(6, 8, 0, 0, 4).pack(other_implementation(KEY, NOON + 5))
-    assert keyed().believes(signed, 100.0)
-    assert not keyed().believes(
+    assert keyed().accepts(signed, 100.0)
+    assert not keyed().accepts(
         other_implementation(OTHER, NOON).heartbeat_encode(6, 8, 0, 0, 4).pack(other_implementation(OTHER, NOON)), 100.0
     )
 
@@ -68,41 +68,41 @@ def test_the_codec_signs_only_what_it_is_told_to_sign():
 def test_without_a_key_everything_is_believed_and_nothing_signed():
     signing = Signing()
     assert not signing.on
-    assert signing.believes(Codec(255, 190).encode(BEAT), 0.0)
-    assert signing.believes(frame(OTHER), 0.0)
+    assert signing.accepts(Codec(255, 190).encode(BEAT), 0.0)
+    assert signing.accepts(frame(OTHER), 0.0)
     assert signing.signature(0.0) is None
 
 
 def test_with_a_key_only_it_is_believed():
     signing = keyed()
     assert signing.on
-    assert not signing.believes(Codec(255, 190).encode(BEAT), 100.0)
-    assert not signing.believes(b"", 100.0)
-    assert not signing.believes(frame(OTHER), 100.0)
-    assert signing.believes(frame(), 100.0)
+    assert not signing.accepts(Codec(255, 190).encode(BEAT), 100.0)
+    assert not signing.accepts(b"", 100.0)
+    assert not signing.accepts(frame(OTHER), 100.0)
+    assert signing.accepts(frame(), 100.0)
 
 
 def test_time_goes_forward_for_each_sender_by_itself():
     signing = keyed()
-    assert signing.believes(frame(ticks=NOON), 100.0)
-    assert not signing.believes(frame(ticks=NOON), 100.0)
-    assert not signing.believes(frame(ticks=NOON - 1), 100.0)
-    assert signing.believes(frame(ticks=NOON + 1), 100.0)
-    assert signing.believes(frame(ticks=NOON, link_id=8), 100.0)
-    assert signing.believes(frame(ticks=NOON, sysid=254), 100.0)
+    assert signing.accepts(frame(ticks=NOON), 100.0)
+    assert not signing.accepts(frame(ticks=NOON), 100.0)
+    assert not signing.accepts(frame(ticks=NOON - 1), 100.0)
+    assert signing.accepts(frame(ticks=NOON + 1), 100.0)
+    assert signing.accepts(frame(ticks=NOON, link_id=8), 100.0)
+    assert signing.accepts(frame(ticks=NOON, sysid=254), 100.0)
 
 
 def test_who_was_never_heard_may_be_a_minute_behind():
     minute = 60 * TICKS_PER_S
-    assert keyed().believes(frame(ticks=NOON - minute + 1), 100.0)
-    assert not keyed().believes(frame(ticks=NOON - minute), 100.0)
-    assert not keyed().believes(frame(ticks=NOON), 161.0)  # its own clock has gone on
+    assert keyed().accepts(frame(ticks=NOON - minute + 1), 100.0)
+    assert not keyed().accepts(frame(ticks=NOON - minute), 100.0)
+    assert not keyed().accepts(frame(ticks=NOON), 161.0)  # its own clock has gone on
 
 
 def test_a_false_frame_does_not_silence_the_true_one():
     signing = keyed()
-    assert not signing.believes(frame(OTHER, NOON + 10**9), 100.0)
-    assert signing.believes(frame(ticks=NOON), 100.0)
+    assert not signing.accepts(frame(OTHER, NOON + 10**9), 100.0)
+    assert signing.accepts(frame(ticks=NOON), 100.0)
 
 
 def test_own_signatures_never_repeat_a_time_and_follow_the_clock():
@@ -110,7 +110,7 @@ def test_own_signatures_never_repeat_a_time_and_follow_the_clock():
     ticks = [signing.signature(now_s).ticks for now_s in (100.0, 100.0, 101.0, 100.5)]
     assert ticks == sorted(set(ticks))
     assert ticks[2] >= NOON + TICKS_PER_S
-    signing.believes(frame(ticks=NOON + 10**7), 101.0)
+    signing.accepts(frame(ticks=NOON + 10**7), 101.0)
     assert signing.signature(101.0).ticks > NOON + 10**7
 
 
@@ -118,13 +118,13 @@ def test_a_key_of_zeros_switches_signing_off():
     signing = keyed()
     signing.set_up(bytes(32), 0, 101.0)
     assert not signing.on
-    assert signing.believes(Codec(255, 190).encode(BEAT), 101.0)
+    assert signing.accepts(Codec(255, 190).encode(BEAT), 101.0)
 
 
 def test_keys_are_not_shown(caplog):
     caplog.set_level(logging.DEBUG)
     signing = keyed()
-    signing.believes(frame(OTHER), 100.0)
+    signing.accepts(frame(OTHER), 100.0)
     shown = f"{Signature(KEY, 0, NOON)!r} {signing!r} {caplog.text}"
     assert "key" not in shown
     assert KEY.hex() not in shown
