@@ -10,8 +10,17 @@ import pytest
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from tests.progress import AreaProgress
 
 LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Progress by area, where people read it: the process that prints, not its workers."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is not None and config.get_verbosity() <= 0:
+        config.pluginmanager.register(AreaProgress(reporter), "area-progress")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

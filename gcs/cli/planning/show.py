@@ -9,7 +9,6 @@ import typer
 
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
-from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -107,7 +106,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
 def _pads(scenario: Scenario) -> list[dict[str, Any]]:
     """Where every vehicle has to stand before the flight."""
     from gcs.frames import ned_to_geodetic
-    from gcs.scenario.si import pads_ned_m, sysids
+    from gcs.scenario.si import local_origin, pads_ned_m, sysids
 
     pads = pads_ned_m(scenario)
     lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))
