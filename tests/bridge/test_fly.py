@@ -136,6 +136,7 @@ def test_the_same_flight_at_any_speed_up(short_mission: Path, tmp_path: Path) ->
     assert np.abs(np.subtract(errors["8"], errors["max"])).max() < 0.1
 
 
+@pytest.mark.slow
 def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None:
     mission = repo_root / "missions" / "simulation1"
     done = fly(mission, "--sim", "--mode", "mission", "--speedup", "max", "--json", "--to", tmp_path, timeout_s=400.0)
@@ -149,7 +150,7 @@ def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None
     [
         ("3:reject-mission", 8, ("vehicle 3",)),
         pytest.param("5:silent", 8, ("vehicle 5",), marks=pytest.mark.slow),
-        ("2:die@10", 9, ("vehicle 2", "lost")),
+        pytest.param("2:die@10", 9, ("vehicle 2", "lost"), marks=pytest.mark.slow),
     ],
 )
 def test_a_fault_ends_in_one_sentence(
@@ -164,6 +165,7 @@ def test_a_fault_ends_in_one_sentence(
     assert simulators_running_under(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_px4_is_flown_as_well(short_mission: Path, tmp_path: Path) -> None:
     data = json.loads(short_mission.read_text())
     data["mission"]["autopilot"] = "px4"

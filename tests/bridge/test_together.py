@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from gcs.flight.assessment.comparison import lateness_s
 from gcs.flight.lateness import skew_s
@@ -26,6 +27,7 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
     assert np.abs(np.subtract(list(told_s.values()), late_s)).max() < 0.02
 
 
+@pytest.mark.slow
 def test_followers_stay_with_a_leader_who_is_held_up(hop: Plan) -> None:
     """The leader crawls for three seconds. Those who follow hang back with him; those who do not fly into him."""
     fault = "1:slow=1.0@30..33"

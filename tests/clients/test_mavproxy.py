@@ -105,6 +105,7 @@ def read(path: Path) -> list[list[float]]:
     return [[float(word) for word in line.split("\t")] for line in lines[1:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
 def test_mavproxy_loads_lists_and_flies_a_mission(mavproxy: list[str], tmp_path: Path, autopilot: str) -> None:
     port, home_first = free_port(), autopilot == "ardupilot"

@@ -50,6 +50,7 @@ def short(run: Run) -> dict[str, Any]:
     return book.make(run, list(book.SECTIONS))
 
 
+@pytest.mark.slow
 def test_every_section_is_measured_and_printed(short: dict[str, Any], run: Run) -> None:
     text = (run.folder / book.PAGE).read_text(encoding="utf-8")
     assert list(short) == list(book.SECTIONS)
@@ -58,6 +59,7 @@ def test_every_section_is_measured_and_printed(short: dict[str, Any], run: Run) 
     assert json.loads((run.folder / book.JSON).read_text(encoding="utf-8")) == short
 
 
+@pytest.mark.slow
 def test_every_figure_is_drawn(short: dict[str, Any], run: Run) -> None:
     text = (run.folder / book.PAGE).read_text(encoding="utf-8")
     pictures = set(PICTURE.findall(text))
@@ -66,6 +68,7 @@ def test_every_figure_is_drawn(short: dict[str, Any], run: Run) -> None:
         assert np.ptp(image.imread(run.folder / name)[..., :3]) > 0.5, f"{name} is empty"
 
 
+@pytest.mark.slow
 def test_a_simulation_can_be_turned_without_a_network(short: dict[str, Any], run: Run) -> None:
     for name in ("simulation1", "simulation2"):
         text = (run.pictures / f"{name}.html").read_text(encoding="utf-8")
@@ -73,6 +76,7 @@ def test_a_simulation_can_be_turned_without_a_network(short: dict[str, Any], run
         assert not re.search(r"<script[^>]* src=", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", ["weighting", "simulations"])
 def test_the_sentences_get_the_verdicts_of_the_page(
     short: dict[str, Any], record: dict[str, Any], section: str

@@ -17,6 +17,8 @@ from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Terrain
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
+# Their own README plans them as well (tests/unit/test_readme.py).
+LONG = ("changes/scenario.toml", "gap/scenario.toml")
 SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/*.toml"))
 
 
@@ -26,7 +28,9 @@ def test_the_missions_are_found() -> None:
     assert {"changes", "field", "gap", "ridge", "simulation1", "simulation2", "terminal_weighting"} <= folders
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in SCENARIOS]
+)
 def test_it_is_verified(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(name)
     report = verify(plan)

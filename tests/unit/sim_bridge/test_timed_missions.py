@@ -39,7 +39,7 @@ def test_a_flight_is_what_the_model_predicts(name: str) -> None:
     np.testing.assert_allclose(flight.reached_s, predicted.completed_s[: len(flight.reached_s)], atol=0.5)
 
 
-@NAMES
+@pytest.mark.parametrize("name", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
 def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str], Plan]) -> None:
     plan = plan_of("field/scenario.toml")
     legs = corrected_legs(plan, Autopilot.named(name))

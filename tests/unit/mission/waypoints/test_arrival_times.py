@@ -101,6 +101,7 @@ def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tm
     assert (tmp_path / "uav1.plan").exists()
 
 
+@pytest.mark.slow
 def test_everybody_waits_at_gates(field: Plan) -> None:
     order = MissionOrder(Autopilot.ARDUPILOT, gates=2, start_s=DAY_START_S)
     made = make_missions(field, order, build_safety(field, Autopilot.ARDUPILOT), [Format.PLAN])
@@ -138,6 +139,7 @@ def test_too_many_gates(field: Plan) -> None:
         corrected_legs(field, Autopilot.ARDUPILOT, 30)
 
 
+@pytest.mark.slow
 def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
     plan_of: Plans, monkeypatch: pytest.MonkeyPatch
 ) -> None:

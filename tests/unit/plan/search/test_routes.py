@@ -126,6 +126,7 @@ def test_too_little_time_for_the_speed_limit_names_the_time(simulation1: Scenari
         check_time(problem)
 
 
+@pytest.mark.slow
 def test_a_time_that_is_too_short_for_the_way_round_says_how_long_it_takes(simulation1: Scenario) -> None:
     problem = flight_problem(beyond(simulation1, no_fly=[DISK], time={"flight_s": 44.0}))
     route = find_routes(problem, survey(problem))[0]
