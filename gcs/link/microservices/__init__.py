@@ -1,1 +1,1 @@
-"""MAVLink's smaller services: commands, parameters, time synchronisation, STATUSTEXT."""
+"""The smaller MAVLink services: commands, parameters, time synchronisation, STATUSTEXT."""

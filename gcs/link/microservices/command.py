@@ -1,19 +1,19 @@
-"""Commands: one machine for who gives them, one memory for who obeys them.
+"""The MAVLink command protocol (https://mavlink.io/en/services/command.html), for the sender and for the receiver.
 
-Knows: COMMAND_LONG, COMMAND_INT and COMMAND_ACK, time as an argument. Does not know: sockets, sleeps, what a
-command does, or why it was refused: the reasons come as STATUSTEXT, before or after the refusal.
+CommandSender sends one COMMAND_LONG or COMMAND_INT and waits for its COMMAND_ACK:
 
     state      event                                next       sends
     IDLE       start                                WAITING    the command, confirmation 0
     WAITING    reply_s passed, retries left         WAITING    the command, confirmation + 1
     WAITING    COMMAND_ACK IN_PROGRESS              RUNNING
-    RUNNING    COMMAND_ACK IN_PROGRESS              RUNNING    (it buys another progress_s, up to limit_s)
+    RUNNING    COMMAND_ACK IN_PROGRESS              RUNNING    (extends the timeout by progress_s, up to limit_s)
     any        COMMAND_ACK ACCEPTED                 DONE
     any        COMMAND_ACK of refusal               FAILED
     any        retries used up, progress_s, limit_s FAILED
 
-An acknowledgement counts if it comes from the vehicle commanded, names the command, and is addressed to us or
-to nobody. Nothing in the protocol tells two equal commands apart: do not give one before the other has ended.
+An acknowledgement counts if it comes from the commanded vehicle, names the command, and is addressed to us or to no
+station. The protocol cannot distinguish two equal commands: send the second one after the first has ended.
+The reasons of a refusal come as STATUSTEXT, before or after it.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from gcs.mavlink import MavResult, command_name, result_words
 
 @dataclass(frozen=True)
 class CommandTimers:
-    """How long to wait, in seconds."""
+    """The timers of a command, in seconds."""
 
     reply_s: float = 1.0
     retries: int = 4
     progress_s: float = 10.0  # after an IN_PROGRESS, until the next acknowledgement
-    limit_s: float = 120.0  # in all, whatever the vehicle says
+    limit_s: float = 120.0  # from start to end, also while IN_PROGRESS messages arrive
 
 
 GROUND_COMMAND_TIMERS = CommandTimers()
@@ -42,7 +42,7 @@ GROUND_COMMAND_TIMERS = CommandTimers()
 
 @dataclass(frozen=True)
 class Position:
-    """Makes a command a COMMAND_INT: a place to 1e-7 degree, altitude in the frame `frame` (MAV_FRAME)."""
+    """The position of a COMMAND_INT, to 1e-7 degree. The altitude is in the frame `frame` (MAV_FRAME)."""
 
     frame: int
     lat_degE7: int
@@ -54,14 +54,14 @@ class CommandRefused(PeerRefusal):
     """The vehicle answered a command with a MAV_RESULT other than ACCEPTED."""
 
     def __init__(self, peer: Station, command: int, result: int, *, reason: str = "") -> None:
-        because = f"; it says: {reason}" if reason else ""
+        because = f"; it reports: {reason}" if reason else ""
         super().__init__(f"{peer} refused {command_name(command)}: {result_words(result)}{because}.")
         self.peer = peer
         self.command = command
         self.result = result
 
     def because(self, reason: str) -> CommandRefused:
-        """The same refusal with the vehicle's own words added."""
+        """The same refusal with the vehicle's STATUSTEXT added."""
         return CommandRefused(self.peer, self.command, self.result, reason=reason)
 
 
@@ -76,7 +76,7 @@ class CommandState(Enum):
 
 
 class CommandSender:
-    """One command given to `peer`: `params` are up to seven numbers, or four with a `position`."""
+    """One command to `peer`. `params` are up to seven numbers, or up to four with a `position`."""
 
     def __init__(
         self,
@@ -106,16 +106,16 @@ class CommandSender:
 
     @property
     def done(self) -> bool:
-        """Whether the command ended, well (`error` is None) or badly."""
+        """Whether the command has ended: with success if `error` is None."""
         return self.state in (CommandState.DONE, CommandState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do; None when nothing is awaited."""
+        """The time of the next `tick`; None if no timer runs."""
         return None if self.done or self.state is CommandState.IDLE else min(self._next_s, self._end_s)
 
     def start(self, now_s: float) -> list[Message]:
-        """Gives the command. Raises `ProtocolMisuse` when called twice."""
+        """Return the command to send. Raises `ProtocolMisuse` if called twice."""
         if self.state is not CommandState.IDLE:
             raise ProtocolMisuse("a CommandSender was started twice; make a new one for a new command.")
         self.state = CommandState.WAITING
@@ -124,7 +124,7 @@ class CommandSender:
         return [self._message()]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Takes note of our acknowledgement; everything else is ignored."""
+        """Process the acknowledgement of this command; ignore all other messages."""
         if (
             message.name != "COMMAND_ACK"
             or self.done
@@ -146,13 +146,13 @@ class CommandSender:
         return []
 
     def tick(self, now_s: float) -> list[Message]:
-        """Repeats the command, or gives up."""
+        """Repeat the command, or end with a timeout."""
         deadline_s = self.deadline_s
         if deadline_s is None or now_s < deadline_s:
             return []
         name = command_name(self.command)
         if self.state is CommandState.RUNNING or now_s >= self._end_s:
-            self._fail(PeerTimeout(f"{self.peer} began {name} and did not say that it finished."))
+            self._fail(PeerTimeout(f"{self.peer} did not report the end of {name} in time."))
             return []
         if self._confirmation >= self._timers.retries:
             tries = self._confirmation + 1
@@ -163,9 +163,11 @@ class CommandSender:
         return [self._message()]
 
     def cancel(self) -> list[Message]:
-        """Stops waiting; the vehicle may have obeyed. There is nothing to tell it."""
+        """Stop waiting. The vehicle may have executed the command; no message is sent."""
         if not self.done:
-            self._fail(PeerTimeout(f"{self.peer} was not waited for to acknowledge {command_name(self.command)}."))
+            self._fail(
+                PeerTimeout(f"the wait for {self.peer} to acknowledge {command_name(self.command)} was cancelled.")
+            )
         return []
 
     def _fail(self, error: GcsError) -> None:
@@ -174,30 +176,29 @@ class CommandSender:
 
     def _message(self) -> Message:
         fields: dict[str, float | int] = {
-            "target_system": self.peer.sysid,
-            "target_component": self.peer.compid,
+            **self.peer.target,
             "command": int(self.command),
             **{f"param{n}": value for n, value in enumerate(self._params, start=1)},
         }
-        place = self._position
-        if place is None:
+        position = self._position
+        if position is None:
             return Message("COMMAND_LONG", {**fields, "confirmation": self._confirmation})
         return Message(
             "COMMAND_INT",
             {
                 **fields,
-                "frame": place.frame,
+                "frame": position.frame,
                 "current": 0,
                 "autocontinue": 0,
-                "x": place.lat_degE7,
-                "y": place.lon_degE7,
-                "z": place.alt_m,
+                "x": position.lat_degE7,
+                "y": position.lon_degE7,
+                "z": position.alt_m,
             },
         )
 
 
 class CommandMemory:
-    """For who obeys: recognises a repeated COMMAND_LONG, to be acknowledged again and not obeyed again.
+    """The receiver's memory: recognises a repeated COMMAND_LONG, to acknowledge it again without executing it again.
 
     A repetition is the same command with the same parameters from the same station, `confirmation` above 0,
     within `memory_s` of the last answer.
@@ -208,7 +209,7 @@ class CommandMemory:
         self._answers: dict[Station, tuple[tuple[object, ...], Message, float]] = {}
 
     def repeated(self, message: Message, now_s: float) -> Message | None:
-        """The acknowledgement to send again, or None if the command is new."""
+        """Return the acknowledgement to send again, or None if the command is new."""
         known = self._answers.get(message.source)
         if known is None or not message.fields.get("confirmation"):
             return None
@@ -216,20 +217,19 @@ class CommandMemory:
         return ack if key == _command_key(message) and now_s - then_s <= self._memory_s else None
 
     def answered(self, message: Message, ack: Message, now_s: float) -> None:
-        """Remembers the acknowledgement given to a command."""
+        """Record the acknowledgement of a command."""
         self._answers[message.source] = (_command_key(message), ack, now_s)
 
 
 def command_ack(command: Message, result: int, *, progress: int = 0) -> Message:
-    """COMMAND_ACK to the sender of a COMMAND_LONG or COMMAND_INT."""
+    """Return the COMMAND_ACK to the sender of a COMMAND_LONG or COMMAND_INT."""
     return Message(
         "COMMAND_ACK",
         {
             "command": command.fields["command"],
             "result": int(result),
             "progress": progress,
-            "target_system": command.sysid,
-            "target_component": command.compid,
+            **command.source.target,
         },
     )
 

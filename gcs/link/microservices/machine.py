@@ -1,7 +1,4 @@
-"""What every protocol machine offers.
-
-Knows: nothing of any protocol. Time is an argument, seconds of any monotonic clock.
-"""
+"""The interface of every protocol machine. Time is an argument: seconds of any monotonic clock."""
 
 from __future__ import annotations
 
@@ -12,26 +9,26 @@ from gcs.link.wire.message import Message
 
 
 class Machine(Protocol):
-    """Lives for one conversation: messages in, messages out, `done` at the end."""
+    """One conversation with one vehicle: messages in, messages out, `done` at the end."""
 
     error: GcsError | None
 
     @property
     def done(self) -> bool:
-        """Whether it ended, well (`error` is None) or badly."""
+        """Whether it has ended: with success if `error` is None."""
 
     @property
     def deadline_s(self) -> float | None:
-        """When to call `tick`."""
+        """The time of the next `tick`; None if no timer runs."""
 
     def start(self, now_s: float) -> list[Message]:
-        """The first messages."""
+        """Return the first messages to send."""
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """The answers to a message."""
+        """Return the messages to send after a received message."""
 
     def tick(self, now_s: float) -> list[Message]:
-        """The messages that time calls for."""
+        """Return the messages to send after a timer expired."""
 
     def cancel(self) -> list[Message]:
-        """Ends it from our side; what the peer has to be told."""
+        """End the conversation; return the messages that end it on the vehicle."""

@@ -1,7 +1,6 @@
-"""Parameters on the wire: names, types, and numbers inside a float.
+"""Parameters on the wire: names, MAV_PARAM_TYPE, and integers inside the float of PARAM_VALUE and PARAM_SET.
 
-Knows: MAV_PARAM_TYPE, and that PX4 puts the bytes of an integer into the float's bytes where ArduPilot puts its value.
-Does not know: what parameters mean, who asks when.
+PX4 copies the bytes of an integer into the bytes of the float; ArduPilot sends the integer's value as a float.
 """
 
 from __future__ import annotations
@@ -13,23 +12,31 @@ from dataclasses import dataclass
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError
 from gcs.link.wire.message import Message, Station
+from gcs.mavlink import ParameterType
 
-REAL32 = 9
-_RANGES = {
-    1: (0, 255),
-    2: (-128, 127),
-    3: (0, 65_535),
-    4: (-32_768, 32_767),
-    5: (0, 2**32 - 1),
-    6: (-(2**31), 2**31 - 1),
+REAL32 = int(ParameterType.REAL32)
+_RANGES: dict[int, tuple[int, int]] = {
+    ParameterType.UINT8: (0, 255),
+    ParameterType.INT8: (-128, 127),
+    ParameterType.UINT16: (0, 65_535),
+    ParameterType.INT16: (-32_768, 32_767),
+    ParameterType.UINT32: (0, 2**32 - 1),
+    ParameterType.INT32: (-(2**31), 2**31 - 1),
 }
-_BYTES = {1: "<Bxxx", 2: "<bxxx", 3: "<Hxx", 4: "<hxx", 5: "<I", 6: "<i"}
+_BYTES: dict[int, str] = {
+    ParameterType.UINT8: "<Bxxx",
+    ParameterType.INT8: "<bxxx",
+    ParameterType.UINT16: "<Hxx",
+    ParameterType.INT16: "<hxx",
+    ParameterType.UINT32: "<I",
+    ParameterType.INT32: "<i",
+}
 _FLOAT = struct.Struct("<f")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter as a vehicle has it: `kind` is its MAV_PARAM_TYPE, `value` an int unless that is REAL32."""
+    """One parameter of a vehicle. `kind` is its MAV_PARAM_TYPE; `value` is a float for REAL32, else an int."""
 
     name: str
     value: int | float
@@ -39,42 +46,43 @@ class Parameter:
         return f"{self.name} = {self.value:g}" if self.kind == REAL32 else f"{self.name} = {self.value}"
 
     def same_value(self, other: Parameter) -> bool:
-        """Whether both hold the same, to the precision of the wire."""
+        """Whether both have the same value, to the precision of the wire."""
         return as_kind(self.name, self.value, other.kind) == other.value
 
 
 def bytewise(autopilot: int) -> bool:
-    """Whether this autopilot puts integers into floats byte by byte."""
+    """Whether this autopilot copies the bytes of an integer into the float."""
     return autopilot == Autopilot.PX4
 
 
 def as_kind(name: str, value: int | float, kind: int) -> int | float:
-    """A value as a parameter of this type holds it.
+    """Return the value as a parameter of this type stores it.
 
-    Raises `UsageError` for what it cannot hold: a number that is none (PX4 would store it), a fraction, one too large.
+    Raises `UsageError` for NaN and infinity (PX4 would store them), a fraction for an integer type, or a value out of
+    range.
     """
     if not math.isfinite(value):
-        raise UsageError(f"{name} cannot be {value}: it is not a number.")
+        raise UsageError(f"{name} cannot be {value}: it must be a finite number.")
     if kind == REAL32:
         try:
             return float(_FLOAT.unpack(_FLOAT.pack(value))[0])
         except OverflowError:
-            raise UsageError(f"{name} cannot be {value:g}: that does not fit a float.") from None
+            raise UsageError(f"{name} cannot be {value:g}: it exceeds the range of a 32 bit float.") from None
     low, high = _RANGES.get(kind, (0, -1))
     if value != round(value) or not low <= value <= high:
-        raise UsageError(f"{name} cannot be {value}: on this vehicle it is a whole number from {low} to {high}.")
+        raise UsageError(f"{name} cannot be {value}: on this vehicle it must be a whole number from {low} to {high}.")
     return round(value)
 
 
 def encode(parameter: Parameter, *, in_bytes: bool) -> float:
-    """The float that carries it."""
+    """Return the float of PARAM_SET that carries the value."""
     if parameter.kind == REAL32 or not in_bytes:
         return float(parameter.value)
     return float(_FLOAT.unpack(struct.pack(_BYTES[parameter.kind], parameter.value))[0])
 
 
 def decode(message: Message, *, in_bytes: bool) -> Parameter | None:
-    """The parameter in a PARAM_VALUE; None for a type that nobody uses (64 bits)."""
+    """Return the parameter in a PARAM_VALUE; None for the unused 64 bit types."""
     name, value, kind = (message.fields[key] for key in ("param_id", "param_value", "param_type"))
     if kind == REAL32:
         return Parameter(name, float(value), kind)
@@ -86,15 +94,13 @@ def decode(message: Message, *, in_bytes: bool) -> Parameter | None:
 
 
 def read_request(name: str, peer: Station) -> Message:
-    """PARAM_REQUEST_READ by name."""
-    target = {"target_system": peer.sysid, "target_component": peer.compid}
-    return Message("PARAM_REQUEST_READ", {**target, "param_id": name, "param_index": -1})
+    """Return PARAM_REQUEST_READ by name."""
+    return Message("PARAM_REQUEST_READ", {**peer.target, "param_id": name, "param_index": -1})
 
 
 def set_request(parameter: Parameter, peer: Station, *, in_bytes: bool) -> Message:
-    """PARAM_SET, in the parameter's own type: PX4 takes no other, and says nothing about it."""
-    target = {"target_system": peer.sysid, "target_component": peer.compid}
+    """Return PARAM_SET in the parameter's own type: PX4 ignores any other type without an error."""
     value = encode(parameter, in_bytes=in_bytes)
     return Message(
-        "PARAM_SET", {**target, "param_id": parameter.name, "param_value": value, "param_type": parameter.kind}
+        "PARAM_SET", {**peer.target, "param_id": parameter.name, "param_value": value, "param_type": parameter.kind}
     )

@@ -1,17 +1,17 @@
-"""ParameterReader and ParameterWriter: some parameters by name, asked for until each has answered.
+"""ParameterReader and ParameterWriter: the MAVLink parameter protocol (https://mavlink.io/en/services/parameter.html).
 
-Knows: PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE; time as an argument. Does not know: sockets, what parameters mean.
+Several parameters are read or set by name; each request is repeated until the vehicle answers it.
 
-    state   event                                             next      sends
-    IDLE    start                                             ASKING    questions, `window` at a time
-    ASKING  PARAM_VALUE of one that was asked for             ASKING    the next question
-    ASKING  ... that was to be set, and has another value     ASKING    (it may be old news; it is set again in time)
-    ASKING  a wait passed                                     ASKING    what is still open, again
-    ASKING  the last has answered                             DONE
-    any     `tries` questions in vain                         FAILED
+    state    event                                            next     sends
+    IDLE     start                                            RUNNING  requests, 6 at a time
+    RUNNING  PARAM_VALUE of a requested name                  RUNNING  the next request
+    RUNNING  ... of a name to set, with another value         RUNNING  (it may be an old value; PARAM_SET is repeated)
+    RUNNING  the wait of a request passed                     RUNNING  the same request
+    RUNNING  the last PARAM_VALUE arrived                     DONE
+    any      12 requests without answer                       FAILED
 
-Silence is how both autopilots answer what they do not know. An answer by name may carry any index, and unasked ones
-come between: only names count.
+Neither autopilot answers a request for an unknown name. An answer by name may carry any index, and values that were not
+requested arrive in between: only names count.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 6
 _TRIES = 12
-_LEAST_WAIT_S = 0.15  # autopilots answer from a slow loop
+_WAIT_MIN_S = 0.15  # autopilots answer parameter requests from a slow loop
 
 
 class ParameterState(Enum):
     """See the table above."""
 
     IDLE = auto()
-    ASKING = auto()
+    RUNNING = auto()
     DONE = auto()
     FAILED = auto()
 
 
 class ParameterMachine:
-    """What both have in common. `values` by name once `done` and `error` is None."""
+    """The common part of reader and writer. `values` is complete, by name, once `done` and `error` is None."""
 
     def __init__(
         self,
@@ -58,35 +58,35 @@ class ParameterMachine:
         self._in_bytes = bytewise(autopilot)
         self._round_trip = round_trip or RttEstimator()
         self._waiting = list(dict.fromkeys(names))
-        self._asked: dict[str, tuple[int, float]] = {}  # times, when next
+        self._requested: dict[str, tuple[int, float]] = {}  # number of requests, time of the next
         self._seen: dict[str, Parameter] = {}
 
     @property
     def done(self) -> bool:
-        """Whether it ended, well (`error` is None) or badly."""
+        """Whether it has ended: with success if `error` is None."""
         return self.state in (ParameterState.DONE, ParameterState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
-        if self.state is not ParameterState.ASKING:
+        """The time of the next `tick`; None if no timer runs."""
+        if self.state is not ParameterState.RUNNING:
             return None
-        return min((next_s for _, next_s in self._asked.values()), default=None)
+        return min((next_s for _, next_s in self._requested.values()), default=None)
 
     def start(self, now_s: float) -> list[Message]:
-        """Asks. Raises `ProtocolMisuse` when called twice."""
+        """Return the first requests. Raises `ProtocolMisuse` if called twice."""
         if self.state is not ParameterState.IDLE:
-            raise ProtocolMisuse("a parameter machine was started twice; make a new one.")
-        self.state = ParameterState.ASKING
-        return self._go_on(now_s)
+            raise ProtocolMisuse("a parameter machine was started twice: create a new one.")
+        self.state = ParameterState.RUNNING
+        return self._next_requests(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Takes note of answers to our questions; everything else is ignored."""
+        """Process answers to these requests; ignore all other messages."""
         if (
-            self.state is not ParameterState.ASKING
+            self.state is not ParameterState.RUNNING
             or message.name != "PARAM_VALUE"
             or not message.comes_from(self.peer)
-            or message.fields["param_id"] not in self._asked
+            or message.fields["param_id"] not in self._requested
         ):
             return []
         parameter = decode(message, in_bytes=self._in_bytes)
@@ -95,61 +95,61 @@ class ParameterMachine:
         self._seen[parameter.name] = parameter
         if not self._settles(parameter):
             return []
-        del self._asked[parameter.name]
+        del self._requested[parameter.name]
         self.values[parameter.name] = parameter
-        return self._go_on(now_s)
+        return self._next_requests(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """Asks again what is still open."""
-        if self.state is not ParameterState.ASKING:
+        """Repeat the requests whose wait has passed."""
+        if self.state is not ParameterState.RUNNING:
             return []
         messages = []
-        for name, (times, next_s) in tuple(self._asked.items()):
+        for name, (sent, next_s) in tuple(self._requested.items()):
             if now_s < next_s:
                 continue
-            if times >= _TRIES:
-                self.error = self._complaint(name)
+            if sent >= _TRIES:
+                self.error = self._timeout_error(name)
                 self.state = ParameterState.FAILED
                 return []
-            messages.append(self._ask(name, times, now_s))
+            messages.append(self._send(name, sent, now_s))
         return messages
 
     def cancel(self) -> list[Message]:
-        """Stops asking. There is nothing to tell the vehicle."""
+        """Stop the requests. No message is sent."""
         if not self.done:
-            self.error = PeerError(f"the parameters of {self.peer} were not waited for.")
+            self.error = PeerError(f"the transfer of parameters of {self.peer} was cancelled.")
             self.state = ParameterState.FAILED
         return []
 
-    def _go_on(self, now_s: float) -> list[Message]:
+    def _next_requests(self, now_s: float) -> list[Message]:
         messages = []
-        while self._waiting and len(self._asked) < _WINDOW:
-            messages.append(self._ask(self._waiting.pop(0), 0, now_s))
-        if not self._asked:
+        while self._waiting and len(self._requested) < _WINDOW:
+            messages.append(self._send(self._waiting.pop(0), 0, now_s))
+        if not self._requested:
             self.state = ParameterState.DONE
         return messages
 
-    def _ask(self, name: str, times: int, now_s: float) -> Message:
-        self._asked[name] = (times + 1, now_s + max(self._round_trip.wait_s(times), _LEAST_WAIT_S))
-        return self._question(name)
+    def _send(self, name: str, sent: int, now_s: float) -> Message:
+        self._requested[name] = (sent + 1, now_s + max(self._round_trip.wait_s(sent), _WAIT_MIN_S))
+        return self._request(name)
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         raise NotImplementedError
 
     def _settles(self, parameter: Parameter) -> bool:
         raise NotImplementedError
 
-    def _complaint(self, name: str) -> GcsError:
+    def _timeout_error(self, name: str) -> GcsError:
         return PeerTimeout(
-            f"{self.peer} does not answer for parameter {name}.",
-            hint="its firmware may not have it, or call it something else: compare versions with `gcs vehicles`",
+            f"{self.peer} does not answer for parameter {name}, requested {_TRIES} times.",
+            hint="its firmware may not have this parameter, or use another name: check its version with `gcs vehicles`",
         )
 
 
 class ParameterReader(ParameterMachine):
     """Reads parameters by name."""
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         return read_request(name, self.peer)
 
     def _settles(self, parameter: Parameter) -> bool:
@@ -157,9 +157,9 @@ class ParameterReader(ParameterMachine):
 
 
 class ParameterWriter(ParameterMachine):
-    """Sets parameters, each in the type that the vehicle has it in, until it says that it holds the value.
+    """Sets parameters, each in the type that the vehicle uses, until the vehicle reports the new value.
 
-    Raises `UsageError` for values that the type cannot hold.
+    Raises `UsageError` for values that the type cannot store.
     """
 
     def __init__(
@@ -174,15 +174,15 @@ class ParameterWriter(ParameterMachine):
         super().__init__([p.name for p in parameters], peer, autopilot, me=me, round_trip=round_trip)
         self._wanted = {p.name: Parameter(p.name, as_kind(p.name, p.value, p.kind), p.kind) for p in parameters}
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         return set_request(self._wanted[name], self.peer, in_bytes=self._in_bytes)
 
     def _settles(self, parameter: Parameter) -> bool:
         wanted = self._wanted[parameter.name]
         return parameter.kind == wanted.kind and parameter.value == wanted.value
 
-    def _complaint(self, name: str) -> GcsError:
+    def _timeout_error(self, name: str) -> GcsError:
         seen = self._seen.get(name)
         if seen is None:
-            return super()._complaint(name)
-        return PeerError(f"{self.peer} was told {self._wanted[name]}, and keeps {seen.value}.")
+            return super()._timeout_error(name)
+        return PeerError(f"{self.peer} did not set {self._wanted[name]}: it reports {seen.value}.")

@@ -1,7 +1,7 @@
-"""STATUSTEXT messages joined into whole sentences.
+"""STATUSTEXT messages joined into whole texts (https://mavlink.io/en/messages/common.html#STATUSTEXT).
 
-Knows: chunks of 50 characters, told apart by source, id and chunk number (id 0: not chunked). Does not know:
-clocks beyond `now_s`. A chunk that never comes is written as "[...]"; a text waits for it for `patience_s`.
+A long text comes in chunks of 50 characters, identified by source, id and chunk number; id 0 means not chunked. After
+`timeout_s` a missing chunk is written as "[...]".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _CHUNK_LENGTH = 50
 
 @dataclass(frozen=True)
 class StatusText:
-    """One sentence of a vehicle."""
+    """One text of a vehicle."""
 
     source: Station
     severity: int
@@ -27,7 +27,7 @@ class _Pending:
     severity: int
     until_s: float
     chunks: dict[int, str] = field(default_factory=dict)
-    last: int | None = None  # number of the chunk that ends the text, once it came
+    last: int | None = None  # number of the final chunk, once it has arrived
 
     @property
     def whole(self) -> bool:
@@ -42,12 +42,12 @@ class _Pending:
 class StatusTextJoiner:
     """Joins the chunks of all sources of one link."""
 
-    def __init__(self, patience_s: float = 2.0) -> None:
-        self._patience_s = patience_s
+    def __init__(self, timeout_s: float = 2.0) -> None:
+        self._timeout_s = timeout_s
         self._pending: dict[tuple[Station, int], _Pending] = {}
 
     def receive(self, message: Message, now_s: float) -> list[StatusText]:
-        """The texts that this message completes."""
+        """Return the texts that this message completes."""
         if message.name != "STATUSTEXT":
             return []
         text, number = message.fields["text"], message.fields.get("id", 0)
@@ -56,20 +56,20 @@ class StatusTextJoiner:
             return [StatusText(message.source, severity, text)]
         key = (message.source, number)
         chunk = message.fields["chunk_seq"]
-        pending = self._pending.setdefault(key, _Pending(severity, now_s + self._patience_s))
+        pending = self._pending.setdefault(key, _Pending(severity, now_s + self._timeout_s))
         pending.chunks[chunk] = text
         if len(text.encode()) < _CHUNK_LENGTH:
             pending.last = chunk
         return [self._finish(key)] if pending.whole else []
 
     def tick(self, now_s: float) -> list[StatusText]:
-        """The texts whose missing chunks are no longer waited for."""
-        late = [key for key, pending in self._pending.items() if now_s >= pending.until_s]
-        return [self._finish(key) for key in late]
+        """Return the texts whose timeout has passed, with gaps."""
+        expired = [key for key, pending in self._pending.items() if now_s >= pending.until_s]
+        return [self._finish(key) for key in expired]
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no text is incomplete."""
         return min((p.until_s for p in self._pending.values()), default=None)
 
     def _finish(self, key: tuple[Station, int]) -> StatusText:

@@ -14,6 +14,11 @@ class Station(NamedTuple):
     sysid: int
     compid: int
 
+    @property
+    def target(self) -> dict[str, int]:
+        """The address fields of a message to this station."""
+        return {"target_system": self.sysid, "target_component": self.compid}
+
     def __str__(self) -> str:
         kind = "ground station" if self.compid == _GROUND_COMPONENT else "vehicle"
         return f"{kind} {self.sysid}"

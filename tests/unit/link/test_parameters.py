@@ -81,7 +81,7 @@ def test_px4_puts_integers_as_bits_and_ardupilot_as_values():
 def test_px4_says_the_old_value_to_a_set_of_the_wrong_type_and_is_not_believed():
     params = table(Autopilot.PX4)
     writer = talk(ParameterWriter([Parameter("GF_ACTION", 3.0, REAL32)], VEHICLE, Autopilot.PX4), params)
-    assert "was told GF_ACTION = 3, and keeps 2" in str(writer.error)
+    assert "did not set GF_ACTION = 3: it reports 2" in str(writer.error)
     assert params["GF_ACTION"] == 2
 
 

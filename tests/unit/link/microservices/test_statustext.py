@@ -22,7 +22,7 @@ def test_chunks_are_joined_in_any_order_and_per_source():
 
 
 def test_a_missing_chunk_is_shown_as_missing():
-    joiner = StatusTextJoiner(patience_s=2.0)
+    joiner = StatusTextJoiner(timeout_s=2.0)
     joiner.receive(chunk(PARTS[1], 1), 0.0)
     joiner.receive(chunk(PARTS[0], 0, number=6), 1.0)
     assert joiner.deadline_s == 2.0

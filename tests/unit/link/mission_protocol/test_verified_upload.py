@@ -239,7 +239,7 @@ def test_a_copy_of_the_count_does_not_begin_a_download_anew():
 
 
 def test_round_trips_are_learned_and_bound():
-    trip = RttEstimator(quickest_s=0.03, slowest_s=1.5, first_s=0.5)
+    trip = RttEstimator(wait_min_s=0.03, wait_max_s=1.5, first_s=0.5)
     assert trip.mean_s is None
     assert trip.wait_s() == 0.5
     for _ in range(100):
