@@ -38,7 +38,7 @@ import gcs
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.export.export import export
 from gcs.mission.formats.any_mission import read_mission
-from gcs.mission.formats.registry import Format
+from gcs.mission.formats.registry import FORMATS
 from gcs.plan.trajectory.plan import Plan
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,8 +50,8 @@ def measure(vehicles: int, rate_hz: float) -> dict[str, Any]:
     plan = fleet_plan(vehicles)
     run: dict[str, Any] = {"vehicles": vehicles, "formats": {}, "readers": {}}
     with tempfile.TemporaryDirectory() as name:
-        for form in Format:
-            run["formats"][form.value] = timed_export(plan, Path(name) / form.value, [form], rate_hz)
+        for form in FORMATS:
+            run["formats"][form.name] = timed_export(plan, Path(name) / form.name, [form.name], rate_hz)
         run["formats"]["default"] = timed_export(plan, Path(name) / "default", None, rate_hz)
         run["readers"] = readers(Path(name) / "plan", Path(name) / "waypoints")
     return run
@@ -66,7 +66,7 @@ def fleet_plan(vehicles: int) -> Plan:
     return gcs.make_plan(scenario(vehicles))
 
 
-def timed_export(plan: Plan, folder: Path, formats: list[Format] | None, rate_hz: float) -> dict[str, float]:
+def timed_export(plan: Plan, folder: Path, formats: list[str] | None, rate_hz: float) -> dict[str, float]:
     """Seconds of one export, and the bytes it left."""
     chosen = {} if formats is None else {"formats": formats}
     began = time.perf_counter()

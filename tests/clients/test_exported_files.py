@@ -20,12 +20,11 @@ from gcs.link.mission_protocol.item_messages import home_item
 from gcs.mission.export.export import export
 from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
-from gcs.mission.formats.registry import Format
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, fence_items, rally_items
 from gcs.mission.model import Altitude, Home, MissionItem, VehicleMission
 from gcs.plan.trajectory.plan import Plan
 
-FORMATS = [Format.PLAN, Format.WAYPOINTS, Format.FENCE, Format.RALLY, Format.PARAM]
+FORMATS = ["plan", "waypoints", "fence", "rally", "param"]
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 
 

@@ -1,4 +1,4 @@
-"""docs/scenario.md and docs/api.md say what the program takes: they are made from the code, and nobody edited them."""
+"""docs/scenario.md, docs/api.md and docs/formats.md are what the code makes of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import gcs
 from gcs.scenario.schema.scenario import Scenario
 from tools.api_reference import CHAPTERS, api_reference
+from tools.formats_reference import formats_reference
 from tools.reference import reference
 
 
@@ -18,6 +19,11 @@ def test_the_page_is_up_to_date(repo_root: Path) -> None:
 def test_the_page_of_the_api_is_up_to_date(repo_root: Path) -> None:
     told = (repo_root / "docs" / "api.md").read_text(encoding="utf-8")
     assert told == api_reference(), "run ./tools/run python tools/reference.py"
+
+
+def test_the_page_of_the_formats_is_up_to_date(repo_root: Path) -> None:
+    told = (repo_root / "docs" / "formats.md").read_text(encoding="utf-8")
+    assert told == formats_reference(), "run ./tools/run python tools/formats_reference.py"
 
 
 def test_every_public_name_is_told_once() -> None:

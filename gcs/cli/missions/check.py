@@ -12,11 +12,12 @@ from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
 from gcs.cli.shared_options import DebugOption, JsonOption
 from gcs.errors import UsageError
+from gcs.mission.formats.registry import Content, suffixes_of
 
 if TYPE_CHECKING:
     from gcs.mission.check.fleet_check import FleetReport
     from gcs.mission.check.flight_limits import FlightLimits
-    from gcs.mission.formats.any_mission import LoadedMission
+    from gcs.mission.formats.mission_file import MissionFile
 
 FINDINGS = 11  # exit code: the files were read, and something in them is wrong
 TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
@@ -28,8 +29,8 @@ def check(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Missions (.plan, .waypoints), one vehicle per file; .fence and .rally files go with the mission of "
-            "the same name.",
+            help=f"Missions ({suffixes_of(Content.MISSION)}), one vehicle per file; {suffixes_of(Content.FENCE)} and "
+            f"{suffixes_of(Content.RALLY)} files go with the mission of the same name.",
             show_default=False,
         ),
     ],
@@ -115,7 +116,7 @@ def check(
     return 0 if ok else FINDINGS
 
 
-def _summary(screen: Screen, missions: tuple[LoadedMission, ...], report: FleetReport, limits: FlightLimits) -> None:
+def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
     """The closest calls, for people."""
     if report.closest is not None:
         least = report.closest
@@ -132,7 +133,7 @@ def _summary(screen: Screen, missions: tuple[LoadedMission, ...], report: FleetR
         )
 
 
-def _data(missions: tuple[LoadedMission, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
+def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
     closest = report.closest
     return {
         "ok": ok,

@@ -14,6 +14,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
 from gcs.errors import UsageError
+from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
 if TYPE_CHECKING:
     from gcs.mission.export.index import ExportIndex
@@ -32,9 +33,8 @@ def export(
         typer.Option(
             "--format",
             metavar="NAME",
-            help="What to write, any number of times: waypoints, plan, fence, rally, setpoints, parquet, history, "
-            "param, kml, kmz, geojson, or all.",
-            show_default="waypoints, plan, setpoints",
+            help=f"What to write, any number of times: {', '.join(row.name for row in FORMATS)}, or {ALL}.",
+            show_default=", ".join(row.name for row in DEFAULT),
         ),
     ] = None,
     autopilot: Annotated[
@@ -85,10 +85,9 @@ def export(
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.export import export as write
-    from gcs.mission.formats.registry import formats_named
     from gcs.mission.model import Altitude
 
-    wanted = formats_named(formats) if formats else None
+    wanted = select_formats(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified, in_the_air=True)

@@ -13,7 +13,7 @@ from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.failsafe.rtl_altitudes import return_warnings
-from gcs.mission.formats.registry import Format
+from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.plan.trajectory.plan import Plan
@@ -39,7 +39,7 @@ def build_loads(
     for autopilot in sorted(set(autopilots.values())):
         firmware = _firmware(autopilots, autopilot)
         safe = build_safety(plan, firmware)
-        made = make_missions(plan, MissionOrder(firmware, timed=timed), safe, (Format.PLAN,))
+        made = make_missions(plan, MissionOrder(firmware, timed=timed), safe, select_formats(["plan"]))
         if made.refusal is not None:
             raise made.refusal
         ours = {sysid for sysid, number in autopilots.items() if number == autopilot}

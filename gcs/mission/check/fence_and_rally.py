@@ -14,7 +14,7 @@ import shapely
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import GeoPoint, RallyPoint
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, home_of
 from gcs.physics.quadrotor import Array
@@ -25,7 +25,7 @@ _UNDERGROUND_M = 1.0
 _LOOKS = 50  # along a leg that leaves the fence
 
 
-def check_safety(mission: LoadedMission, flight: PredictedFlight, around: Surroundings) -> Iterator[Finding]:
+def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surroundings) -> Iterator[Finding]:
     """One vehicle's fence, rally points, home and flight."""
     firmware = mission.firmware
     count = mission.geofence.vertices
@@ -63,9 +63,7 @@ def check_safety(mission: LoadedMission, flight: PredictedFlight, around: Surrou
     yield from _ways_back(mission, flight, allowed, ends)
 
 
-def check_rally_apart(
-    missions: Sequence[LoadedMission], around: Surroundings, separation_m: float
-) -> Iterator[Finding]:
+def check_rally_apart(missions: Sequence[MissionFile], around: Surroundings, separation_m: float) -> Iterator[Finding]:
     """Two vehicles must not return to the same place."""
     points = [
         (mission, number, _rally_ned(point, mission, around)[0])
@@ -97,7 +95,7 @@ def _allowed(areas: list[tuple[shapely.Polygon, bool]], every: bool) -> shapely.
     return allowed.difference(shapely.union_all(exclusions)) if exclusions else allowed
 
 
-def _flight_inside(mission: LoadedMission, flight: PredictedFlight, allowed: shapely.Geometry) -> Iterator[Finding]:
+def _flight_inside(mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry) -> Iterator[Finding]:
     flat = flight.ned_m[:, [1, 0]]
     roomy = allowed.buffer(_TOUCH_M)
     if len(flat) < 2 or roomy.covers(shapely.LineString(flat)):
@@ -113,7 +111,7 @@ def _flight_inside(mission: LoadedMission, flight: PredictedFlight, allowed: sha
 
 
 def _ways_back(
-    mission: LoadedMission, flight: PredictedFlight, allowed: shapely.Geometry, places: list[Array]
+    mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry, places: list[Array]
 ) -> Iterator[Finding]:
     """Straight ways from every waypoint to the nearest place to return to: no autopilot of old flies around."""
     flat = flight.ned_m[:, [1, 0]]
@@ -127,7 +125,7 @@ def _ways_back(
         yield found(mission, Rule.RETURN, Level.WARNING, message, int(flight.item[knot]), float(flight.t_s[knot]))
 
 
-def _areas(mission: LoadedMission, around: Surroundings) -> Iterator[tuple[shapely.Polygon, bool]]:
+def _areas(mission: MissionFile, around: Surroundings) -> Iterator[tuple[shapely.Polygon, bool]]:
     """All areas of the fence in the plane (east, north), m, and whether to stay inside."""
     fence = mission.geofence
     for polygon in fence.polygons:
@@ -143,7 +141,7 @@ def _flat(places: Sequence[GeoPoint], around: Surroundings) -> Array:
     return geodetic_to_ned(lat, lon, around.origin.alt_amsl_m, around.origin)
 
 
-def _rally_ned(point: RallyPoint, mission: LoadedMission, around: Surroundings) -> tuple[Array, float]:
+def _rally_ned(point: RallyPoint, mission: MissionFile, around: Surroundings) -> tuple[Array, float]:
     """A rally point in NED, and its height above the origin's."""
     home = home_of(mission, around)
     amsl_m = home.alt_amsl_m + point.alt_m

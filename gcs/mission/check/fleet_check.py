@@ -17,12 +17,12 @@ from gcs.mission.check.findings import Finding, Level, Rule, worst
 from gcs.mission.check.flight_checks import Lowest, check_ground, check_limits, check_separation
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items, found
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, fly, together
 
-Fly = Callable[[LoadedMission, Surroundings], PredictedFlight]
+Fly = Callable[[MissionFile, Surroundings], PredictedFlight]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class FleetReport:
 
 
 def check_fleet(
-    missions: Sequence[LoadedMission], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
+    missions: Sequence[MissionFile], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
 ) -> FleetReport:
     """Check missions that start together, one per vehicle, as the vehicles will hold them."""
     missions = [as_on_the_wire(mission) for mission in missions]
@@ -77,7 +77,7 @@ def check_fleet(
     return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights)
 
 
-def as_on_the_wire(mission: LoadedMission) -> LoadedMission:
+def as_on_the_wire(mission: MissionFile) -> MissionFile:
     """Parameters as float32, altitudes as they are kept; positions are 1e-7 degrees already."""
     return replace(mission, items=tuple(_kept(item, mission.firmware) for item in mission.items))
 

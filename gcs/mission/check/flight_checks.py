@@ -14,7 +14,7 @@ import numpy as np
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import found
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
@@ -37,7 +37,7 @@ class Lowest:
 
 
 def check_separation(
-    missions: Sequence[LoadedMission], flights: Sequence[PredictedFlight], limits: FlightLimits
+    missions: Sequence[MissionFile], flights: Sequence[PredictedFlight], limits: FlightLimits
 ) -> tuple[Closest | None, list[Finding]]:
     """The nearest two vehicles, and whether that is too near."""
     closest = closest_approach(flights, math.inf)
@@ -52,7 +52,7 @@ def check_separation(
 
 
 def check_ground(
-    mission: LoadedMission, flight: PredictedFlight, around: Surroundings, limits: FlightLimits
+    mission: MissionFile, flight: PredictedFlight, around: Surroundings, limits: FlightLimits
 ) -> tuple[Lowest | None, list[Finding]]:
     """Least height above ground between take-off and landing, and whether that is too little."""
     way = _way(flight)
@@ -73,7 +73,7 @@ def check_ground(
     return lowest, [found(mission, Rule.TERRAIN, Level.ERROR, message, lowest.item, lowest.t_s)]
 
 
-def check_limits(mission: LoadedMission, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
+def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
     """Ceiling, speeds and closed areas."""
     way = _way(flight)
     if way is None:
@@ -94,7 +94,7 @@ def check_limits(mission: LoadedMission, flight: PredictedFlight, limits: Flight
             yield found(mission, Rule.AREA, Level.ERROR, message, int(items[at]), float(t_s[at]))
 
 
-def _speeds(mission: LoadedMission, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
+def _speeds(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
     if limits.speed_ned_mps is None:
         return
     leg_s = np.diff(flight.t_s)
@@ -112,7 +112,7 @@ def _speeds(mission: LoadedMission, flight: PredictedFlight, limits: FlightLimit
 
 
 def _below_home(
-    mission: LoadedMission, flight: PredictedFlight, points: Array, t_s: Array, items: Array
+    mission: MissionFile, flight: PredictedFlight, points: Array, t_s: Array, items: Array
 ) -> Iterator[Finding]:
     """Without a map, the ground at home is all that is known."""
     above_m = flight.ned_m[0, 2] - points[:, 2]

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
 from gcs.mission.check.findings import Finding, Level, Rule
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.mission.predicted.planned_flight import ALTITUDE_MAX_M
 
@@ -22,7 +22,7 @@ _HOLDS = frozenset({16, 19, 82, 93})  # parameter 1 is a time, s
 _JUMPS_MAX = 15  # ArduCopter on boards with little memory
 
 
-def check_items(mission: LoadedMission) -> Iterator[Finding]:
+def check_items(mission: MissionFile) -> Iterator[Finding]:
     """Everything that can be said of the items alone."""
     yield from _whole(mission)
     for index, item in enumerate(mission.items):
@@ -35,7 +35,7 @@ def check_items(mission: LoadedMission) -> Iterator[Finding]:
 
 
 def found(
-    mission: LoadedMission, rule: Rule, level: Level, message: str, index: int | None = None, t_s: float | None = None
+    mission: MissionFile, rule: Rule, level: Level, message: str, index: int | None = None, t_s: float | None = None
 ) -> Finding:
     """A finding about an item of a mission, or about the mission."""
     if index is None:
@@ -43,7 +43,7 @@ def found(
     return Finding(rule, level, message, mission.source, mission.line(index), mission.seq(index), t_s)
 
 
-def _whole(mission: LoadedMission) -> Iterator[Finding]:
+def _whole(mission: MissionFile) -> Iterator[Finding]:
     firmware, items = mission.firmware, mission.items
     count = len(items) + firmware.home_is_item_0
     if count > firmware.items_max:
@@ -70,7 +70,7 @@ def _whole(mission: LoadedMission) -> Iterator[Finding]:
             yield found(mission, Rule.ORDER, Level.WARNING, "a take-off in the air", index)
 
 
-def _taken(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Finding]:
+def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     why = refusal(item.command, mission.firmware)
     if why:
         known = COMMANDS.get(item.command)
@@ -87,7 +87,7 @@ def _taken(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Fi
         yield found(mission, Rule.FRAME, Level.ERROR, message, index)
 
 
-def _values(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Finding]:
+def _values(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     known = COMMANDS.get(item.command)
     if known is not None and known.has_place and not abs(item.alt_m) <= ALTITUDE_MAX_M:
         yield found(mission, Rule.VALUE, Level.ERROR, f"an altitude of {item.alt_m:g} m", index)
@@ -108,7 +108,7 @@ def _values(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[F
         yield found(mission, Rule.ORDER, Level.WARNING, "nothing after this is ever flown", index)
 
 
-def _speed(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Finding]:
+def _speed(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     kind, speed_mps = item.params[0], item.params[1]
     slowest, fastest = mission.firmware.speed_mps
     if kind not in (0, 1, 2, 3):
@@ -125,7 +125,7 @@ def _speed(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Fi
         yield found(mission, Rule.SPEED, Level.ERROR, message, index)
 
 
-def _jump(mission: LoadedMission, index: int, item: MissionItem) -> Iterator[Finding]:
+def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     number, times = item.params[:2]
     first, last = mission.jumps_from, mission.jumps_from + len(mission.items) - 1
     if not (math.isfinite(number) and number == round(number) and first <= number <= last):

@@ -7,7 +7,7 @@ any of it is done.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gcs.autopilots.traits import Autopilot
@@ -15,9 +15,8 @@ from gcs.errors import UsageError, VerificationError
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.export.verify_export import check_written, refuse_broken, refuse_untimely, verify_box
 from gcs.mission.failsafe.fence_rally import Safety
-from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
-from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
-from gcs.mission.formats.registry import Format, vehicle_name
+from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.registry import Content, Format, vehicle_name
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.timing import Timing, predicted
 from gcs.mission.waypoints.arrival_times import corrected_legs
@@ -74,7 +73,7 @@ class MadeMissions:
 
     legs: TimedLegs
     missions: tuple[VehicleMission, ...]
-    files: dict[str, str]
+    files: dict[str, str | bytes]
     report: FleetReport | None
     timing: Timing | None
     refusal: VerificationError | None = None  # why they must not fly by themselves; then there are no files
@@ -87,22 +86,28 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     they must as they are written at the plan's own speeds.
     """
     firmware, altitude = order.firmware, order.altitude
-    asked = bool({Format.PLAN, Format.WAYPOINTS} & set(formats))
+    formats = [row for row in formats if row.content is Content.MISSION]
     if plan.begin_state is not None:
         legs = timed_legs(plan)
         missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
-        return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if asked else None)
-    corrected = order.corrected and asked
+        return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if formats else None)
+    corrected = order.corrected and bool(formats)
     legs = corrected_legs(plan, firmware, order.gates) if corrected else timed_legs(plan)
     missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
     if order.start_s is not None:
         missions = tuple(starting_at(mission, order.start_s) for mission in missions)
-    files = _texts(missions, firmware, safety, formats)
-    if not files:
-        return MadeMissions(legs, missions, files, None, None)
-    fence = safety.fence.geofence, safety.rally
+    if not formats:
+        return MadeMissions(legs, missions, {}, None, None)
+    held = _held(missions, firmware, safety)
+    files: dict[str, str | bytes] = {}
+    read: list[list[MissionFile]] = []
+    for row in formats:
+        written = {row.file_name(file.source, firmware): row.write(file) for file in held}
+        pairs = zip(written.items(), held, strict=True)
+        read.append([_read_back(row, name, data, file) for (name, data), file in pairs])
+        files |= written
     leaves_s = None if order.start_s is None else legs.left_s
-    report = check_written(plan, firmware, files, fence, timed=corrected, leaves_s=leaves_s)
+    report = check_written(plan, firmware, read, timed=corrected, leaves_s=leaves_s)
     timing = predicted(plan, firmware, legs, missions, report.flights) if corrected else None
     try:
         refuse_broken(report)
@@ -116,20 +121,20 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     return MadeMissions(legs, missions, files, report, timing)
 
 
-def _texts(
-    missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety, formats: Sequence[Format]
-) -> dict[str, str]:
-    """Missions in every format asked for, by file name."""
-    written: dict[str, str] = {}
-    for row, mission in enumerate(missions):
+def _held(missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety) -> list[MissionFile]:
+    """What the files of each vehicle are to hold, whatever their format."""
+    held = []
+    for mission, rally in zip(missions, safety.rally, strict=True):
+        speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
+        speed_mps = round(sum(speeds) / len(speeds), 1)
         name = vehicle_name(mission.sysid)
-        if Format.PLAN in formats:
-            speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
-            speed_mps = round(sum(speeds) / len(speeds), 1)
-            rally = (safety.rally[row],)
-            file = PlanFile(firmware, mission.home, mission.items, speed_mps, speed_mps, safety.fence.geofence, rally)
-            written[f"{name}.plan"] = write_plan_file(file)
-        if Format.WAYPOINTS in formats:
-            home = mission.home if firmware.home_is_item_0 else None
-            written[f"{name}.waypoints"] = write_waypoints(WaypointFile(home, mission.items))
-    return written
+        held.append(
+            MissionFile(name, firmware, mission.home, mission.items, safety.fence.geofence, (rally,), speed_mps)
+        )
+    return held
+
+
+def _read_back(row: Format, name: str, data: str | bytes, wanted: MissionFile) -> MissionFile:
+    """The mission in a file as written; a format that holds no fence is checked with the fleet's."""
+    read: MissionFile = row.read(data.encode() if isinstance(data, str) else data, name, wanted.firmware)
+    return read if row.fenced else replace(read, geofence=wanted.geofence, rally=wanted.rally)

@@ -13,10 +13,10 @@ from pathlib import Path
 from gcs.errors import FileFormatError
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.export.atomic_folder import INDEX, listed
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 
 
-def exported_from(missions: Sequence[LoadedMission]) -> tuple[float | None, list[Finding]]:
+def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[Finding]]:
     """The separation that the exports of these files were made for, and a finding for every file changed since."""
     asked: list[float] = []
     changed: list[Finding] = []

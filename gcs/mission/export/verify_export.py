@@ -5,9 +5,8 @@ Knows: which files hold missions, what a plan asks of them. Does not know: forma
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +16,7 @@ from gcs.errors import VerificationError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.check.fleet_check import FleetReport, check_fleet
 from gcs.mission.check.flight_limits import OVERSPEED, limits_of, surroundings_of
-from gcs.mission.formats.any_mission import LoadedMission, read_mission
-from gcs.mission.geofence import Geofence, RallyPoint
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing
@@ -33,42 +31,21 @@ _LISTED = 3
 STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which keeps path and time"
 
 
-def verify_written(
-    plan: Plan,
-    firmware: Autopilot,
-    written: Mapping[str, str],
-    safety: tuple[Geofence, Sequence[RallyPoint]],
-) -> FleetReport:
-    """What `check_written` finds. Raises `VerificationError` when anything must not fly."""
-    report = check_written(plan, firmware, written, safety)
-    refuse_broken(report)
-    return report
-
-
 def check_written(
     plan: Plan,
     firmware: Autopilot,
-    written: Mapping[str, str],
-    safety: tuple[Geofence, Sequence[RallyPoint]],
+    fleets: Sequence[Sequence[MissionFile]],
     *,
     timed: bool = False,
     leaves_s: float | None = None,
 ) -> FleetReport:
-    """Read the missions in `written` (file name to text) back, one or two files for every vehicle, and check them.
+    """Check missions as read back from their files: of each format, one file for every vehicle.
 
     They are flown at the speeds they ask for, or where those are corrected (`timed`) as the model of their autopilot
-    flies them; those that wait for a time of day leave at plan time `leaves_s`. Tables hold no fence, so they are
-    checked with the fleet's. Raises `VerificationError` where two files of a vehicle differ.
+    flies them; those that wait for a time of day leave at plan time `leaves_s`. Raises `VerificationError` where two
+    files of a vehicle differ.
     """
-    fleets: dict[str, list[LoadedMission]] = {}
-    fence, rally = safety
-    for name, text in written.items():
-        loaded = read_mission(text.encode(), name, firmware)
-        fleet = fleets.setdefault(Path(name).suffix, [])
-        if not loaded.text:
-            loaded = replace(loaded, geofence=fence, rally=(rally[len(fleet)],))
-        fleet.append(loaded)
-    first, *others = fleets.values()
+    first, *others = fleets
     scenario = plan.scenario
     limits = limits_of(scenario)
     if leaves_s is not None:

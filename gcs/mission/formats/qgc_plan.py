@@ -18,6 +18,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.json_lines import line_of
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_wpl import file_position, wire_position
 from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Command, Frame, Home, MissionItem
@@ -161,6 +162,27 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         mission.hoverSpeed,
         _read_fence(document.geoFence),
         tuple(map(_read_point, document.rallyPoints.points)),
+    )
+
+
+def write_mission(file: MissionFile) -> str:
+    """The text of a file that holds this mission, its fence and its rally points."""
+    if file.home is None:
+        raise ValueError(f"{file.source}: a .plan holds a home position, and this mission has none")
+    speeds = () if file.speed_mps is None else (file.speed_mps, file.speed_mps)
+    cruise_mps, hover_mps = speeds or (PlanFile.cruise_speed_mps, PlanFile.hover_speed_mps)
+    return write_plan_file(
+        PlanFile(file.firmware, file.home, file.items, cruise_mps, hover_mps, file.geofence, file.rally)
+    )
+
+
+def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
+    """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
+    file = read_plan_file(data, source)
+    speed_mps = file.hover_speed_mps if file.hover_speed_mps > 0 else None
+    text = data.decode("utf-8", errors="replace")
+    return MissionFile(
+        source, firmware or file.firmware, file.home, file.items, file.geofence, file.rally, speed_mps, text=text
     )
 
 

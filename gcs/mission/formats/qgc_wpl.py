@@ -14,8 +14,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import (
     BadItem,
     Geofence,
@@ -93,6 +95,31 @@ def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -
     if home_first and home is None:
         raise FileFormatError(f"{source}: no row 0, the home position.")
     return WaypointFile(home, tuple(items), tuple(places))
+
+
+def write_mission(file: MissionFile) -> str:
+    """The text of a file that holds this mission, with home in row 0 where the autopilot counts it."""
+    return write_waypoints(WaypointFile(file.home if file.firmware.home_is_item_0 else None, file.items))
+
+
+def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
+    """The mission in a file. Raises `FileFormatError` with file, line and reason.
+
+    Without `firmware`, a first row that could be home is home, and the file is ArduPilot's; else it is PX4's.
+    """
+    home_first = _begins_with_home(data) if firmware is None else firmware.home_is_item_0
+    table = read_waypoints(data, source, home_first=home_first)
+    guessed = Autopilot.ARDUPILOT if home_first else Autopilot.PX4
+    return MissionFile(
+        source, firmware or guessed, table.home, table.items, lines=table.lines, jumps_from=int(home_first)
+    )
+
+
+def _begins_with_home(table: bytes) -> bool:
+    """Whether the first row could be home: a waypoint in the absolute frame."""
+    rows = (line.split() for line in table.splitlines()[1:] if line.strip() and not line.lstrip().startswith(b"#"))
+    first = next(rows, [])
+    return first[2:4] in [[b"%d" % Frame.GLOBAL, b"%d" % command] for command in _HOME_COMMANDS]
 
 
 def _item(line: str, row: int) -> tuple[MissionItem, tuple[float, float, float]]:

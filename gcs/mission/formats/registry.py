@@ -1,37 +1,179 @@
-"""Which files an export can write: a row for each format.
+"""The export formats: one row for each, from which export, read-back, `gcs check`, help and docs/formats.md derive.
 
-Knows: names, whether there is a file for each vehicle or one for all. Does not know: contents.
+A new format is a module with a writer and a row here. A program may also pass a row of its own to `gcs.export`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
+from importlib import import_module
+from typing import Any
 
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError
+from gcs.mission.formats.param import SUFFIX as PARAMETER_SUFFIX
 
-
-class Format(StrEnum):
-    """A format by the name people ask for."""
-
-    WAYPOINTS = "waypoints"
-    PLAN = "plan"
-    FENCE = "fence"
-    RALLY = "rally"
-    SETPOINTS = "setpoints"
-    PARQUET = "parquet"
-    HISTORY = "history"
-    PARAM = "param"
-    KML = "kml"
-    KMZ = "kmz"
-    GEOJSON = "geojson"
-
-
-DEFAULT = (Format.WAYPOINTS, Format.PLAN, Format.SETPOINTS)
-MISSIONS = frozenset({Format.WAYPOINTS, Format.PLAN})
-MAPS = frozenset({Format.KML, Format.KMZ, Format.GEOJSON})
 ALL = "all"
 FLEET = "formation"  # name, without suffix, of files that hold all vehicles
+Function = str | Callable[..., Any]  # "module:function" is imported when it is first called
+
+
+class Content(StrEnum):
+    """What a file holds: the type of the value that its writer is given and its reader returns (rally: several)."""
+
+    MISSION = "gcs.mission.formats.mission_file.MissionFile"
+    FENCE = "gcs.mission.geofence.Geofence"
+    RALLY = "gcs.mission.geofence.RallyPoint"
+    PARAMETERS = "gcs.mission.formats.param.ParameterFile"
+    SETPOINTS = "gcs.mission.formats.tables.setpoint_table.StreamFile"
+    HISTORY = "gcs.mission.formats.tables.history_csv.History"
+    MAP = "gcs.mission.formats.maps.tracks.MapFile"
+
+    @property
+    def per_vehicle(self) -> bool:
+        """Whether each vehicle has a file; else one file holds the formation."""
+        return self is not Content.MAP
+
+    @property
+    def per_autopilot(self) -> bool:
+        """Whether readers need the autopilot, as a third argument after bytes and source."""
+        return self in (Content.MISSION, Content.PARAMETERS)
+
+
+@dataclass(frozen=True, eq=False)
+class Format:
+    """One export format. `write(value)` returns text or bytes; `read` returns the value again."""
+
+    name: str
+    suffix: str | Mapping[Autopilot, str]
+    content: Content
+    purpose: str
+    writer: Function
+    reader: Function | None = None  # required for missions: every exported mission is read back and flown
+    default: bool = False  # written where no format is requested
+    fenced: bool = False  # mission files hold the geofence and the rally points too
+    begins: bytes = b""  # first bytes of a mission file; none: any file that no other format begins
+
+    def file_name(self, stem: str, firmware: Autopilot) -> str:
+        """The name of a file with this stem."""
+        return stem + (self.suffix if isinstance(self.suffix, str) else self.suffix[firmware])
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Every suffix that files of this format may have."""
+        return (self.suffix,) if isinstance(self.suffix, str) else tuple(self.suffix.values())
+
+    def write(self, value: Any) -> str | bytes:
+        """The contents of a file that holds `value`."""
+        written: str | bytes = _function(self.writer)(value)
+        return written
+
+    def read(self, data: bytes, source: str, firmware: Autopilot | None = None) -> Any:
+        """The value in a file's bytes; `source` names the file in errors. Raises `FileFormatError`."""
+        if self.reader is None:
+            raise UsageError(f"format '{self.name}' has no reader")
+        return _function(self.reader)(data, source, *([firmware] if self.content.per_autopilot else []))
+
+
+_HERE = "gcs.mission.formats"
+FORMATS = (
+    Format(
+        "plan",
+        ".plan",
+        Content.MISSION,
+        "Waypoint mission, geofence and rally point for QGroundControl",
+        f"{_HERE}.qgc_plan:write_mission",
+        f"{_HERE}.qgc_plan:read_mission",
+        default=True,
+        fenced=True,
+    ),
+    Format(
+        "waypoints",
+        ".waypoints",
+        Content.MISSION,
+        "Waypoint mission for Mission Planner and MAVProxy (QGC WPL 110)",
+        f"{_HERE}.qgc_wpl:write_mission",
+        f"{_HERE}.qgc_wpl:read_mission",
+        default=True,
+        begins=b"QGC",
+    ),
+    Format(
+        "fence",
+        ".fence",
+        Content.FENCE,
+        "Geofence for MAVProxy (QGC WPL 110)",
+        f"{_HERE}.qgc_wpl:write_fence",
+        f"{_HERE}.qgc_wpl:read_fence",
+    ),
+    Format(
+        "rally",
+        ".rally",
+        Content.RALLY,
+        "Rally point for MAVProxy (QGC WPL 110)",
+        f"{_HERE}.qgc_wpl:write_rally",
+        f"{_HERE}.qgc_wpl:read_rally",
+    ),
+    Format(
+        "setpoints",
+        ".setpoints",
+        Content.SETPOINTS,
+        "Timed setpoints in the formation's common NED frame, as CSV",
+        f"{_HERE}.tables.setpoints_csv:write_setpoints",
+        f"{_HERE}.tables.setpoints_csv:read_setpoints",
+        default=True,
+    ),
+    Format(
+        "parquet",
+        ".parquet",
+        Content.SETPOINTS,
+        "The same setpoints as Parquet, with checksums",
+        f"{_HERE}.tables.setpoints_parquet:write_setpoints_parquet",
+        f"{_HERE}.tables.setpoints_parquet:read_setpoints_parquet",
+    ),
+    Format(
+        "history",
+        ".history.csv",
+        Content.HISTORY,
+        "State and control of Eq. 1 over the whole plan, as CSV, for plots and comparisons",
+        f"{_HERE}.tables.history_csv:write_history",
+        f"{_HERE}.tables.history_csv:read_history",
+    ),
+    Format(
+        "param",
+        PARAMETER_SUFFIX,
+        Content.PARAMETERS,
+        "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl",
+        f"{_HERE}.param:write_parameters",
+        f"{_HERE}.param:read_parameters",
+    ),
+    Format(
+        "kml",
+        ".kml",
+        Content.MAP,
+        "Tracks in time and the geofence, for Google Earth",
+        f"{_HERE}.maps.kml:write_kml",
+        f"{_HERE}.maps.kml:read_kml",
+    ),
+    Format(
+        "kmz",
+        ".kmz",
+        Content.MAP,
+        "The same map, compressed",
+        f"{_HERE}.maps.kml:write_kmz",
+        f"{_HERE}.maps.kml:read_kmz",
+    ),
+    Format(
+        "geojson",
+        ".geojson",
+        Content.MAP,
+        "Tracks, plan times and the geofence, for GIS programs (QGIS) and web maps",
+        f"{_HERE}.maps.geojson:write_geojson",
+        f"{_HERE}.maps.geojson:read_geojson",
+    ),
+)
+DEFAULT = tuple(row for row in FORMATS if row.default)
 
 
 def vehicle_name(sysid: int) -> str:
@@ -39,14 +181,48 @@ def vehicle_name(sysid: int) -> str:
     return f"uav{sysid}"
 
 
-def formats_named(names: Iterable[str]) -> tuple[Format, ...]:
-    """The formats people asked for, in the order of the table; "all" means every one. Raises `UsageError`."""
-    wanted: set[Format] = set()
-    for name in names:
-        if name == ALL:
-            wanted |= set(Format)
-        elif name in set(Format):
-            wanted.add(Format(name))
+def select_formats(wanted: Iterable[str | Format]) -> tuple[Format, ...]:
+    """The rows of these formats: those of the table in its order, then the caller's own; "all" means the table.
+
+    Raises `UsageError` for an unknown name, for a mission format without a reader, and for two formats that would
+    write the same file.
+    """
+    own: list[Format] = []
+    names: set[str] = set()
+    table = {row.name: row for row in FORMATS}
+    for one in wanted:
+        if isinstance(one, Format):
+            own += [one] if one not in (*FORMATS, *own) else []
+            names |= {one.name} if one in FORMATS else set()
+        elif one == ALL:
+            names |= set(table)
+        elif one in table:
+            names.add(one)
         else:
-            raise UsageError(f"there is no format '{name}'", hint=f"there are {', '.join(Format)}, and {ALL}")
-    return tuple(f for f in Format if f in wanted) or DEFAULT
+            raise UsageError(f"there is no format '{one}'", hint=f"choose from {', '.join(table)}, and {ALL}")
+    rows = (*(row for row in FORMATS if row.name in names), *own)
+    files: dict[tuple[bool, str], str] = {}
+    for row in rows:
+        if row.content is Content.MISSION and row.reader is None:
+            raise UsageError(
+                f"format '{row.name}' holds missions and has no reader",
+                hint="give it one: every exported mission is read back and flown",
+            )
+        for suffix in row.suffixes:
+            other = files.setdefault((row.content.per_vehicle, suffix), row.name)
+            if other != row.name:
+                raise UsageError(f"formats '{other}' and '{row.name}' both write files that end in {suffix}")
+    return rows
+
+
+def suffixes_of(content: Content) -> str:
+    """The suffixes of files that hold this, for help texts."""
+    return ", ".join(suffix for row in FORMATS if row.content is content for suffix in row.suffixes)
+
+
+def _function(function: Function) -> Callable[..., Any]:
+    if not isinstance(function, str):
+        return function
+    module, name = function.split(":")
+    loaded: Callable[..., Any] = getattr(import_module(module), name)
+    return loaded

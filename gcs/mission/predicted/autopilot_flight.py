@@ -16,7 +16,7 @@ from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, NavigatorOrders, vector
 from gcs.autopilots.navigation.predict import predict
 from gcs.errors import VerificationError
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.planned_flight import Flying, PredictedFlight, Surroundings
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, fewest_indices
@@ -49,7 +49,7 @@ class AutopilotFlight:
         self.climb_s = climb_s
         self._flown: list[tuple[str, NavigatorOrders, _Way]] = []
 
-    def __call__(self, mission: LoadedMission, around: Surroundings) -> PredictedFlight:
+    def __call__(self, mission: MissionFile, around: Surroundings) -> PredictedFlight:
         """The mission as the model of its autopilot flies it, from the start at time 0."""
         return _Modelled(mission, around, modelled=self).run()
 
@@ -69,7 +69,7 @@ class AutopilotFlight:
         return way
 
 
-def fly_modelled(mission: LoadedMission, around: Surroundings) -> PredictedFlight:
+def fly_modelled(mission: MissionFile, around: Surroundings) -> PredictedFlight:
     """One mission as the model of its autopilot flies it."""
     return AutopilotFlight()(mission, around)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs.autopilots.mission_commands import COMMANDS
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Frame, Home, MissionItem
 from gcs.physics.quadrotor import Array
 
@@ -66,14 +66,14 @@ class Surroundings:
         return np.asarray(self.ground(ned_m[..., 0], ned_m[..., 1]))
 
 
-def surroundings(missions: Sequence[LoadedMission]) -> Surroundings:
+def surroundings(missions: Sequence[MissionFile]) -> Surroundings:
     """A frame that begins at the first home, or at the first place that any mission names; the ground is unknown."""
     homes = [m.home for m in missions if m.home is not None]
     first = homes[0] if homes else _first_place(missions)
     return Surroundings(Origin(first.lat_deg, first.lon_deg, first.alt_amsl_m))
 
 
-def _first_place(missions: Sequence[LoadedMission]) -> Home:
+def _first_place(missions: Sequence[MissionFile]) -> Home:
     for mission in missions:
         for item in mission.items:
             if item.command in COMMANDS and COMMANDS[item.command].has_place and (item.lat_degE7 or item.lon_degE7):
@@ -81,7 +81,7 @@ def _first_place(missions: Sequence[LoadedMission]) -> Home:
     return Home(0.0, 0.0, 0.0)
 
 
-def home_of(mission: LoadedMission, around: Surroundings) -> Home:
+def home_of(mission: MissionFile, around: Surroundings) -> Home:
     """Home as the file has it, else the ground under the mission's first place (at the origin's height if unknown)."""
     if mission.home is not None:
         return mission.home
@@ -91,7 +91,7 @@ def home_of(mission: LoadedMission, around: Surroundings) -> Home:
     return Home(first.lat_deg, first.lon_deg, around.origin.alt_amsl_m + height)
 
 
-def fly(mission: LoadedMission, around: Surroundings) -> PredictedFlight:
+def fly(mission: MissionFile, around: Surroundings) -> PredictedFlight:
     """The mission as its speeds and delays plan it, from the start at time 0, without waiting for anybody."""
     return Flying(mission, around).run()
 
@@ -116,7 +116,7 @@ def _waiting(flight: PredictedFlight, wait_s: float) -> PredictedFlight:
 class Flying:
     """A vehicle under way at planned speeds: where it is, how fast it may go, what has happened."""
 
-    mission: LoadedMission
+    mission: MissionFile
     around: Surroundings
     knots: list[tuple[float, tuple[float, float, float], int]] = field(default_factory=list)
     remarks: dict[int, str] = field(default_factory=dict)

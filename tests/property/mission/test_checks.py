@@ -16,7 +16,8 @@ from gcs.frames import Origin
 from gcs.mission.check.findings import Rule
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.check.flight_limits import FlightLimits
-from gcs.mission.formats.any_mission import LoadedMission, read_mission
+from gcs.mission.formats.any_mission import read_mission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.predicted.autopilot_flight import fly_modelled
@@ -80,7 +81,7 @@ fences = st.builds(
 )
 rallies = st.lists(st.builds(RallyPoint, spots, st.floats(-1e6, 1e6)), max_size=2).map(tuple)
 missions = st.builds(
-    LoadedMission,
+    MissionFile,
     st.sampled_from(["a.plan", "b.plan"]),
     st.sampled_from(Autopilot),
     st.sampled_from([None, Home(47.4, 8.5, 500.0), Home(-90.0, 180.0, -1e6)]),
@@ -92,7 +93,7 @@ missions = st.builds(
 
 @slow
 @given(st.lists(missions, min_size=1, max_size=3), st.booleans())
-def test_any_items_are_checked_to_the_end(fleet: list[LoadedMission], with_map: bool) -> None:
+def test_any_items_are_checked_to_the_end(fleet: list[MissionFile], with_map: bool) -> None:
     around = (
         Surroundings(Origin(47.4, 8.5, 500.0), lambda north, east: 0.0 * north) if with_map else surroundings(fleet)
     )
@@ -120,6 +121,6 @@ nearby = st.builds(
 @settings(slow, max_examples=25)
 @given(st.sampled_from(Autopilot), st.lists(nearby, min_size=1, max_size=6).map(tuple))
 def test_any_items_are_flown_by_the_model_to_the_end(firmware: Autopilot, some: tuple[MissionItem, ...]) -> None:
-    one = LoadedMission("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
+    one = MissionFile("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
     report = check_fleet([one], Surroundings(Origin(47.4, 8.5, 500.0)), FlightLimits(), fly_modelled)
     assert math.isfinite(report.duration_s)

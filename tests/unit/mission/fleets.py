@@ -8,7 +8,7 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import NO_FENCE, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
 from gcs.mission.predicted.planned_flight import Surroundings
@@ -47,11 +47,11 @@ def mission(
     geofence: Geofence = NO_FENCE,
     rally: tuple[RallyPoint, ...] = (),
     home_known: bool = True,
-) -> LoadedMission:
+) -> MissionFile:
     """A mission whose home is (north, east, up)."""
     lat, lon, alt = ned_to_geodetic(np.array(home) * [1, 1, -1], ORIGIN)
     known = Home(float(lat), float(lon), float(alt)) if home_known else None
-    return LoadedMission(name, firmware, known, tuple(items), geofence, rally)
+    return MissionFile(name, firmware, known, tuple(items), geofence, rally)
 
 
 def out_and_land(north_m: float, east_m: float = 0.0, up_m: float = 10.0, mps: float = 5.0) -> tuple[MissionItem, ...]:

@@ -11,50 +11,50 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
-from gcs.mission.export import mission_files as module
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.verify_export import verify_box
-from gcs.mission.formats.qgc_plan import PlanFile, write_plan_file
-from gcs.mission.formats.qgc_wpl import WaypointFile, write_waypoints
-from gcs.mission.formats.registry import Format
+from gcs.mission.formats.mission_file import MissionFile
+from gcs.mission.formats.registry import Format, select_formats
+from gcs.mission.geofence import NO_FENCE
 from gcs.mission.model import Altitude
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
 
-Tamper = Callable[[PlanFile], PlanFile]
+Tamper = Callable[[MissionFile], MissionFile]
 
 
-def tampered(monkeypatch: pytest.MonkeyPatch, change: Tamper) -> None:
-    """A writer of `.plan` files that writes something else."""
-    monkeypatch.setattr(module, "write_plan_file", lambda file: write_plan_file(change(file)))
+def tampered(name: str, change: Tamper) -> Format:
+    """A format whose writer writes another mission."""
+    (row,) = select_formats([name])
+    return replace(row, writer=lambda file: row.write(change(file)))
 
 
-def moved(file: PlanFile, index: int, **changes: object) -> PlanFile:
+def moved(file: MissionFile, index: int, **changes: object) -> MissionFile:
     items = list(file.items)
     items[index] = replace(items[index], **changes)  # type: ignore[arg-type]
     return replace(file, items=tuple(items))
 
 
-def sunk(file: PlanFile) -> PlanFile:
+def sunk(file: MissionFile) -> MissionFile:
     return moved(file, 40, alt_m=file.items[40].alt_m - 30.0)
 
 
-def strayed(file: PlanFile) -> PlanFile:
+def strayed(file: MissionFile) -> MissionFile:
     return moved(file, 40, lat_degE7=file.items[40].lat_degE7 + 100_000)
 
 
-def raced(file: PlanFile) -> PlanFile:
+def raced(file: MissionFile) -> MissionFile:
     speeds = [n for n, item in enumerate(file.items) if item.command == 178]
     return moved(file, speeds[20], params=(1.0, 9.0, -1.0, 0.0))
 
 
-def gathered(file: PlanFile) -> PlanFile:
+def gathered(file: MissionFile) -> MissionFile:
     """Everybody's first waypoint in one place."""
     return moved(file, 3, lat_degE7=473976200, lon_degE7=85453900)
 
 
-def unknown(file: PlanFile) -> PlanFile:
+def unknown(file: MissionFile) -> MissionFile:
     return moved(file, 1, command=9999)
 
 
@@ -69,28 +69,32 @@ def unknown(file: PlanFile) -> PlanFile:
     ],
 )
 def test_a_file_that_does_not_hold_is_not_written(
-    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Tamper, reason: str
+    simulation1_plan: Plan, tmp_path: Path, change: Tamper, reason: str
 ) -> None:
-    export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
+    export(simulation1_plan, tmp_path / "out", formats=["plan"], timed=False)
     before = (tmp_path / "out" / "uav1.plan").read_bytes()
-    tampered(monkeypatch, change)
     with pytest.raises(VerificationError, match=reason) as caught:
-        export(simulation1_plan, tmp_path / "out", formats=[Format.PLAN], timed=False)
+        export(simulation1_plan, tmp_path / "out", formats=[tampered("plan", change)], timed=False)
     assert "setpoint stream" in caught.value.hint
     assert (tmp_path / "out" / "uav1.plan").read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_two_formats_must_hold_one_mission(
-    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def other(file: WaypointFile) -> str:
-        first, *rest = file.items
-        return write_waypoints(replace(file, items=(replace(first, autocontinue=False), *rest)))
+def test_two_formats_must_hold_one_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
+    def other(file: MissionFile) -> MissionFile:
+        return moved(file, 0, autocontinue=False)
 
-    monkeypatch.setattr(module, "write_waypoints", other)
+    formats = ["plan", tampered("waypoints", other)]
     with pytest.raises(VerificationError, match=r"uav1\.plan and uav1\.waypoints do not hold the same mission"):
-        export(simulation1_plan, tmp_path / "out")
+        export(simulation1_plan, tmp_path / "out", formats=formats)
+
+
+def test_a_plan_file_without_its_fence_is_not_the_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
+    def unfenced(file: MissionFile) -> MissionFile:
+        return replace(file, geofence=NO_FENCE, rally=())
+
+    with pytest.raises(VerificationError, match=r"do not hold the same mission"):
+        export(simulation1_plan, tmp_path / "out", formats=[tampered("plan", unfenced), "waypoints"])
 
 
 @pytest.mark.parametrize("firmware", list(Autopilot))
@@ -98,7 +102,7 @@ def test_two_formats_must_hold_one_mission(
 def test_what_is_written_holds_for_both_autopilots(
     simulation1_plan: Plan, tmp_path: Path, firmware: Autopilot, altitude: Altitude
 ) -> None:
-    formats = [Format.PLAN, Format.WAYPOINTS]
+    formats = ["plan", "waypoints"]
     index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)
     report = index.report
     assert report is not None
@@ -113,7 +117,7 @@ def test_what_is_written_holds_for_both_autopilots(
 def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan, tmp_path: Path) -> None:
     """Between waypoints a vehicle that keeps its height above ground rises and falls with every ripple."""
     with pytest.raises(VerificationError, match="vertically"):
-        export(simulation1_plan, tmp_path, formats=[Format.PLAN], altitude=Altitude.TERRAIN)
+        export(simulation1_plan, tmp_path, formats=["plan"], altitude=Altitude.TERRAIN)
 
 
 def test_waypoints_outside_the_box(simulation1_plan: Plan) -> None:
@@ -126,6 +130,6 @@ def test_waypoints_outside_the_box(simulation1_plan: Plan) -> None:
 
 
 def test_streams_alone_need_no_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
-    index = export(simulation1_plan, tmp_path, formats=[Format.SETPOINTS], setpoint_rate_hz=2)
+    index = export(simulation1_plan, tmp_path, formats=["setpoints"], setpoint_rate_hz=2)
     assert index.report is None
     assert json.loads((tmp_path / INDEX).read_text())["verified"] is None

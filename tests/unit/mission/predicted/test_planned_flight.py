@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mission.formats.any_mission import LoadedMission
+from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.planned_flight import (
     ITEMS_FLOWN_MAX,
@@ -74,7 +74,7 @@ def test_jumps_that_lead_nowhere_are_passed_over(target: float) -> None:
 
 def test_jumps_count_as_the_file_does() -> None:
     items = (at(22, 0, 0, 10), speed(5), at(16, 50, 0, 10), at(16, 0, 0, 10), do(177, 2.0, 1.0), at(21, 0, 0, 0))
-    by_seq = LoadedMission("w", Autopilot.PX4, mission(()).home, items, jumps_from=0)
+    by_seq = MissionFile("w", Autopilot.PX4, mission(()).home, items, jumps_from=0)
     assert fly(by_seq, FLAT).down_s == pytest.approx(10 / 3 + 2 * 20.0, abs=0.05)
 
 

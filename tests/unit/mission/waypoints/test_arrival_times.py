@@ -17,7 +17,7 @@ from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import build_safety
-from gcs.mission.formats.registry import Format
+from gcs.mission.formats.registry import select_formats
 from gcs.mission.model import Altitude, Command
 from gcs.mission.waypoints.arrival_times import corrected_legs
 from gcs.plan.trajectory.plan import Plan
@@ -45,7 +45,7 @@ def field(plan_of: Plans) -> Plan:
 )
 def test_everybody_is_in_time(plan_of: Plans, name: str, firmware: Autopilot) -> None:
     plan = plan_of(f"{name}/scenario.toml")
-    made = make_missions(plan, MissionOrder(firmware), build_safety(plan, firmware), [Format.PLAN])
+    made = make_missions(plan, MissionOrder(firmware), build_safety(plan, firmware), select_formats(["plan"]))
     assert made.timing is not None
     assert abs(made.timing.late_s) <= LATE_S
     assert made.timing.spread_s <= SPREAD_S
@@ -67,7 +67,7 @@ def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
 
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
     with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m .* at .* s") as caught:
-        export(field, tmp_path / "asked", formats=[Format.PLAN], firmware=Autopilot.PX4)
+        export(field, tmp_path / "asked", formats=["plan"], firmware=Autopilot.PX4)
     assert "setpoint stream" in caught.value.hint
     assert not (tmp_path / "asked").exists()
     index = export(field, tmp_path / "unasked", firmware=Autopilot.PX4, setpoint_rate_hz=1)
@@ -96,7 +96,7 @@ def test_nor_are_such_missions_uploaded(field: Plan) -> None:
 
 
 def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tmp_path: Path) -> None:
-    index = export(field, tmp_path, formats=[Format.PLAN], firmware=Autopilot.PX4, timed=False)
+    index = export(field, tmp_path, formats=["plan"], firmware=Autopilot.PX4, timed=False)
     assert (index.timing, index.refused) == (None, "")
     assert (tmp_path / "uav1.plan").exists()
 
@@ -104,7 +104,7 @@ def test_missions_at_the_plans_own_speeds_are_written_on_request(field: Plan, tm
 @pytest.mark.slow
 def test_everybody_waits_at_gates(field: Plan) -> None:
     order = MissionOrder(Autopilot.ARDUPILOT, gates=2, start_s=DAY_START_S)
-    made = make_missions(field, order, build_safety(field, Autopilot.ARDUPILOT), [Format.PLAN])
+    made = make_missions(field, order, build_safety(field, Autopilot.ARDUPILOT), select_formats(["plan"]))
     assert made.refusal is None
     assert made.timing is not None
     assert len(made.timing.gates_early_s) == 2

@@ -13,7 +13,6 @@ from scipy.interpolate import PPoly
 
 import gcs
 from gcs.errors import Infeasible, UsageError
-from gcs.mission.formats.registry import Format
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.nlp.ipopt import run
 from gcs.plan.nlp.mesh import counted
@@ -144,11 +143,11 @@ def test_a_new_plan_is_stored_and_exported_as_any(plan: Plan, replanner: Replann
     assert report.ok
     assert (read.hash, read.begin_state) == (new.hash, new.begin_state)
     assert verify(read).ok
-    index = gcs.export(read, tmp_path / "out", formats=[Format.SETPOINTS])
+    index = gcs.export(read, tmp_path / "out", formats=["setpoints"])
     assert sorted(index.sha256) == [f"uav{sysid}.setpoints" for sysid in plan.sysids]
     assert gcs.build_stream(read, 5.0).t_s[0] == AT_S
     with pytest.raises(gcs.GcsError, match="begins in the air"):
-        gcs.export(read, tmp_path / "missions", formats=[Format.PLAN])
+        gcs.export(read, tmp_path / "missions", formats=["plan"])
 
 
 def test_a_new_plan_is_changed_again(plan: Plan, replanner: Replanner) -> None:

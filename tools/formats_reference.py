@@ -1,0 +1,57 @@
+"""Writes docs/formats.md, every export format:  ./tools/run python tools/formats_reference.py"""
+
+from __future__ import annotations
+
+from gcs.files import atomic_write
+from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
+from tools.reference import DOCS
+
+HEAD = """# Export formats
+
+<!-- made by tools/formats_reference.py from gcs/mission/formats/registry.py; change that -->
+
+`gcs export PLAN --to FOLDER` writes these files, and `index.json` with the hash of each. `--format NAME` chooses
+formats, any number of times; `all` chooses every one. `gcs.export(plan, folder, formats=["plan"])` takes the same
+names. Formats in **bold** are written without `--format`. `uavN` is the vehicle with system id N.
+
+Every mission is read back from the bytes of its file, flown as the autopilot would fly it, and verified before the
+folder is handed over. `gcs check` reads the missions, fences and rally points of any program.
+[extending.md](extending.md#an-export-format) adds a format.
+
+| name | files | what it is for | content |
+| --- | --- | --- | --- |
+"""
+CONTENTS = """
+## Contents
+
+The content of a format is what its writer is given and its reader returns. `RALLY` is a list of rally points.
+
+| content | one file for | type |
+| --- | --- | --- |
+"""
+
+
+def formats_reference() -> str:
+    """The page."""
+    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _contents()
+
+
+def _cells(row: Format) -> tuple[str, ...]:
+    name = f"**`{row.name}`**" if row.default else f"`{row.name}`"
+    stem = "uavN" if row.content.per_vehicle else FLEET
+    files = " or ".join(f"`{stem}{suffix}`" for suffix in row.suffixes)
+    return name, files, row.purpose, f"`{row.content.name}`"
+
+
+def _contents() -> str:
+    """The types that hold each content."""
+    rows = (
+        f"| `{content.name}` | {'each vehicle' if content.per_vehicle else 'the formation'} | `{content}` |\n"
+        for content in Content
+    )
+    return CONTENTS + "".join(rows)
+
+
+if __name__ == "__main__":
+    atomic_write(DOCS / "formats.md", formats_reference())
+    print(DOCS / "formats.md")
