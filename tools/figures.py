@@ -18,13 +18,17 @@ from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.scenery import save
+from tools.pictures.view import camera_near, draw_view
 
 ROOT = Path(__file__).resolve().parent.parent
 STEP_S = 0.1
+CLOSE_UP_S = 228.0
 
 
 def simulation1(plan: Plan, folder: Path) -> Iterator[Path]:
-    """Tracks, map and formation, as after a flight."""
+    """The formation close up behind the highest mountain of its track; tracks, map and formation, as after a flight."""
+    camera = camera_near(plan, CLOSE_UP_S, (4.6, 3.4, 1.55), turn_deg=10.0)
+    yield save(draw_view(plan, CLOSE_UP_S, camera), folder / "close_up.png")
     t_s = np.arange(plan.t_start_s, plan.t_end_s, STEP_S)
     yield from draw_all(plan.scenario, plan.sysids, t_s, plan.states(t_s)[..., POSITION], folder)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
+import gcs
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from tools import figures
@@ -17,6 +18,7 @@ from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.measures import clearance_m, nearest_m, size
 from tools.pictures.scenery import chain_lines, save
+from tools.pictures.view import HEIGHT, WIDTH, Camera, camera_near, draw_view, ground_image, hidden
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,33 @@ def test_changes_of_height_get_a_panel(changing: Plan) -> None:
     across, in_lanes = (len(draw_change(changing, move).axes) for move in (changing.moves[1], changing.moves[-1]))
     assert changing.moves[-1].way == "in one altitude lane"
     assert in_lanes == across + 1
+
+
+def test_a_formation_is_drawn_close_up(changing: Plan, tmp_path: Path) -> None:
+    camera = camera_near(changing, 60.0, (30.0, 10.0, 8.0))
+    assert is_drawn(save(draw_view(changing, 60.0, camera, samples=1), tmp_path / "close_up.png"))
+
+
+def test_the_camera_sees_the_formation_before_itself(changing: Plan) -> None:
+    camera = camera_near(changing, 60.0, (30.0, 10.0, 8.0))
+    places = changing.states(np.array([60.0]))[:, 0, :3] * (1.0, 1.0, -1.0)
+    pixels, ahead = camera.pixels(places.mean(axis=0))
+    assert float(ahead) == pytest.approx(np.hypot(30.0, 10.0), rel=1e-6)
+    assert float(pixels[0]) == pytest.approx(0.5 * WIDTH)
+    assert float(pixels[1]) == pytest.approx(camera.horizon * HEIGHT - camera.focal * WIDTH * 8.0 / float(ahead))
+
+
+def test_ground_hides_what_is_behind_it_and_nothing_else(repo_root: Path) -> None:
+    """From the south of Simulation 1's 48 m mountain: the sky is above it, and a place behind it is not seen."""
+    terrain = gcs.load_scenario(repo_root / "missions" / "simulation1").terrain
+    camera = Camera(np.array([460.0, 750.0, 10.0]), 0.0, horizon=0.3)
+    behind, before, above = np.array([[1060.0, 750.0, 10.0], [560.0, 750.0, 10.0], [1060.0, 750.0, 120.0]])
+    assert hidden(terrain, camera, np.array([behind, before, above])).tolist() == [True, False, False]
+    image = ground_image(terrain, camera)
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    top = int(camera.pixels(np.array([760.0, 750.0, 48.0]))[0][1])
+    below, over = image[top - 12, WIDTH // 2], image[top + 12, WIDTH // 2]
+    assert over[2] > over[0] + 0.05 and below[2] < below[0] + 0.05  # blue above the top, ground below it
 
 
 def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None:
