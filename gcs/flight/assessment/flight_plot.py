@@ -149,7 +149,7 @@ def draw_ways_on(
     axes.plot(last[:, 1], last[:, 0], "ks", ms=5, label=ends[1], clip_on=False, zorder=5)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal")
     if len(sysids) <= NAMED:
-        axes.legend(fontsize=8, loc="lower right")
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
 
 
 def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:
