@@ -20,7 +20,8 @@ from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.nlp.mesh_refinement import optimise
-from gcs.plan.ocp.problem import Problem, run_up_problem
+from gcs.plan.ocp.objectives import ObjectiveTerm
+from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, fixed
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
@@ -45,16 +46,19 @@ def make_plan(
     *,
     every_way: bool = False,
     workers: int = 1,
+    extra_objectives: tuple[ObjectiveTerm, ...] = (),
 ) -> Plan:
     """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none.
 
-    `every_way` optimises all ways through the map that the search finds, not only those that can still win. `workers`
-    processes do so at once, where that is quicker than to start them; a program that asks for more than one must be
-    importable (`if __name__ == "__main__"`). The plan is the same.
+    `every_way` optimises all routes that the search finds, not only those that can still win. With more than one
+    `workers`, processes optimise routes in parallel where that is quicker; the plan is the same. A program that asks
+    for more than one must be importable (`if __name__ == "__main__"`). `extra_objectives` are terms of the objective
+    beside those of `gcs.plan.ocp.objectives.TERMS`, for the flight from T0 to the arrival.
     """
     began = time.perf_counter()
     _check_landing(scenario)
-    best, alternatives = best_flight(scenario, on_round, every_way=every_way, workers=workers)
+    problem = flight_problem(scenario, extra_objectives)
+    best, alternatives = best_flight(problem, on_round, every_way=every_way, workers=workers)
     scenario = fixed(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()

@@ -22,7 +22,8 @@ from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import STATE_UNIT, Program, transcribe
 from gcs.plan.nlp.variables import NX, ControlForm
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem, flight_problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
 from tools.bench.describe import alone, six, straight

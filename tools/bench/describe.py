@@ -14,7 +14,8 @@ import numpy as np
 from gcs.plan.nlp.mesh import Mesh, end_refined
 from gcs.plan.nlp.transcription import STATE_UNIT, transcribe
 from gcs.plan.nlp.variables import NU
-from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem, flight_problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
 from gcs.plan.search.initial_guess import along, straight_way
 from gcs.plan.trajectory.trajectory import Trajectory

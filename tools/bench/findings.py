@@ -14,7 +14,8 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification import margins
 from gcs.plan.verification.reintegration import window_errors

@@ -28,7 +28,9 @@ from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
-from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
+from gcs.plan.ocp.objective_sum import duration_cost
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 
 # One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
@@ -112,9 +114,7 @@ def transcribe(
     row_unit = sparse.diags(1.0 / np.tile(state_unit, a.shape[0] // nx))
     weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
     quadrature = layout.quadrature()
-    free = problem.free_time
-    mean_s = problem.duration_s if free is None else free.reference_s
-    shares = np.vstack([quadrature / mean_s, quadrature * weight / (quadrature @ weight)])
+    shares = np.vstack([quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight)])
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = stage_functions.functions(problem, *counts)
     nlp, derivatives = assemble(
@@ -130,7 +130,7 @@ def transcribe(
             shares=ca.DM(shares),
             slots=ca.DM(chosen.parameters.T),
             state_unit=state_unit,
-            time_cost=None if free is None else free.weight * problem.duration_s / free.reference_s,
+            time_cost=None if problem.free_time is None else duration_cost(problem),
         ),
     )
     return framed(problem, layout, chosen, nlp, derivatives)

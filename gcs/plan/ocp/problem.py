@@ -5,8 +5,7 @@ Knows: one flight between two states, in SI and NED. Does not know: how it is di
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,40 +14,9 @@ from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, Qu
 from gcs.plan.formation.changes.time_scaling import Budget, budget
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
-from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+from gcs.plan.ocp.objectives import FreeTime, Objective, ObjectiveTerm, references
+from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor
-
-TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
-    "1": lambda t, tf: np.ones_like(t),
-    "t^2": lambda t, tf: t**2,
-    "1/(tf-t+0.5)": lambda t, tf: 1.0 / (tf - t + 0.5),
-    "1/(tf-t+0.5)^2": lambda t, tf: 1.0 / (tf - t + 0.5) ** 2,
-}
-
-
-@dataclass(frozen=True)
-class Objective:
-    """Eq. 35 with each term divided by its reference, so that its weights compare like with like."""
-
-    energy_weight: float
-    heading_weight: float
-    height_weight: float
-    terminal_weight: TerminalWeight
-    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
-    heading_ref_rad: float
-    heading_scale_rad: float
-    height_ref_m: float
-    height_scale_m: float
-
-
-@dataclass(frozen=True)
-class FreeTime:
-    """A time of flight that is an unknown like any other, and what it costs."""
-
-    earliest_s: float
-    latest_s: float
-    weight: float  # cost of `reference_s` seconds
-    reference_s: float  # also the time over which energy is a mean
 
 
 @dataclass(frozen=True)
@@ -70,6 +38,7 @@ class Problem:
     control_high: Array  # (4,)
     shape: Shape  # offsets by schedule; where there are coordinates, before these scale, turn and blend it
     objective: Objective
+    extra_objectives: tuple[ObjectiveTerm, ...] = ()  # rows beside those of `objectives.TERMS`
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
     free_time: FreeTime | None = None  # then end_s is a guess
@@ -79,6 +48,11 @@ class Problem:
     def duration_s(self) -> float:
         """Length of the flight."""
         return self.end_s - self.start_s
+
+    @property
+    def mean_s(self) -> float:
+        """Time by which the objective's means divide: that of the flight, or the reference where it is free."""
+        return self.duration_s if self.free_time is None else self.free_time.reference_s
 
     @property
     def control_limits(self) -> tuple[Array, Array]:
@@ -132,19 +106,16 @@ class Problem:
         return int(self.shape.basis_ned_m.shape[1])
 
 
-def flight_problem(scenario: Scenario) -> Problem:
+def flight_problem(scenario: Scenario, extra_objectives: tuple[ObjectiveTerm, ...] = ()) -> Problem:
     """The paper's problem (§2.6): from Eq. 15 at t = 0 to Eq. 16 at the scenario's time of flight."""
     low, high = state_bounds(scenario)
-    return _problem(
+    problem = _problem(
         scenario,
-        0.0,
-        scenario.time.flight_s,
-        boundary_state(scenario, scenario.start),
-        boundary_state(scenario, scenario.end),
-        low,
-        high,
-        coordinates(scenario),
+        times_s=(0.0, scenario.time.flight_s),
+        ends=(boundary_state(scenario, scenario.start), boundary_state(scenario, scenario.end)),
+        box=(low, high),
     )
+    return replace(problem, coordinates=coordinates(scenario), extra_objectives=extra_objectives)
 
 
 def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
@@ -156,7 +127,7 @@ def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:
     start[POSITION] = hover_ned_m
     start[8] = end[8]
     _, start[6], start[7] = hover_trim(-float(hover_ned_m[2]), float(end[8]), quadrotor(scenario))
-    return _problem(scenario, -scenario.ground_phases.run_up_s, 0.0, start, end, low, high)
+    return _problem(scenario, times_s=(-scenario.ground_phases.run_up_s, 0.0), ends=(start, end), box=(low, high))
 
 
 def state_bounds(scenario: Scenario) -> tuple[Array, Array]:
@@ -185,18 +156,12 @@ def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Arra
 
 
 def _problem(
-    scenario: Scenario,
-    start_s: float,
-    end_s: float,
-    start: Array,
-    end: Array,
-    low: Array,
-    high: Array,
-    shape_coordinates: tuple[Coordinate, ...] = (),
+    scenario: Scenario, times_s: tuple[float, float], ends: tuple[Array, Array], box: tuple[Array, Array]
 ) -> Problem:
+    """A flight between two times and two states (12,), within a box of states (12,), (12,)."""
+    start_s, end_s = times_s
+    start, end = ends
     control_low, control_high = control_bounds(scenario, scenario.limits.control_margin)
-    wanted = scenario.objective
-    weights = wanted.weights
     length = float(np.linalg.norm((end - start)[POSITION]))
     return Problem(
         scenario=scenario,
@@ -205,21 +170,10 @@ def _problem(
         end_s=end_s,
         start_state=start,
         end_state=end,
-        state_low=low,
-        state_high=high,
+        state_low=box[0],
+        state_high=box[1],
         control_low=control_low,
         control_high=control_high,
         shape=rigid(offsets_ned_m(scenario), start_s, end_s),
-        coordinates=shape_coordinates,
-        objective=Objective(
-            energy_weight=weights[0],
-            heading_weight=weights[1],
-            height_weight=weights[2],
-            terminal_weight=wanted.terminal_weight,
-            speed_ref_mps=max(length / (end_s - start_s), 0.1),
-            heading_ref_rad=float(np.radians(wanted.heading_ref_deg)),
-            heading_scale_rad=float(np.radians(wanted.heading_scale_deg)),
-            height_ref_m=wanted.height_ref_m,
-            height_scale_m=wanted.height_scale_m,
-        ),
+        objective=references(scenario, length, end_s - start_s),
     )

@@ -18,6 +18,8 @@ from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.nlp.variables import NU, NX
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
+from gcs.plan.ocp.objective_sum import cost_rate
+from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
 from gcs.plan.verification.margins import REST_SPEED_MPS
@@ -30,8 +32,6 @@ REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
 COURSE_FLOOR_MPS = 0.3
 # Edges of a polygon count as so much farther out, so that its corners can be rounded.
 CORNER_M = 0.3
-_COURSE_WEIGHT = 1.0  # of flying all the way across the formation's front
-_CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two ways that cost the same
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
     chain = [part for c in range(chains) for part in (*x[NX + 4 * c + 1 : NX + 4 * c + 4], u[NU + c])]
     motion = ca.vertcat(*flight, *chain)
     shares = ca.SX.sym("shares", 2)
-    cost = _cost_rate(problem, x, shares)
+    cost = cost_rate(problem, x, u, shares)
     slots = ca.SX.sym("slots", SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving))
     path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_zone)
     sigma, costate = ca.SX.sym("sigma"), ca.SX.sym("costate", nx)
@@ -133,34 +133,6 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
 
 
-def _cost_rate(problem: Problem, x: list[ca.SX], shares: ca.SX) -> ca.SX:
-    """Eqs. 30-35: energy, heading with sideslip, height; each in units of its reference; and what the shape costs."""
-    wanted = problem.objective
-    vx, vy, vz, yaw = x[3], x[4], x[5], x[8]
-    # What drag costs is a matter of the air. Smoothed at rest in it, where |v|^3 has no second derivative.
-    wind_north, wind_east, _ = problem.quadrotor.wind.at(-x[2], ca)
-    speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
-    energy = (speed / wanted.speed_ref_mps) ** 3
-    # Yaw alone cannot bend a quadrotor's path: coming from a direction needs yaw *and* course. At reference speed the
-    # angle between them costs what yaw's angle to the reference costs: (2 v sin(angle / 2))^2; backwards is worst.
-    ground_speed = ca.sqrt(vx**2 + vy**2 + (1e-2 * wanted.speed_ref_mps) ** 2)
-    forward = vx * ca.cos(yaw) + vy * ca.sin(yaw)
-    slip = 2.0 * ground_speed * (ground_speed - forward) / (wanted.speed_ref_mps * wanted.heading_scale_rad) ** 2
-    heading = ((yaw - wanted.heading_ref_rad) / wanted.heading_scale_rad) ** 2 + slip
-    height = ((-x[2] - wanted.height_ref_m) / wanted.height_scale_m) ** 2
-    shape: ca.SX = ca.SX(0)
-    for c, coordinate in enumerate(problem.coordinates):
-        value, _, acceleration, _ = x[NX + 4 * c : NX + 4 * c + 4]
-        shape += coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
-        shape += _CALM * (acceleration / coordinate.most[1]) ** 2
-    if problem.follows_course:
-        lateral, _ = _along_and_across(problem, x)
-        shape += _COURSE_WEIGHT * (lateral / wanted.speed_ref_mps) ** 2
-    terminal: ca.SX = wanted.heading_weight * heading + wanted.height_weight * height
-    rate: ca.SX = shares[0] * (wanted.energy_weight * energy + shape) + shares[1] * terminal
-    return rate
-
-
 def _path(
     problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_zone: int
 ) -> list[ca.SX]:
@@ -185,7 +157,7 @@ def _path(
     for slot in waiting:
         values += _own_motion(problem, z, motion, slot)
     if problem.follows_course:
-        lateral, ahead = _along_and_across(problem, x)
+        lateral, ahead = speed_across_and_along(problem, x)
         sine = float(np.sin(np.radians(scenario.formation.course_tolerance_deg)))
         floor = COURSE_FLOOR_MPS
         squared = x[3] ** 2 + x[4] ** 2
@@ -269,10 +241,3 @@ def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, c
     second = ca.jtimes(speed, q0, q1) + ca.jtimes(speed, q1, q2)
     second += ca.jtimes(speed, base, rate) + ca.jtimes(speed, rate, acceleration)
     return place, speed, second
-
-
-def _along_and_across(problem: Problem, x: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
-    """The leader's speed across and along the direction in which the formation faces."""
-    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
-    c, s = ca.cos(heading), ca.sin(heading)
-    return c * x[4] - s * x[3], c * x[3] + s * x[4]

@@ -20,7 +20,8 @@ from gcs.plan.nlp.transcription import Constants, Program, assemble, dm, framed,
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
-from gcs.plan.ocp.problem import TERMINAL_WEIGHTS, Problem
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 

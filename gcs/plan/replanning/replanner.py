@@ -21,6 +21,7 @@ from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
 from gcs.plan.nlp.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
+from gcs.plan.ocp.objectives import ObjectiveTerm
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.replanning.bound_tightening import tightened
 from gcs.plan.replanning.obstacle_detour import detours
@@ -48,13 +49,15 @@ CLEARANCE_RESERVE_M, ZONE_RESERVE_M, RATE_RESERVE = 0.06, 0.01, 0.04
 class Replanner:
     """Re-plans one plan as often as asked. Building takes about a second, and nothing is built afterwards."""
 
-    def __init__(self, plan: Plan, *, spare_disks: int = SPARE_DISKS) -> None:
+    def __init__(
+        self, plan: Plan, *, spare_disks: int = SPARE_DISKS, extra_objectives: tuple[ObjectiveTerm, ...] = ()
+    ) -> None:
         """Build the programs and solve the plan once more, for its multipliers. Raises PlanningError if that fails."""
         self.plan = plan
         self.spare_disks = spare_disks
         mission = plan.phase("mission")
         whole = replace(
-            flight_problem(plan.scenario),
+            flight_problem(plan.scenario, extra_objectives),
             start_s=mission.start_s,
             start_state=plan.leader_trajectory.state(mission.start_s),
             shape=shape_part(plan.shape, mission.start_s, mission.end_s),

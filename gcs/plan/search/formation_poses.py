@@ -16,6 +16,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.timeline import stops_ned_m
 from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
+from gcs.plan.ocp.objectives import departure_cost
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -42,9 +43,7 @@ def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
         rows = standing_for_all(base)
         for values in itertools.product(*(_grid(c) for c in problem.coordinates)):
             chosen: dict[Name, float] = {c.name: v for c, v in zip(problem.coordinates, values, strict=True)}
-            cost = sum(
-                c.weight * ((v - c.rest) / c.unit) ** 2 for c, v in zip(problem.coordinates, values, strict=True)
-            )
+            cost = sum(departure_cost(c, v) for c, v in zip(problem.coordinates, values, strict=True))
             offsets = np.stack(bent(chosen, tuple(base[rows].T), tuple(problem.target_ned_m[rows].T)), axis=-1)
             made.append(Pose(chosen, offsets, cost))
     return sorted(made, key=lambda pose: pose.cost)

@@ -15,7 +15,8 @@ from scipy.interpolate import PPoly
 
 from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
-from gcs.plan.ocp.problem import FreeTime, Problem, flight_problem
+from gcs.plan.ocp.objectives import FreeTime
+from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.infeasibility import least_time_s
 from gcs.plan.trajectory.plan import Alternative, MeshRound
@@ -28,11 +29,10 @@ _ROUND_S = 0.01
 
 
 def best_flight(
-    scenario: Scenario, on_round: Callable[[MeshRound], None], *, every_way: bool, workers: int = 1
+    problem: Problem, on_round: Callable[[MeshRound], None], *, every_way: bool, workers: int = 1
 ) -> tuple[Optimum, tuple[Alternative, ...]]:
     """The best flight in the scenario's time, or in the best time where that is free. Raises PlanningError."""
-    problem = flight_problem(scenario)
-    if not scenario.time.free:
+    if not problem.scenario.time.free:
         return best_class(problem, on_round, every_way=every_way, workers=workers)
     problem = freed(problem)
     best, alternatives = best_class(problem, on_round, every_way=every_way, workers=workers)
@@ -61,7 +61,7 @@ def _rounded(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], No
     """The same flight in the next round time, where that has one: people read it, vehicles' clocks have it."""
     time = problem.free_time
     assert time is not None
-    if not any(problem.scenario.objective.weights):
+    if not any(problem.scenario.objective.weights) and not problem.extra_objectives:
         return best  # no flight of a given time is better than another
     end_s = float(np.ceil((best.trajectory.end_s - 1e-9) / _ROUND_S)) * _ROUND_S
     end_s = round(min(end_s, time.latest_s), 6)

@@ -13,6 +13,7 @@ import numpy as np
 
 from gcs.errors import PlanningError
 from gcs.plan.nlp.mesh_refinement import Optimum
+from gcs.plan.ocp.objective_sum import least_cost, refuse_false_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_way
@@ -23,7 +24,6 @@ from gcs.plan.trajectory.plan import Alternative, MeshRound
 
 # Taut ways on a grid are up to so much longer than the shortest way on the same sides.
 GRID_EXCESS = 1.02
-_TIMES = 2000
 
 
 def best_class(
@@ -60,6 +60,7 @@ def best_class(
             tried.append(Alternative(route.length_m, None, failure.message))
             continue
         first_s = max(first_s, time.perf_counter() - began)
+        refuse_false_bounds(problem, found.trajectory)
         tried.append(Alternative(route.length_m, found.objective, "holds between nodes"))
         if best is None or found.objective < best.objective:
             best = found
@@ -104,15 +105,6 @@ def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alt
 
 
 def least_objective(problem: Problem, route: Route) -> float:
-    """No flight of this length costs less: constant speed, and nothing for heading and height; in wind nobody knows."""
-    if not problem.quadrotor.wind.is_still:
-        return 0.0
+    """The lower bound of the objective for all flights along a route, or on the straight line where that is longer."""
     straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
-    length_m = max(route.length_m / GRID_EXCESS, straight_m)
-    free, wanted = problem.free_time, problem.objective
-    if free is None:
-        return wanted.energy_weight * (length_m / problem.duration_s / wanted.speed_ref_mps) ** 3
-    t_s = np.linspace(free.earliest_s, free.latest_s, _TIMES)
-    energy = wanted.energy_weight * (length_m / t_s / wanted.speed_ref_mps) ** 3 * t_s / free.reference_s
-    # Between two of so many times nothing costs less than the later one's energy and the earlier one's time.
-    return float(np.min(energy[1:] + free.weight * t_s[:-1] / free.reference_s))
+    return least_cost(problem, max(route.length_m / GRID_EXCESS, straight_m))

@@ -1,0 +1,286 @@
+"""The objective (Eq. 35) as a table: one row for each term, with its lower bound beside its cost.
+
+A new term is one cost rate, one lower bound and one row of TERMS; `objective_sum` iterates over the rows. The search
+discards a route when its lower bound is above the cost of a known flight. A bound that is too high would discard the
+best route: tests/property/plan/test_objective_bounds.py tests every row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from gcs.physics.quadrotor import Array, Quadrotor
+from gcs.plan.formation.coordinates import Coordinate
+from gcs.plan.nlp.variables import NX
+from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+
+TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
+    "1": lambda t, tf: np.ones_like(t),
+    "t^2": lambda t, tf: t**2,
+    "1/(tf-t+0.5)": lambda t, tf: 1.0 / (tf - t + 0.5),
+    "1/(tf-t+0.5)^2": lambda t, tf: 1.0 / (tf - t + 0.5) ** 2,
+}
+_FACING_WEIGHT = 1.0  # of flying across the direction in which the formation faces
+_CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two motions of equal cost
+_STILL = 1e-2  # of the reference speed: smooths |v| at rest, where |v|^3 has no second derivative
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Weights and references of Eq. 35. Each term is divided by its reference, so that weights are comparable."""
+
+    energy_weight: float
+    heading_weight: float
+    height_weight: float
+    terminal_weight: TerminalWeight  # Q(t) of Eq. 33
+    speed_ref_mps: float  # constant speed of the straight flight: one unit of energy
+    heading_ref_rad: float
+    heading_scale_rad: float
+    height_ref_m: float
+    height_scale_m: float
+
+
+@dataclass(frozen=True)
+class FreeTime:
+    """A time of flight that is an unknown of the program, and what it costs."""
+
+    earliest_s: float
+    latest_s: float
+    weight: float  # cost of `reference_s` seconds
+    reference_s: float  # also the time over which energy is a mean
+
+
+class Share(Enum):
+    """How the rate of a term becomes a cost."""
+
+    MEAN = "integral over the flight, divided by its (reference) time"
+    TERMINAL = "mean over the flight, weighted by Q(t) of Eq. 33"
+    DURATION = "rate times the time of flight, divided by the scale; counted where the time is free"
+
+
+@dataclass(frozen=True)
+class Flights:
+    """All flights that are at least so long, and last between `shortest_s` and `longest_s`."""
+
+    length_m: float
+    shortest_s: Array  # (N,)
+    longest_s: Array  # (N,)
+
+
+class Inputs(Protocol):
+    """What a term may read: a `Problem`, as far as it does not depend on the terms."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario, with all its tables."""
+
+    @property
+    def quadrotor(self) -> Quadrotor:
+        """The vehicle and the wind."""
+
+    @property
+    def objective(self) -> Objective:
+        """Weights and references."""
+
+    @property
+    def extra_objectives(self) -> tuple[ObjectiveTerm, ...]:
+        """Rows given by the caller."""
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Degrees of freedom of the shape."""
+
+    @property
+    def free_time(self) -> FreeTime | None:
+        """Bounds and weight of a free time of flight."""
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the flight; a guess where it is free."""
+
+    @property
+    def mean_s(self) -> float:
+        """Time by which means divide."""
+
+    @property
+    def follows_course(self) -> bool:
+        """Whether the formation turns with the leader's course."""
+
+    @property
+    def course_at_start_rad(self) -> float:
+        """Direction in which the formation faces at its heading's zero."""
+
+
+# rate(problem, x, u, scale): from state x and control u of the leader at one instant (CasADi scalars; SI, NED).
+# Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape.
+Rate = Callable[[Inputs, Sequence[Any], Sequence[Any], float], Any]
+# bound(problem, flights, scale): a number, or (N,) numbers, that the term's cost is never below.
+Bound = Callable[[Inputs, Flights, float], "float | Array"]
+
+
+@dataclass(frozen=True)
+class ObjectiveTerm:
+    """One row: a term of the objective. Its cost is `weight` times the share of its rate."""
+
+    name: str
+    share: Share
+    weight: Callable[[Inputs], float]  # 0 or more; a term of weight 0 is left out
+    scale: Callable[[Inputs], float]  # reference: the term is 1 where what it measures is of this size
+    rate: Rate
+    lower_bound: Bound
+
+
+def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+    """Eqs. 30-32: the power against drag, which depends on the velocity relative to the air."""
+    vx, vy, vz = x[3:6]
+    wind_north, wind_east, _ = problem.quadrotor.wind.at(-x[2], ca)
+    speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (_STILL * speed_ref_mps) ** 2)
+    return (speed / speed_ref_mps) ** 3
+
+
+def least_energy(problem: Inputs, flights: Flights, speed_ref_mps: float) -> float | Array:
+    """Eqs. 30-32 at constant speed in the longest time: the mean of a cube is at least the cube of the mean.
+
+    0 in wind: a tail wind may carry the vehicle.
+    """
+    if not problem.quadrotor.wind.is_still:
+        return 0.0
+    speed_mps = flights.length_m / flights.longest_s
+    return (speed_mps / speed_ref_mps) ** 3 * flights.longest_s / problem.mean_s
+
+
+def heading_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_rad: float) -> Any:
+    """Eq. 33: yaw off its reference, and sideslip.
+
+    Yaw alone cannot turn a quadrotor's track: to arrive from a direction takes yaw and course. At reference speed the
+    angle between the two costs as much as yaw's angle to the reference: (2 v sin(angle / 2))^2; backwards costs most.
+    """
+    reference = problem.objective
+    vx, vy, yaw = x[3], x[4], x[8]
+    ground_speed = ca.sqrt(vx**2 + vy**2 + (_STILL * reference.speed_ref_mps) ** 2)
+    forward = vx * ca.cos(yaw) + vy * ca.sin(yaw)
+    slip = 2.0 * ground_speed * (ground_speed - forward) / (reference.speed_ref_mps * scale_rad) ** 2
+    return ((yaw - reference.heading_ref_rad) / scale_rad) ** 2 + slip
+
+
+def height_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_m: float) -> Any:
+    """Eq. 34: height off its reference."""
+    return ((-x[2] - problem.objective.height_ref_m) / scale_m) ** 2
+
+
+def shape_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale: float) -> Any:
+    """Scale, heading and blend of the shape off their rest values, and a little for their acceleration."""
+    total: Any = ca.SX(0)
+    for c, coordinate in enumerate(problem.coordinates):
+        value, _, acceleration, _ = x[NX + 4 * c : NX + 4 * c + 4]
+        total += departure_cost(coordinate, value)
+        total += _CALM * (acceleration / coordinate.most[1]) ** 2
+    return total
+
+
+def departure_cost(coordinate: Coordinate, value: Any) -> Any:
+    """The cost rate of one coordinate of the shape at `value`, with its weight."""
+    return coordinate.weight * ((value - coordinate.rest) / coordinate.unit) ** 2
+
+
+def facing_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
+    """Speed across the direction in which the formation faces, where it turns with the leader's course."""
+    across, _ = speed_across_and_along(problem, x)
+    return (across / speed_ref_mps) ** 2
+
+
+def time_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], reference_s: float) -> float:
+    """The same for every second of flight."""
+    return 1.0
+
+
+def least_time(problem: Inputs, flights: Flights, reference_s: float) -> Array:
+    """Cost of the shortest time."""
+    return flights.shortest_s / reference_s
+
+
+def zero(problem: Inputs, flights: Flights, scale: float) -> float:
+    """Lower bound of a term that is never negative."""
+    return 0.0
+
+
+TERMS: tuple[ObjectiveTerm, ...] = (
+    ObjectiveTerm(
+        name="energy (Eqs. 30-32)",
+        share=Share.MEAN,
+        weight=lambda p: p.objective.energy_weight,
+        scale=lambda p: p.objective.speed_ref_mps,
+        rate=energy_rate,
+        lower_bound=least_energy,
+    ),
+    ObjectiveTerm(
+        name="heading (Eq. 33)",
+        share=Share.TERMINAL,
+        weight=lambda p: p.objective.heading_weight,
+        scale=lambda p: p.objective.heading_scale_rad,
+        rate=heading_rate,
+        lower_bound=zero,
+    ),
+    ObjectiveTerm(
+        name="height (Eq. 34)",
+        share=Share.TERMINAL,
+        weight=lambda p: p.objective.height_weight,
+        scale=lambda p: p.objective.height_scale_m,
+        rate=height_rate,
+        lower_bound=zero,
+    ),
+    ObjectiveTerm(
+        name="change of the shape",
+        share=Share.MEAN,
+        weight=lambda p: 1.0 if p.coordinates else 0.0,
+        scale=lambda p: 1.0,  # every coordinate has a unit and a weight of its own
+        rate=shape_rate,
+        lower_bound=zero,
+    ),
+    ObjectiveTerm(
+        name="facing along the course",
+        share=Share.MEAN,
+        weight=lambda p: _FACING_WEIGHT if p.follows_course else 0.0,
+        scale=lambda p: p.objective.speed_ref_mps,
+        rate=facing_rate,
+        lower_bound=zero,
+    ),
+    ObjectiveTerm(
+        name="time of flight",
+        share=Share.DURATION,
+        weight=lambda p: p.free_time.weight if p.free_time else 0.0,
+        scale=lambda p: p.free_time.reference_s if p.free_time else 1.0,
+        rate=time_rate,
+        lower_bound=least_time,
+    ),
+)
+
+
+def references(scenario: Scenario, length_m: float, duration_s: float) -> Objective:
+    """The scenario's weights and references for a flight whose ends are `length_m` apart."""
+    table = scenario.objective
+    energy, heading, height = table.weights
+    return Objective(
+        energy_weight=energy,
+        heading_weight=heading,
+        height_weight=height,
+        terminal_weight=table.terminal_weight,
+        speed_ref_mps=max(length_m / duration_s, 0.1),
+        heading_ref_rad=float(np.radians(table.heading_ref_deg)),
+        heading_scale_rad=float(np.radians(table.heading_scale_deg)),
+        height_ref_m=table.height_ref_m,
+        height_scale_m=table.height_scale_m,
+    )
+
+
+def speed_across_and_along(problem: Inputs, x: Sequence[Any]) -> tuple[Any, Any]:
+    """The leader's speed across and along the direction in which the formation faces."""
+    heading = x[NX + 4 * [c.name for c in problem.coordinates].index("heading")] + problem.course_at_start_rad
+    c, s = ca.cos(heading), ca.sin(heading)
+    return c * x[4] - s * x[3], c * x[3] + s * x[4]
