@@ -1,1 +1,1 @@
-"""Checks of mission files, ours or not: items, flights, fences and rally points."""
+"""Checks of mission files of any program: items, flights, fences and rally points."""

@@ -1,7 +1,6 @@
-"""Fence, rally points, home and mission held against each other, as the autopilot will.
+"""Checks that fence, rally points, home and flight of a vehicle agree, by the rules of its autopilot.
 
-Knows: areas in the plane, which inclusions an autopilot wants. Does not know: how fences are made (`safety`), heights
-of fences (they are parameters, not items).
+Fences are areas in the plane here: their heights are parameters, not items.
 """
 
 from __future__ import annotations
@@ -20,20 +19,20 @@ from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings, 
 from gcs.physics.quadrotor import Array
 
 _ROUND = 64  # segments of a quarter circle: 1 cm of 140 m
-_TOUCH_M = 0.02  # what degE7 rounds, and the corners of round fences
+_TOUCH_M = 0.02  # rounding of degE7, and the corners of circles
 _UNDERGROUND_M = 1.0
-_LOOKS = 50  # along a leg that leaves the fence
+_SAMPLES = 50  # along a leg that leaves the fence
 
 
 def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surroundings) -> Iterator[Finding]:
-    """One vehicle's fence, rally points, home and flight."""
+    """Findings about one vehicle's fence, rally points, home and flight."""
     firmware = mission.firmware
     count = mission.geofence.vertices
     if count > firmware.fence_items_max:
-        message = f"a fence of {count} points; {firmware.title} stores {firmware.fence_items_max}"
+        message = f"fence of {count} points; {firmware.title} stores at most {firmware.fence_items_max}"
         yield found(mission, Rule.FENCE, Level.ERROR, message)
     if len(mission.rally) > firmware.rally_points_max:
-        message = f"{len(mission.rally)} rally points; {firmware.title} stores {firmware.rally_points_max}"
+        message = f"{len(mission.rally)} rally points; {firmware.title} stores at most {firmware.rally_points_max}"
         yield found(mission, Rule.RALLY, Level.ERROR, message)
     areas = list(_areas(mission, around))
     for number, (area, inclusion) in enumerate(areas, start=1):
@@ -47,11 +46,11 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
         for name, point, alt_m in rally:
             ground_m = float(around.height_of_ground_m(point, 0.0))
             if alt_m < ground_m - _UNDERGROUND_M:
-                yield found(mission, Rule.RALLY, Level.ERROR, f"{name} is {ground_m - alt_m:.1f} m under the ground")
+                yield found(mission, Rule.RALLY, Level.ERROR, f"{name} is {ground_m - alt_m:.1f} m below the ground")
     if not sound:
         return
     allowed = _allowed(sound, firmware.inside_every_inclusion)
-    ends = [flight.ned_m[0]]  # rally points outside the fence are not returned to
+    ends = [flight.ned_m[0]]  # no autopilot returns to a rally point outside the fence
     for name, point in (("home", flight.ned_m[0]), *((name, point) for name, point, _ in rally)):
         out_m = allowed.distance(shapely.Point(point[1], point[0]))
         if out_m > _TOUCH_M:
@@ -60,11 +59,11 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
         elif name != "home":
             ends.append(point)
     yield from _flight_inside(mission, flight, allowed)
-    yield from _ways_back(mission, flight, allowed, ends)
+    yield from _return_tracks(mission, flight, allowed, ends)
 
 
 def check_rally_apart(missions: Sequence[MissionFile], around: Surroundings, separation_m: float) -> Iterator[Finding]:
-    """Two vehicles must not return to the same place."""
+    """Findings for rally points of two vehicles that are less than `separation_m` apart."""
     points = [
         (mission, number, _rally_ned(point, mission, around)[0])
         for mission in missions
@@ -81,7 +80,7 @@ def check_rally_apart(missions: Sequence[MissionFile], around: Surroundings, sep
                 if away_m < separation_m:
                     message = (
                         f"rally point {number} is {away_m:.2f} m from one of {points[other][0].source}; "
-                        f"at least {separation_m:g} m are asked"
+                        f"at least {separation_m:g} m required"
                     )
                     yield found(mission, Rule.RALLY, Level.ERROR, message)
 
@@ -97,36 +96,38 @@ def _allowed(areas: list[tuple[shapely.Polygon, bool]], every: bool) -> shapely.
 
 def _flight_inside(mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry) -> Iterator[Finding]:
     flat = flight.ned_m[:, [1, 0]]
-    roomy = allowed.buffer(_TOUCH_M)
-    if len(flat) < 2 or roomy.covers(shapely.LineString(flat)):
+    within = allowed.buffer(_TOUCH_M)
+    if len(flat) < 2 or within.covers(shapely.LineString(flat)):
         return
     legs = shapely.linestrings(np.stack([flat[:-1], flat[1:]], axis=1))
-    out = ~shapely.covers(roomy, legs)
+    out = ~shapely.covers(within, legs)
     leg = int(np.flatnonzero(out)[0])
-    outside = shapely.difference(legs[leg], roomy)
-    looks = shapely.get_coordinates(shapely.segmentize(outside, max(outside.length / _LOOKS, _TOUCH_M)))
-    deep_m = float(np.max(shapely.distance(allowed, shapely.points(looks)), initial=0.0))
+    outside = shapely.difference(legs[leg], within)
+    samples = shapely.get_coordinates(shapely.segmentize(outside, max(outside.length / _SAMPLES, _TOUCH_M)))
+    deep_m = float(np.max(shapely.distance(allowed, shapely.points(samples)), initial=0.0))
     message = f"leaves the fence, here by {deep_m:.1f} m, on {int(out.sum())} of {len(legs)} legs"
     yield found(mission, Rule.FENCE, Level.ERROR, message, int(flight.item[leg + 1]), float(flight.t_s[leg]))
 
 
-def _ways_back(
+def _return_tracks(
     mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry, places: list[Array]
 ) -> Iterator[Finding]:
-    """Straight ways from every waypoint to the nearest place to return to: no autopilot of old flies around."""
+    """A warning where straight return tracks leave the fence: autopilots do not fly around its exclusions."""
     flat = flight.ned_m[:, [1, 0]]
     ends = np.array([place[[1, 0]] for place in places])
     nearest = ends[np.argmin(np.linalg.norm(flat[:, None] - ends, axis=-1), axis=1)]
-    ways = shapely.linestrings(np.stack([flat, nearest], axis=1))
-    out = ~shapely.covers(allowed.buffer(_TOUCH_M), ways)
+    tracks = shapely.linestrings(np.stack([flat, nearest], axis=1))
+    out = ~shapely.covers(allowed.buffer(_TOUCH_M), tracks)
     if out.any():
         knot = int(np.flatnonzero(out)[0])
-        message = f"the straight way back leaves the fence from {int(out.sum())} of {len(flat)} points of the way"
+        message = (
+            f"the straight return track leaves the fence from {int(out.sum())} of {len(flat)} points of the flight"
+        )
         yield found(mission, Rule.RETURN, Level.WARNING, message, int(flight.item[knot]), float(flight.t_s[knot]))
 
 
 def _areas(mission: MissionFile, around: Surroundings) -> Iterator[tuple[shapely.Polygon, bool]]:
-    """All areas of the fence in the plane (east, north), m, and whether to stay inside."""
+    """All areas of the fence in the plane (east, north), m, and whether each is an inclusion."""
     fence = mission.geofence
     for polygon in fence.polygons:
         corners = _flat(polygon.points, around)
@@ -142,7 +143,7 @@ def _flat(places: Sequence[GeoPoint], around: Surroundings) -> Array:
 
 
 def _rally_ned(point: RallyPoint, mission: MissionFile, around: Surroundings) -> tuple[Array, float]:
-    """A rally point in NED, and its height above the origin's."""
+    """The rally point in NED, and its height above the origin's."""
     home = home_of(mission, around)
     amsl_m = home.alt_amsl_m + point.alt_m
     lat, lon = from_degE7(point.place.lat_degE7), from_degE7(point.place.lon_degE7)

@@ -1,7 +1,4 @@
-"""What a check found: one sentence each, with the rule it breaks and where.
-
-Knows: levels, rules, how findings read. Does not know: what is checked.
-"""
+"""Findings of a check: each names a rule, what violates it, and where."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from typing import Any
 
 
 class Level(StrEnum):
-    """How bad it is: an error must not fly, a warning wants a decision, a note explains what was assumed."""
+    """Severity. A mission with an error must not fly; a warning needs your decision; a note states an assumption."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -20,7 +17,7 @@ class Level(StrEnum):
 
 
 class Rule(StrEnum):
-    """What can be wrong; the value is its name in `--json`."""
+    """The rule that a finding violates; the value is its name in `--json`."""
 
     SEPARATION = "separation"
     TERRAIN = "terrain"
@@ -42,7 +39,7 @@ class Rule(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found. `item` is the number ground stations show, `t_s` the time since the common start."""
+    """One finding. `item` is the number ground stations show, `t_s` the time since the common start."""
 
     rule: Rule
     level: Level
@@ -61,8 +58,8 @@ class Finding:
         return f"{place}: {self.level} [{self.rule}]{item} {self.message}{when}"
 
     def data(self) -> dict[str, Any]:
-        """For programs: absent where there is nothing to say."""
-        told = {
+        """The finding for `--json`, without keys that do not apply."""
+        fields = {
             "rule": self.rule.value,
             "level": self.level.value,
             "message": self.message,
@@ -71,10 +68,10 @@ class Finding:
             "item": self.item,
             "t_s": self.t_s,
         }
-        return {key: value for key, value in told.items() if value is not None}
+        return {key: value for key, value in fields.items() if value is not None}
 
 
 def worst(findings: Iterable[Finding]) -> Level | None:
-    """The gravest level there is; None without findings."""
+    """The most severe level; None without findings."""
     found = {f.level for f in findings}
     return next((level for level in Level if level in found), None)

@@ -1,7 +1,4 @@
-"""A fleet's missions held against everything that is known: items, flights, limits, fences.
-
-Knows: what is checked, in which order. Does not know: how (`check_*`), files, how findings are shown.
-"""
+"""The check of a fleet's missions: items, flights, limits, fences and rally points, in this order."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ Fly = Callable[[MissionFile, Surroundings], PredictedFlight]
 
 @dataclass(frozen=True)
 class FleetReport:
-    """What was found, and the figures people ask for."""
+    """Findings of a fleet check, and its least distance, clearance and duration."""
 
     findings: tuple[Finding, ...]
     closest: Closest | None  # of rows of the missions
@@ -37,24 +34,24 @@ class FleetReport:
 
     @property
     def ok(self) -> bool:
-        """Nothing that must not fly, and nothing to decide."""
+        """Whether there is neither an error nor a warning."""
         return worst(self.findings) in (None, Level.NOTE)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """What must not fly."""
+        """The findings for which the missions must not fly."""
         return tuple(f for f in self.findings if f.level is Level.ERROR)
 
     @property
     def clearance_min_m(self) -> float | None:
-        """The least of all vehicles."""
+        """The least clearance of all vehicles above the ground; None where the ground is unknown."""
         return min((low.clearance_m for low in self.lowest if low is not None), default=None)
 
 
 def check_fleet(
     missions: Sequence[MissionFile], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly
 ) -> FleetReport:
-    """Check missions that start together, one per vehicle, as the vehicles will hold them."""
+    """The report on missions that start together, one per vehicle, rounded as vehicles store them."""
     missions = [as_on_the_wire(mission) for mission in missions]
     flights = together([fly_one(mission, around) for mission in missions])
     findings: list[Finding] = []
@@ -62,7 +59,7 @@ def check_fleet(
     for mission, flight in zip(missions, flights, strict=True):
         findings += check_items(mission)
         if mission.home is None:
-            message = "the file does not say where home is; its first place stands for it"
+            message = "the file has no home position; the check takes the first position instead"
             findings.append(found(mission, Rule.ASSUMED, Level.NOTE, message))
         for index, remark in flight.remarks:
             findings.append(found(mission, Rule.ASSUMED, Level.NOTE, remark, index))
@@ -78,7 +75,7 @@ def check_fleet(
 
 
 def as_on_the_wire(mission: MissionFile) -> MissionFile:
-    """Parameters as float32, altitudes as they are kept; positions are 1e-7 degrees already."""
+    """The mission as a vehicle stores it: parameters as float32, altitudes rounded; positions are degE7 already."""
     return replace(mission, items=tuple(_kept(item, mission.firmware) for item in mission.items))
 
 

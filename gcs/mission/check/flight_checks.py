@@ -1,7 +1,4 @@
-"""Where the items lead: near other vehicles, near the ground, over the ceiling, too fast, into closed areas.
-
-Knows: flights as they were worked out, limits. Does not know: items, fences, how flights are worked out.
-"""
+"""Checks of predicted flights: separation, ground clearance, ceiling, speed limits, no-fly zones."""
 
 from __future__ import annotations
 
@@ -20,16 +17,16 @@ from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
 
-_STEP_M = 0.5  # between looks at the ground
-_LOOKS_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km
-_LENGTH_TOLERANCE_M = 0.01  # what degE7 and float32 round
+_STEP_M = 0.5  # between samples of the ground
+_SAMPLES_MAX = 400_000  # of a flight; a mistyped degree makes a leg of 100 km
+_LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5
-_STEP_ASIDE_M = 0.03  # to a place that is the same but for rounding
+_SAME_PLACE_M = 0.03  # two places differ by less through rounding alone
 
 
 @dataclass(frozen=True)
 class Lowest:
-    """Where a flight is nearest to the ground on its way."""
+    """The least clearance of a flight between take-off and landing, and when."""
 
     clearance_m: float
     t_s: float
@@ -39,14 +36,14 @@ class Lowest:
 def check_separation(
     missions: Sequence[MissionFile], flights: Sequence[PredictedFlight], limits: FlightLimits
 ) -> tuple[Closest | None, list[Finding]]:
-    """The nearest two vehicles, and whether that is too near."""
+    """The nearest two vehicles, and an error if they are below the required separation."""
     closest = closest_approach(flights, math.inf)
     if closest is None or closest.distance_m >= limits.separation_m:
         return closest, []
     first, second = (missions[row] for row in closest.pair)
     item = _item_at(flights[closest.pair[0]], closest.t_s)
     message = (
-        f"{closest.distance_m:.2f} m from the vehicle of {second.source}; at least {limits.separation_m:g} m are asked"
+        f"{closest.distance_m:.2f} m from the vehicle of {second.source}; at least {limits.separation_m:g} m required"
     )
     return closest, [found(first, Rule.SEPARATION, Level.ERROR, message, item, closest.t_s)]
 
@@ -54,11 +51,11 @@ def check_separation(
 def check_ground(
     mission: MissionFile, flight: PredictedFlight, around: Surroundings, limits: FlightLimits
 ) -> tuple[Lowest | None, list[Finding]]:
-    """Least height above ground between take-off and landing, and whether that is too little."""
-    way = _way(flight)
-    if way is None:
+    """The least clearance between take-off and landing, and an error if it is below the limit."""
+    track = _track(flight)
+    if track is None:
         return None, []
-    points, t_s, items = way
+    points, t_s, items = track
     if around.ground is None:
         return None, list(_below_home(mission, flight, points, t_s, items))
     clearance = -points[:, 2] - around.height_of_ground_m(points, 0.0)
@@ -67,18 +64,18 @@ def check_ground(
     if lowest.clearance_m >= limits.clearance_m - _LENGTH_TOLERANCE_M:
         return lowest, []
     if lowest.clearance_m < 0:
-        message = f"flies into the ground, {-lowest.clearance_m:.2f} m deep"
+        message = f"flies into the ground, {-lowest.clearance_m:.2f} m below its surface"
     else:
-        message = f"{lowest.clearance_m:.2f} m above the ground; at least {limits.clearance_m:g} m are asked"
+        message = f"{lowest.clearance_m:.2f} m above the ground; at least {limits.clearance_m:g} m required"
     return lowest, [found(mission, Rule.TERRAIN, Level.ERROR, message, lowest.item, lowest.t_s)]
 
 
 def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
-    """Ceiling, speeds and closed areas."""
-    way = _way(flight)
-    if way is None:
+    """Errors for violations of ceiling, speed limits and no-fly zones."""
+    track = _track(flight)
+    if track is None:
         return
-    points, t_s, items = way
+    points, t_s, items = track
     if limits.height_max_m is not None:
         at = int(np.argmin(points[:, 2]))
         over_m = -points[at, 2] - limits.height_max_m
@@ -98,7 +95,7 @@ def _speeds(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits)
     if limits.speed_ned_mps is None:
         return
     leg_s = np.diff(flight.t_s)
-    far = np.linalg.norm(np.diff(flight.ned_m, axis=0), axis=1) > _STEP_ASIDE_M
+    far = np.linalg.norm(np.diff(flight.ned_m, axis=0), axis=1) > _SAME_PLACE_M
     moving = far & (leg_s > 0) & (flight.t_s[:-1] >= flight.up_s) & (flight.t_s[1:] <= flight.down_s)
     speeds = np.abs(np.diff(flight.ned_m, axis=0))[moving] / leg_s[moving, None]
     legs = np.flatnonzero(moving)
@@ -106,7 +103,7 @@ def _speeds(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits)
         most = limits.speed_ned_mps[axis]
         if len(legs) and speeds[:, axis].max() > most * (1 + limits.overspeed):
             leg = int(np.argmax(speeds[:, axis]))
-            message = f"{speeds[leg, axis]:.2f} m/s {name}; at most {most:g} m/s are allowed"
+            message = f"{speeds[leg, axis]:.2f} m/s {name}; limit {most:g} m/s"
             at = legs[leg] + 1
             yield found(mission, Rule.SPEED, Level.ERROR, message, int(flight.item[at]), float(flight.t_s[at]))
 
@@ -114,18 +111,18 @@ def _speeds(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits)
 def _below_home(
     mission: MissionFile, flight: PredictedFlight, points: Array, t_s: Array, items: Array
 ) -> Iterator[Finding]:
-    """Without a map, the ground at home is all that is known."""
+    """A warning for a flight below its start, where only the ground at home is known."""
     above_m = flight.ned_m[0, 2] - points[:, 2]
     at = int(np.argmin(above_m))
     if above_m[at] < -_BELOW_HOME_M:
-        message = f"{-above_m[at]:.1f} m below the start; only a map can tell whether that is in the ground (--terrain)"
+        message = f"{-above_m[at]:.1f} m below the start and the ground is unknown; give --terrain SCENARIO to check it"
         yield found(mission, Rule.TERRAIN, Level.WARNING, message, int(items[at]), float(t_s[at]))
 
 
-def _way(flight: PredictedFlight) -> tuple[Array, Array, Array] | None:
-    """Points (N, 3) between take-off and landing, their times and items; None without a way.
+def _track(flight: PredictedFlight) -> tuple[Array, Array, Array] | None:
+    """Points (N, 3) between take-off and landing, their times and items; None if it does not leave the take-off.
 
-    Every half metre; where ways are endless, as many as there is room for.
+    Points are half a metre apart, or farther where more than `_SAMPLES_MAX` would be needed.
     """
     first = int(np.searchsorted(flight.t_s, flight.up_s, side="left"))
     last = int(np.searchsorted(flight.t_s, flight.down_s, side="right"))
@@ -133,9 +130,9 @@ def _way(flight: PredictedFlight) -> tuple[Array, Array, Array] | None:
     if not len(knots):
         return None
     lengths_m = np.hypot(*np.diff(flight.ned_m[knots, :2], axis=0).T)
-    step_m = max(_STEP_M, float(lengths_m.sum()) / _LOOKS_MAX)
-    looks = np.maximum(np.ceil(lengths_m / step_m).astype(int), 1)
-    shares = [knot + np.arange(n) / n for knot, n in zip(knots[:-1].tolist(), looks.tolist(), strict=True)]
+    step_m = max(_STEP_M, float(lengths_m.sum()) / _SAMPLES_MAX)
+    pieces = np.maximum(np.ceil(lengths_m / step_m).astype(int), 1)
+    shares = [knot + np.arange(n) / n for knot, n in zip(knots[:-1].tolist(), pieces.tolist(), strict=True)]
     where = np.concatenate([*shares, [float(knots[-1])]])
     points = np.stack([np.interp(where, knots, flight.ned_m[knots, axis]) for axis in range(3)], axis=-1)
     items = flight.item[np.minimum(np.ceil(where).astype(int), knots[-1])]
@@ -143,6 +140,6 @@ def _way(flight: PredictedFlight) -> tuple[Array, Array, Array] | None:
 
 
 def _item_at(flight: PredictedFlight, t_s: float) -> int:
-    """Index of the item the vehicle is carrying out."""
+    """Index of the item that the vehicle carries out at `t_s`."""
     knot = min(int(np.searchsorted(flight.t_s, t_s, side="left")), len(flight.t_s) - 1)
     return int(flight.item[knot])

@@ -1,7 +1,4 @@
-"""What a mission's flight must hold, as far as it is known.
-
-Knows: which of a scenario's limits can be asked of waypoints. Does not know: missions, where limits come from else.
-"""
+"""The limits of a mission's flight, and those of a scenario that apply to waypoints."""
 
 from __future__ import annotations
 
@@ -13,9 +10,9 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.si import local_origin
 
-# What models of autopilots fly beyond a speed that was asked for, as a share: who is behind the target catches up.
+# Share by which an autopilot's model may exceed a commanded speed: a vehicle behind its target catches up.
 OVERSPEED = 0.25
-SEPARATION_M = 2.0  # where nobody says otherwise: what GNSS can tell apart
+SEPARATION_M = 2.0  # by default: below this, GNSS does not tell two vehicles apart
 
 
 @dataclass(frozen=True)
@@ -23,19 +20,19 @@ class FlightLimits:
     """Limits in SI; None where there is none."""
 
     separation_m: float = SEPARATION_M
-    clearance_m: float = 0.0  # above the ground, on the way
+    clearance_m: float = 0.0  # above the ground, between take-off and landing
     height_max_m: float | None = None  # above the origin's height
     speed_ned_mps: tuple[float, float, float] | None = None
     no_fly: tuple[NoFlyZone, ...] = ()
-    leaves_s: float = 0.0  # plan time at which take-off ends: when a moving zone is where
-    tolerance_m: float = 0.0  # how far waypoints may be from the plan that held these limits
-    overspeed: float = 0.01  # share of a speed limit that may be flown beyond it
+    leaves_s: float = 0.0  # plan time at which take-off ends; it fixes the position of moving zones
+    tolerance_m: float = 0.0  # waypoints may be this far from the plan that was verified against these limits
+    overspeed: float = 0.01  # share by which a speed limit may be exceeded
 
 
 def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLimits:
-    """What the flight of a scenario's waypoints must hold: the judge's separation, else the plan's limits.
+    """The limits of a flight along a scenario's waypoints: the judge's separation, and the plan's other limits.
 
-    Legs are straight where the plan is not, so ground, ceiling and zones are asked for less the mission's tolerance.
+    Legs are straight where the plan is not, so clearance, ceiling and zones are relaxed by the mission's tolerance.
     """
     limits, tolerance_m = scenario.limits, scenario.mission.tolerance_m
     return FlightLimits(
@@ -53,7 +50,7 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
 
 
 def surroundings_of(scenario: Scenario) -> Surroundings:
-    """The scenario's frame and ground."""
+    """The local frame and the ground of a scenario."""
 
     def ground(north_m: Array, east_m: Array) -> Array:
         return ground_height_m(scenario.terrain, north_m, east_m)

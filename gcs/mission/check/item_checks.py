@@ -1,7 +1,4 @@
-"""A mission's items one by one: does the autopilot take them, carry them out, and end?
-
-Knows: commands, frames, values, speeds, jumps, order. Does not know: where the items lead (`check_flights`), fences.
-"""
+"""Checks of a mission's items one by one: commands, frames, values, speeds, jumps, order."""
 
 from __future__ import annotations
 
@@ -15,15 +12,15 @@ from gcs.mission.model import Command, Frame, MissionItem
 from gcs.mission.predicted.planned_flight import ALTITUDE_MAX_M
 
 _LAST_NAV = 95
-_NO_PLACE = frozenset({int(Frame.MISSION)})
-_UNTIL_TOLD_OTHERWISE = frozenset({17})  # NAV_LOITER_UNLIM
+_NO_POSITION = frozenset({int(Frame.MISSION)})
+_ENDLESS = frozenset({17})  # NAV_LOITER_UNLIM
 _ENDS = frozenset({int(Command.NAV_LAND), 17, 20})
 _HOLDS = frozenset({16, 19, 82, 93})  # parameter 1 is a time, s
 _JUMPS_MAX = 15  # ArduCopter on boards with little memory
 
 
 def check_items(mission: MissionFile) -> Iterator[Finding]:
-    """Everything that can be said of the items alone."""
+    """Findings that follow from the items alone."""
     yield from _whole(mission)
     for index, item in enumerate(mission.items):
         yield from _taken(mission, index, item)
@@ -47,27 +44,25 @@ def _whole(mission: MissionFile) -> Iterator[Finding]:
     firmware, items = mission.firmware, mission.items
     count = len(items) + firmware.home_is_item_0
     if count > firmware.items_max:
-        message = f"{count} items do not fit the {firmware.items_max} that {firmware.title} stores"
+        message = f"{count} items; {firmware.title} stores at most {firmware.items_max}"
         yield found(mission, Rule.ITEMS, Level.ERROR, message)
     if not items:
-        yield found(mission, Rule.ITEMS, Level.ERROR, "there is no item")
+        yield found(mission, Rule.ITEMS, Level.ERROR, "the mission has no items")
         return
     jumps = [i for i in items if i.command == Command.DO_JUMP]
     if firmware.home_is_item_0 and len(jumps) > _JUMPS_MAX:
-        message = f"{len(jumps)} jumps; boards with little memory keep {_JUMPS_MAX} and ignore the others"
+        message = f"{len(jumps)} jumps; boards with little memory store {_JUMPS_MAX} and ignore the others"
         yield found(mission, Rule.JUMP, Level.WARNING, message)
     first = next((n for n, i in enumerate(items) if i.command <= _LAST_NAV), None)
     if first is None or items[first].command != Command.NAV_TAKEOFF:
-        yield found(
-            mission, Rule.ORDER, Level.WARNING, "the first thing the vehicle does is not a take-off", first or 0
-        )
+        yield found(mission, Rule.ORDER, Level.WARNING, "the first navigation command is not a take-off", first or 0)
     last = [n for n, i in enumerate(items) if i.command <= _LAST_NAV]
     if last and items[last[-1]].command not in _ENDS:
         message = f"the mission ends in the air, with {name_of(items[last[-1]].command)}"
         yield found(mission, Rule.ORDER, Level.WARNING, message, last[-1])
     for index, item in enumerate(items[1:], start=1):
         if item.command == Command.NAV_TAKEOFF and items[index - 1].command != Command.NAV_LAND:
-            yield found(mission, Rule.ORDER, Level.WARNING, "a take-off in the air", index)
+            yield found(mission, Rule.ORDER, Level.WARNING, "take-off in the air", index)
 
 
 def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
@@ -79,8 +74,8 @@ def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Find
     known = COMMANDS.get(item.command)
     if known is None or not known.has_place:
         return
-    if item.frame in _NO_PLACE:
-        message = f"{known.name} names a place, but its frame is {item.frame} (no place)"
+    if item.frame in _NO_POSITION:
+        message = f"{known.name} has a position, but frame {item.frame} has none"
         yield found(mission, Rule.FRAME, Level.ERROR, message, index)
     elif item.frame not in mission.firmware.frames:
         message = f"{mission.firmware.title} refuses altitudes in frame {item.frame}"
@@ -90,38 +85,38 @@ def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Find
 def _values(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     known = COMMANDS.get(item.command)
     if known is not None and known.has_place and not abs(item.alt_m) <= ALTITUDE_MAX_M:
-        yield found(mission, Rule.VALUE, Level.ERROR, f"an altitude of {item.alt_m:g} m", index)
+        yield found(mission, Rule.VALUE, Level.ERROR, f"altitude {item.alt_m:g} m; limit {ALTITUDE_MAX_M:g} m", index)
     hold_s = item.params[0]
     if item.command in _HOLDS and math.isnan(hold_s):
-        yield found(mission, Rule.VALUE, Level.ERROR, "the time to stay is not a number", index)
+        yield found(mission, Rule.VALUE, Level.ERROR, "the hold time is not a number", index)
     if item.command == Command.NAV_DELAY and hold_s < 0:
         if mission.firmware.home_is_item_0:
-            message = "waits for a time of day, which this check takes for the common start"
+            message = "waits until a time of day; the check assumes that it is the common start"
             yield found(mission, Rule.ASSUMED, Level.NOTE, message, index)
         else:
-            message = "PX4 waits for seconds only, not for a time of day"
+            message = "PX4 cannot wait until a time of day, only for seconds"
             yield found(mission, Rule.VALUE, Level.ERROR, message, index)
     if not item.autocontinue and index + 1 < len(mission.items):
-        message = "the mission stops here until somebody continues it (autocontinue is off)"
+        message = "the mission stops here until an operator continues it (autocontinue is off)"
         yield found(mission, Rule.ORDER, Level.WARNING, message, index)
-    if item.command in _UNTIL_TOLD_OTHERWISE and index + 1 < len(mission.items):
-        yield found(mission, Rule.ORDER, Level.WARNING, "nothing after this is ever flown", index)
+    if item.command in _ENDLESS and index + 1 < len(mission.items):
+        yield found(mission, Rule.ORDER, Level.WARNING, "the vehicle never flies the items after this one", index)
 
 
 def _speed(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     kind, speed_mps = item.params[0], item.params[1]
     slowest, fastest = mission.firmware.speed_mps
     if kind not in (0, 1, 2, 3):
-        yield found(mission, Rule.VALUE, Level.ERROR, f"there is no kind of speed {kind:g}", index)
+        yield found(mission, Rule.VALUE, Level.ERROR, f"unknown speed type {kind:g}", index)
     elif math.isnan(speed_mps):
         yield found(mission, Rule.SPEED, Level.ERROR, "the speed is not a number", index)
     elif speed_mps == -1 or kind > 1:
         return  # no change; climbing and sinking have limits of their own
     elif speed_mps < slowest - 1e-6:
-        message = f"{speed_mps:g} m/s is ignored: {mission.firmware.title} flies {slowest:g} m/s or more"
+        message = f"{mission.firmware.title} ignores {speed_mps:g} m/s; its minimum is {slowest:g} m/s"
         yield found(mission, Rule.SPEED, Level.ERROR, message, index)
     elif speed_mps > fastest:
-        message = f"{speed_mps:g} m/s is more than the {fastest:g} m/s {mission.firmware.title} allows"
+        message = f"{speed_mps:g} m/s; {mission.firmware.title} allows at most {fastest:g} m/s"
         yield found(mission, Rule.SPEED, Level.ERROR, message, index)
 
 
@@ -129,7 +124,7 @@ def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Findi
     number, times = item.params[:2]
     first, last = mission.jumps_from, mission.jumps_from + len(mission.items) - 1
     if not (math.isfinite(number) and number == round(number) and first <= number <= last):
-        message = f"jumps to item {number:g}, but there are items {first} to {last}"
+        message = f"jumps to item {number:g}; the mission has items {first} to {last}"
         yield found(mission, Rule.JUMP, Level.ERROR, message, index)
         return
     target = round(number) - first
@@ -138,6 +133,12 @@ def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Findi
     elif math.isnan(times):
         yield found(mission, Rule.JUMP, Level.ERROR, "the number of jumps is not a number", index)
     elif times < 0 and target < index:
-        yield found(mission, Rule.JUMP, Level.WARNING, "jumps back for ever: what follows is never flown", index)
+        yield found(
+            mission,
+            Rule.JUMP,
+            Level.WARNING,
+            "jumps back without end; the vehicle never flies the items after this one",
+            index,
+        )
     elif not any(i.command <= _LAST_NAV for i in mission.items[min(target, index) : index]) and target < index:
-        yield found(mission, Rule.JUMP, Level.ERROR, "jumps back over nothing that is flown", index)
+        yield found(mission, Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between", index)

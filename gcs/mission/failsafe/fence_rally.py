@@ -1,7 +1,7 @@
-"""What keeps a fleet safe when a plan ends early: a fence, places to return to, heights to return at.
+"""The fence, the rally points and the returns of a plan: what a fleet needs when its plan ends early.
 
-Knows: hulls, zones, landing points. Does not know: items, how heights are chosen (`return_heights`), how all this is
-checked (`check_safety`). The fence is the same for all: a convex hull, so every straight way home stays inside it.
+All vehicles have the same fence. Its inclusion is a convex hull, so every straight return track stays inside it.
+`rtl_altitudes` chooses return altitudes; `gcs.mission.check.fence_and_rally` checks the result.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 INCLUSION_MARGIN_M = 10.0
-# A plan may touch a zone's edge, and no vehicle flies to the centimetre: there the fence stands this much inside.
+# A plan may touch a zone's edge, and no vehicle keeps its path to the centimetre: there the fence is this far inside.
 EXCLUSION_SLACK_M = 2.0  # ArduPilot's FENCE_MARGIN
 _CORNERS_MAX = 32
 _GRID_S = 0.5
@@ -36,11 +36,11 @@ _LEAST_RADIUS_M = 0.5
 
 @dataclass(frozen=True)
 class Zone:
-    """One no-fly zone of the scenario and what the fence keeps of it."""
+    """One no-fly zone of the scenario and the part of it that is in the fence."""
 
     number: int
     area_m2: float  # in the scenario
-    fence_area_m2: float  # 0: too small for a fence, or it moves, which no fence does
+    fence_area_m2: float  # 0: too small for a fence, or a moving zone: fences do not move
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Fence:
 
 @dataclass(frozen=True)
 class Safety:
-    """Everything of a fleet, per vehicle in the plan's order."""
+    """Fence, rally points, returns and parameters of a fleet; one entry per vehicle, in the plan's order."""
 
     fence: Fence
     rally: tuple[RallyPoint, ...]
@@ -74,7 +74,7 @@ def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
 
 
 def build_fence(plan: Plan) -> Fence:
-    """Stay within a hull of all tracks with a margin, and out of the no-fly zones."""
+    """The fence: a hull around all tracks, with `INCLUSION_MARGIN_M`, less the no-fly zones that do not move."""
     t_s = np.linspace(
         plan.t_start_s,
         np.nextafter(plan.t_end_s, -np.inf),
@@ -108,7 +108,7 @@ def build_fence(plan: Plan) -> Fence:
 
 
 def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
-    """What is left of a closed area where the plan, places (N, 2), passes along its edge."""
+    """The parts of a no-fly zone that stay `EXCLUSION_SLACK_M` away from the plan's places (N, 2)."""
     nearest_m = float(shapely.distance(area, shapely.points(places)).min())
     smaller = area.buffer(-max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre")
     parts = [smaller] if smaller.geom_type == "Polygon" else list(smaller.geoms)
@@ -116,10 +116,10 @@ def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
 
 
 def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
-    """Where each vehicle lands, in the plan's order.
+    """The landing point of each vehicle as its rally point, in the plan's order; altitudes above its own home.
 
-    ArduPilot returns to a rally point at its altitude or at RTL_ALT, whichever is higher: here the same. PX4 adds
-    RTL_RETURN_ALT to it: there it is the ground. Altitudes count from the vehicle's own home.
+    ArduPilot returns to a rally point at the higher of its altitude and RTL_ALT: here they are equal. PX4 adds
+    RTL_RETURN_ALT to the rally point's altitude, so for PX4 that is the ground.
     """
     places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
@@ -132,11 +132,11 @@ def _ends(plan: Plan) -> Array:
 
 
 def _hull(places: Array) -> Array:
-    """Corners (C, 2) of a convex polygon that keeps the margin to all places (N, 2), few enough for any autopilot."""
+    """Corners (C, 2) of a convex polygon around all places (N, 2), with the margin, in `_CORNERS_MAX` corners."""
     hull = shapely.MultiPoint(places).convex_hull
     slack_m = 0.0
     while True:
-        # What simplifying cuts off is less than the slack that is added.
+        # Simplifying moves the hull inwards by less than the slack that is added.
         rough = hull.simplify(slack_m) if slack_m else hull
         grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
         corners = np.array(grown.exterior.coords)[:-1]
@@ -146,7 +146,7 @@ def _hull(places: Array) -> Array:
 
 
 def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:
-    """Points (N, 2), m north and east, on the map."""
+    """Map positions of points (N, 2), m north and east."""
     ned_m = np.column_stack([flat_m, np.zeros(len(flat_m))])
     lat, lon, _ = ned_to_geodetic(ned_m, origin)
     return tuple(GeoPoint(to_degE7(a), to_degE7(b)) for a, b in zip(lat.tolist(), lon.tolist(), strict=True))

@@ -1,11 +1,11 @@
-"""Heights to return at, one for each vehicle, so that all can return at once from any instant of a plan.
+"""Staggered return (RTL) altitudes, with which the whole fleet can return at once from any instant of a plan.
 
-Knows: which heights keep everyone apart, the worst instant. Does not know: where returns lead (`return_cases`),
-parameter names.
-Heights are levels above the highest ground of all ways back, a step apart. Which vehicle has which level is searched:
-all orders of up to eight vehicles, exchanges of two among up to twelve; larger fleets return at one height, in
-formation. Ends are homes; and, for those who store rally points, the nearer of home and rally point. Where no order
-keeps everyone apart, they return more slowly: whoever flies over another who still climbs then passes farther below.
+Altitudes start above the highest ground under all return tracks and are one step apart. The order of vehicles in the
+stagger is searched: all orders of up to 8 vehicles, exchanges of two in fleets of up to 12. Larger fleets return at one
+altitude, in formation. Vehicles return to their homes, or to the nearer of home and rally point (`rtl_cases`).
+
+If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
+under climbing ones; at a lower speed it passes later, when they are higher.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.plan import Plan
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -40,7 +39,7 @@ _CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
 
 @dataclass(frozen=True)
 class WorstReturn:
-    """The nearest two vehicles of all returns: who, from which instant of the plan, on the way to where."""
+    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins."""
 
     distance_m: float
     t_s: float
@@ -50,19 +49,19 @@ class WorstReturn:
 
 @dataclass(frozen=True)
 class ReturnPlan:
-    """Everyone's return, checked. Altitudes (V) count from each vehicle's own home, in whole centimetres."""
+    """The verified returns of a fleet. Altitudes (V) count from each vehicle's own home, in whole centimetres."""
 
     altitudes_m: tuple[float, ...]
     speeds: ReturnSpeeds
     step_m: float
-    ground_max_m: float  # under any way back, above the origin's height
+    ground_max_m: float  # under any return track, above the origin's height
     top_m: float  # the highest vehicle, above the origin's height
-    worst: WorstReturn | None  # None: nobody to meet
+    worst: WorstReturn | None  # None for a single vehicle
     crossings: tuple[Crossing, ...]
 
 
 def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
-    """Choose and verify the heights, and the fastest return that keeps everyone apart, for the fleet of a plan."""
+    """The return altitudes of a plan's fleet, and the fastest return that keeps the separation, both verified."""
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
     ground_m = 0.0
@@ -75,8 +74,8 @@ def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
         step_m = max(STEP_MIN_M, _STEP_SHARE * limits.separation_min_m)
         homes_m = -plan.pads_ned_m[:, 2]
         vehicles = len(plan.sysids)
-        levels = _levels(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m))
-        altitudes_m = _rounded(base_m + step_m * levels - homes_m)
+        order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m))
+        altitudes_m = _rounded(base_m + step_m * order - homes_m)
         worst = _worst(plan, firmware, speeds, altitudes_m) if vehicles > 1 else None
         found = ReturnPlan(
             tuple(altitudes_m.tolist()),
@@ -98,7 +97,7 @@ def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
 
 
 def _worst(plan: Plan, firmware: Autopilot, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
-    """The nearest two of all returns to homes and to the nearest ends."""
+    """The nearest two vehicles of all returns, to homes and to the nearer of home and rally point."""
     if len(altitudes_m) > _SEARCHED:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
         cases = return_cases(plan, firmware, speeds, period_s)
@@ -119,21 +118,24 @@ def _rounded(altitudes_m: Array) -> Array:
 
 
 def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:
-    """A share of the speed the plan may fly, in cm/s; ArduPilot waits above its end for 5 s."""
+    """Return speeds: a share of the plan's speed limit, in whole cm/s. ArduPilot waits 5 s before it descends."""
     north, east, vertical = plan.scenario.limits.speed_ned_mps
     cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
     return ReturnSpeeds(vertical, cruise_mps, vertical, 5.0 if firmware is Autopilot.ARDUPILOT else 0.0)
 
 
-def _levels(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:
-    """Level of each vehicle (V,): the order with the widest least gap. It would have altitudes (L, V) at each level."""
+def _stagger_order(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:
+    """Place of each vehicle in the stagger (V,): the order with the largest least distance.
+
+    `altitudes_m` (L, V) are the altitudes that each vehicle would have at each place.
+    """
     vehicles = len(cases[0].from_ned_m)
     if vehicles == 1:
         return np.zeros(1, dtype=np.intp)
     if vehicles > _SEARCHED:
         return np.zeros(vehicles, dtype=np.intp)
     pairs = list(itertools.combinations(range(vehicles), 2))
-    gaps = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their levels
+    gaps = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their places in the stagger
     for case in cases:
         motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
         for i, j in pairs:
@@ -143,7 +145,7 @@ def _levels(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:
     first, second = np.array(pairs).T
 
     def gap(orders: NDArray[np.intp]) -> Array:
-        """Least gap (O,) of orders (O, V)."""
+        """Least distance (O,) of orders (O, V)."""
         return np.asarray(gaps[first, second, orders[:, first], orders[:, second]].min(axis=1))
 
     if vehicles <= _ALL_ORDERS:
@@ -172,7 +174,7 @@ def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstRetur
 
 
 def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) -> WorstReturn:
-    """The nearest two of a large fleet, looked at now and then."""
+    """The nearest two vehicles of a large fleet, at `_IN_FORMATION_LOOKS` instants of each return."""
     motions = [returning.motion(row, altitudes_m[row]) for row in range(len(altitudes_m))]
     longest_s = np.max([times[:, -1] for times, _ in motions], axis=0)
     looks = np.linspace(0.0, 1.0, _IN_FORMATION_LOOKS) * longest_s[:, None]
@@ -188,20 +190,23 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
 
 
 def return_warnings(plan: Plan, returns: ReturnPlan) -> Iterator[str]:
-    """Returns nearer to each other than the judge asks, above the plan's ceiling, or through closed areas."""
-    worst, asked_m = returns.worst, plan.scenario.judge.separation_min_m
-    if worst is not None and worst.distance_m < asked_m:
+    """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
+    worst, required_m = returns.worst, plan.scenario.judge.separation_min_m
+    if worst is not None and worst.distance_m < required_m:
         first, second = worst.sysids
         yield (
-            f"vehicles {first} and {second} return within {worst.distance_m:.2f} m of each other ({asked_m:g} m are "
-            "asked); do not let all return at once"
+            f"if all vehicles return at {worst.t_s:.1f} s, vehicles {first} and {second} come within "
+            f"{worst.distance_m:.2f} m ({required_m:g} m required); do not command RTL to all vehicles at once"
         )
     ceiling_m = plan.scenario.limits.height_m[1]
     if returns.top_m > ceiling_m:
-        yield f"returns are up to {returns.top_m:.1f} m high, above the plan's ceiling of {ceiling_m:g} m"
-    for crossing in returns.crossings:
-        where = "home" if crossing.ends == "home" else "to the nearer of home and rally point"
         yield (
-            f"straight {where} leads through no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
-            f"{crossing.to_s:.1f} s"
+            f"returns reach {returns.top_m:.1f} m, above the plan's ceiling of {ceiling_m:g} m; check that the "
+            "airspace allows it"
+        )
+    for crossing in returns.crossings:
+        where = "to home" if crossing.ends == "home" else "to the nearer of home and rally point"
+        yield (
+            f"straight return tracks {where} cross no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
+            f"{crossing.to_s:.1f} s; do not command RTL then"
         )

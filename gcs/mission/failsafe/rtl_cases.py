@@ -1,7 +1,4 @@
-"""The returns a plan may lead to: from where, to where, over what ground, through which zones.
-
-Knows: plans, homes and landing points, what heights count from. Does not know: who returns at which height.
-"""
+"""The returns that a plan may lead to: begin, end, altitude datum, highest ground, no-fly zones on the track."""
 
 from __future__ import annotations
 
@@ -21,13 +18,13 @@ from gcs.scenario.environment.terrain import ground_envelope_m
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-_LOOKS_M = 5.0  # between looks at the (smooth) ground under a way back
+_LOOKS_M = 5.0  # between samples of the (smooth) ground under a return track
 _LOOKS_MAX = 3_000_000
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Returns from instants in [from_s, to_s] fly straight through a no-fly zone."""
+    """A no-fly zone that straight return tracks cross when the return begins in [from_s, to_s] of plan time."""
 
     zone: int
     ends: str
@@ -42,7 +39,7 @@ def return_cases(
     period_s: float,
     within: tuple[float, float] | None = None,
 ) -> list[Returning]:
-    """Returns to homes, and to the nearer of home and landing point, from instants `period_s` apart."""
+    """Two cases: returns to homes, and to the nearer of home and landing point, from instants `period_s` apart."""
     begin_s, end_s = within or (plan.t_start_s, plan.t_end_s)
     count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
     t_s = np.clip(np.linspace(begin_s, end_s, count), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
@@ -59,13 +56,13 @@ def return_cases(
 
 
 def highest_ground_m(plan: Plan, cases: list[Returning]) -> float:
-    """A height (above the origin's) that no ground under any way back exceeds by more than it bends in some metres."""
+    """The highest ground under all return tracks, above the origin's height, sampled every `_LOOKS_M`."""
     start = cases[0].from_ned_m[..., :2]
     longest_m = max(float(np.linalg.norm(c.to_ned_m[..., :2] - start, axis=-1).max()) for c in cases)
     looks = max(2, math.ceil(longest_m / _LOOKS_M))
     terrain = plan.scenario.terrain
     if len(cases) * start[..., 0].size * looks > _LOOKS_MAX:
-        # Too many ways to look at each: all of them stay inside this rectangle.
+        # Too many tracks to sample each: all of them stay inside this rectangle.
         everywhere = np.concatenate([start, *(c.to_ned_m[..., :2] for c in cases)], axis=1).reshape(-1, 2)
         low, high = everywhere.min(axis=0), everywhere.max(axis=0)
         north, east = (np.arange(a, b + _LOOKS_M, _LOOKS_M) for a, b in zip(low, high, strict=True))
@@ -73,23 +70,23 @@ def highest_ground_m(plan: Plan, cases: list[Returning]) -> float:
     shares = np.linspace(0.0, 1.0, looks)[:, None, None]
     highest = -np.inf
     for case in cases:
-        way = case.to_ned_m[..., :2] - start
-        north, east = (start[..., axis] + shares * way[..., axis] for axis in range(2))
+        track = case.to_ned_m[..., :2] - start
+        north, east = (start[..., axis] + shares * track[..., axis] for axis in range(2))
         highest = max(highest, float(np.max(ground_envelope_m(terrain, north, east))))
     return highest
 
 
 def crossings(plan: Plan, case: Returning) -> list[Crossing]:
-    """From when to when a return of anybody leads through a zone."""
+    """The intervals in which a return of any vehicle would cross a no-fly zone."""
     found = []
     for number, zone in enumerate(plan.scenario.no_fly, start=1):
-        # A moving zone is where it is as the return begins: a way back takes less time than zones do.
+        # A moving zone is taken where it is when the return begins: a return is short against the zone's motion.
         moved = displacement_m(zone, case.t_s)
         ends = np.broadcast_arrays(case.from_ned_m[..., :2] - moved, case.to_ned_m[..., :2] - moved)
-        ways = shapely.linestrings(np.stack(ends, axis=-2))
+        tracks = shapely.linestrings(np.stack(ends, axis=-2))
         area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
         shapely.prepare(area)
-        inside = shapely.intersects(area, ways)
+        inside = shapely.intersects(area, tracks)
         through = np.flatnonzero(np.diff(np.concatenate([[False], inside.any(axis=0), [False]])))
         found += [
             Crossing(number, case.name, float(case.t_s[a]), float(case.t_s[b - 1]))

@@ -1,7 +1,6 @@
-"""How a whole fleet returns from an instant of a plan: everyone up to a height of its own, straight to its end, down.
+"""The motion of a fleet that returns (RTL): all vehicles begin at once, climb, fly straight to their ends, and descend.
 
-Knows: that motion, the least distance of any two on it. Does not know: plans, parameters, who chooses the heights
-(`return_heights`). All begin at once.
+Return altitudes are arguments here; `rtl_altitudes` chooses them.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ import numpy as np
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import Array
 
-Motion = tuple[Array, Array]  # times since the alarm (..., K), places (..., K, 3) in NED
+Motion = tuple[Array, Array]  # times since the return began (..., K), places (..., K, 3) in NED
 
 
 @dataclass(frozen=True)
 class ReturnSpeeds:
-    """How fast vehicles return, m/s, and how long they wait above their end, s."""
+    """Speeds of a return, m/s, and the wait above its end, s."""
 
     climb_mps: float
     cruise_mps: float
@@ -28,9 +27,9 @@ class ReturnSpeeds:
 
 @dataclass(frozen=True)
 class Returning:
-    """Where a fleet is at instants t_s (N,) and where it would go: (V, N, 3) each.
+    """Begins and ends (V, N, 3) of a fleet's returns from instants t_s (N,).
 
-    `datum_m` (V, N) is the height that return altitudes count from: home's, or on PX4 that of where it goes.
+    `datum_m` (V, N) is the height that return altitudes count from: that of home, on PX4 that of the return's end.
     """
 
     name: str
@@ -41,9 +40,9 @@ class Returning:
     speeds: ReturnSpeeds
 
     def motion(self, row: int, altitude_m: Array | float) -> Motion:
-        """One vehicle's returns from every instant. Altitudes of shape (..., 1) give times (..., N, K).
+        """Motions of one vehicle from every instant. Altitudes of shape (..., 1) give times (..., N, K).
 
-        Who is higher already stays as high as it is.
+        A vehicle above its return altitude stays at its height.
         """
         start, end, speeds = self.from_ned_m[row], self.to_ned_m[row], self.speeds
         top_down = np.minimum(start[:, 2], -(self.datum_m[row] + np.asarray(altitude_m, dtype=np.float64)))
@@ -62,7 +61,7 @@ class Returning:
 
 
 def pair_distances(first: Motion, second: Motion) -> Array:
-    """Least distance (...) of two vehicles that begin to return at the same instant; leading axes broadcast."""
+    """The least distance (...) of two vehicles that begin to return at the same instant; leading axes broadcast."""
     instants = np.sort(np.concatenate(np.broadcast_arrays(first[0], second[0]), axis=-1), axis=-1)
     between = places_at(second, instants) - places_at(first, instants)
     distance, _ = least_distance(between[..., :-1, :], between[..., 1:, :])
@@ -70,7 +69,7 @@ def pair_distances(first: Motion, second: Motion) -> Array:
 
 
 def places_at(motion: Motion, instants: Array) -> Array:
-    """Places (..., I, 3) at instants (..., I) since the alarm; vehicles stand before the first and after the last."""
+    """Places (..., I, 3) at instants (..., I) since the return began; vehicles rest before and after their motion."""
     times, places = motion
     shape = instants.shape[:-1]
     times = np.broadcast_to(times, (*shape, times.shape[-1]))

@@ -1,8 +1,7 @@
-"""The parameters that make vehicles return as it was checked, and their fences end where they should.
+"""The parameters with which vehicles return as verified, and with which their fences reach above the returns.
 
-Knows: names and units of both autopilots. Does not know: files (`parameters`), how heights are chosen.
 ArduPilot's names are those up to 4.6, in cm and cm/s. Copter 4.7 renames them and counts in m and m/s (RTL_ALT_M,
-RTL_SPEED_MS, ...): it converts what it has stored, but does not know the old names any more.
+RTL_SPEED_MS, ...): it converts stored values, but does not accept the old names any more.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence
 _CM = 100
 _ALTITUDE_AND_AREAS = 5  # FENCE_TYPE: the circle around home, on by default, ends 300 m away
-_PX4_TAKEOFF_M = 2.5  # MIS_TAKEOFF_ALT: PX4 climbs so far before anything else
-_PX4_DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
+_PX4_TAKEOFF_M = 2.5  # MIS_TAKEOFF_ALT: PX4 climbs to it before anything else
+_PX4_DESCEND_M = 30.0  # RTL_DESCEND_ALT: below it PX4 lands slowly
 
 
 def return_parameters(
     firmware: Autopilot, returns: ReturnPlan, row: int, home_m: float, takeoff_m: float
 ) -> tuple[tuple[str, int | float], ...]:
-    """Parameters of the vehicle in this row, whose home is `home_m` above the origin and who takes off to `takeoff_m`.
+    """Names and values for the vehicle in this row: home `home_m` above the origin, hover `takeoff_m` above home.
 
-    Heights count from its home, rounded up to whole metres where they end a fence.
+    Heights count from its home. The fence's height is rounded up to whole metres.
     """
     altitude_m, speeds = returns.altitudes_m[row], returns.speeds
     fence_m = float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M))

@@ -70,7 +70,7 @@ def test_everything_inside() -> None:
             Geofence(tuple([square(-20, 120, -20, 20)] * 18)),
             Rule.FENCE,
             Level.ERROR,
-            "a fence of 72 points; ArduCopter stores 70",
+            "fence of 72 points; ArduCopter stores at most 70",
         ),
     ],
 )
@@ -92,9 +92,9 @@ def test_rally_points() -> None:
         (Rule.RALLY, "rally point 1 is 10.0 m outside the fence")
     ]
     many = tuple(RallyPoint(place(n, 0), 20.0) for n in range(11))
-    assert [f.message for f in findings(FIELD, many)] == ["11 rally points; ArduCopter stores 10"]
+    assert [f.message for f in findings(FIELD, many)] == ["11 rally points; ArduCopter stores at most 10"]
     deep = RallyPoint(place(50, 0), -3.0)
-    assert [f.message for f in findings(FIELD, (deep,))] == ["rally point 1 is 3.0 m under the ground"]
+    assert [f.message for f in findings(FIELD, (deep,))] == ["rally point 1 is 3.0 m below the ground"]
 
 
 def test_the_way_back_past_a_closed_area() -> None:
@@ -130,4 +130,4 @@ def test_a_rally_point_counts_from_its_own_home() -> None:
     one = mission(out_and_land(10.0), home=(0, 0, 10), geofence=FIELD, rally=(RallyPoint(place(5, 0), 0.0),))
     assert list(check_safety(one, fly(one, hill), hill)) == []
     sunk = mission(out_and_land(10.0), home=(0, 0, 5), geofence=FIELD, rally=(RallyPoint(place(5, 0), 0.0),))
-    assert [f.message for f in check_safety(sunk, fly(sunk, hill), hill)] == ["rally point 1 is 5.0 m under the ground"]
+    assert [f.message for f in check_safety(sunk, fly(sunk, hill), hill)] == ["rally point 1 is 5.0 m below the ground"]

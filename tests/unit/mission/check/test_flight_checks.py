@@ -40,7 +40,7 @@ def test_two_vehicles_that_meet() -> None:
     [
         (10.0, 1.9, None),
         (10.0, 2.5, "2.00 m above the ground; at least 2.5 m"),
-        (7.0, 1.0, "into the ground, 1.00 m deep"),
+        (7.0, 1.0, "into the ground, 1.00 m below its surface"),
     ],
 )
 def test_a_hill_in_the_way(up_m: float, asked_m: float, message: str | None) -> None:
@@ -74,7 +74,7 @@ def test_ceiling_speed_and_closed_areas() -> None:
         (Rule.AREA, Level.ERROR),
     ]
     assert "1.00 m above the ceiling of 9 m" in found[0].message
-    assert "5.00 m/s north; at most 4 m/s" in found[1].message
+    assert "5.00 m/s north; limit 4 m/s" in found[1].message
     assert "m inside no-fly zone 1" in found[2].message
     assert float(found[2].message.split()[0]) == pytest.approx(2.0, abs=0.02)
     steep = mission([at(22, 0, 0, 5), speed(5), at(16, 10, 0, 15), at(21, 10, 0, 0)])
