@@ -300,6 +300,19 @@ _RESULT_WORDS = {
 }
 
 
+_MISSION_TYPE_WORDS = {
+    MissionType.MISSION: "mission",
+    MissionType.FENCE: "fence",
+    MissionType.RALLY: "rally points",
+    MissionType.ALL: "mission, fence and rally points",
+}
+
+
+def mission_type_words(value: int) -> str:
+    """Return a MAV_MISSION_TYPE in words. An unknown value keeps its number."""
+    return _MISSION_TYPE_WORDS[MissionType(value)] if value in _MISSION_TYPE_WORDS else f"items of type {value}"
+
+
 def mission_result_words(value: int) -> str:
     """Return a MAV_MISSION_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
     if value in _MISSION_RESULT_WORDS:

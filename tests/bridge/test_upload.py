@@ -142,7 +142,7 @@ def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
         async with Ground.open(link) as ground:
             sessions = await ground.vehicles(simulation1_plan.sysids, 10.0)
             fleet.fault("2:die@start:0")
-            with pytest.raises(UploadFailed, match="because of vehicle 2: vehicle 2 fell silent") as caught:
+            with pytest.raises(UploadFailed, match="because of vehicle 2: vehicle 2 stopped answering") as caught:
                 await upload_fleet(sessions, loads, simulation1_plan.hash)
             assert "may be a mix of old and new" in caught.value.states[2]
             assert caught.value.states[1] == "mission cleared"

@@ -1,18 +1,15 @@
-"""FileDelivery: a mission goes to an ArduPilot as one file, is read back as one, and compared.
-
-Knows: the file's way there and back. Does not know: sockets, clocks (time is an argument), the way item by item
-(`delivery`), when to prefer which (`transfer`).
+"""FileUpload: uploads a mission to ArduPilot as one file (MAVLink FTP), reads the file back and compares it.
 
     state    event                                   next     sends
-    IDLE     start                                   WRITING  what an FtpWriter starts with
-    WRITING  closed                                  READING  what an FtpReader starts with
+    IDLE     start                                   WRITING  the start of an FtpWriter
+    WRITING  file closed                             READING  the start of an FtpReader
     WRITING  refused, or never answered              FAILED
-    WRITING  silent after answers                    WRITING  ... once more
+    WRITING  timeout after some answers              WRITING  the file again
     READING  equal by meaning                        DONE
-    READING  changed while it was read               READING  ... once more
-    READING  different, refused, or silent           WRITING  ... once more, `tries` in all, then FAILED
+    READING  changed while it was read               READING  the read-back again
+    READING  different, refused, or timeout          WRITING  the file again, `tries` in all, then FAILED
 
-That a file was closed proves nothing, and a refused close may have left anything: only what is read back counts.
+A closed file proves nothing, and after a refused close the contents are unknown: only the read-back counts.
 """
 
 from __future__ import annotations
@@ -34,17 +31,17 @@ from gcs.link.mission_protocol.mission_dat import (
     read_mission_file,
     write_mission_file,
 )
-from gcs.link.mission_protocol.read_back import compare_missions, not_held
+from gcs.link.mission_protocol.read_back import compare_missions, read_back_error
 from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
 
-_READS = 3  # of one upload
+_READS = 3  # read-backs of one upload
 
 
 class FileState(Enum):
-    """See the table above."""
+    """The states of the table above."""
 
     IDLE = auto()
     WRITING = auto()
@@ -54,7 +51,7 @@ class FileState(Enum):
 
 
 class FileUpload:
-    """All items of a flight mission, home as item 0: it reads back as the vehicle's own and is not compared."""
+    """All items of a flight mission with home as item 0. Home reads back as the vehicle's own and is not compared."""
 
     def __init__(
         self,
@@ -71,7 +68,7 @@ class FileUpload:
         self.peer = peer
         self.state = FileState.IDLE
         self.error: GcsError | None = None
-        self.sending_ended_s: float | None = None  # when the last upload was over
+        self.sending_ended_s: float | None = None  # end of the last upload
         self._me, self._timers = me, timers
         self._round_trip = round_trip or RttEstimator()
         self._numbers = numbers or FtpNumbers()
@@ -82,49 +79,49 @@ class FileUpload:
 
     @property
     def done(self) -> bool:
-        """Whether it ended, well (`error` is None: the vehicle holds these items) or badly."""
+        """Whether it has ended: with success (these items are on board) if `error` is None."""
         return self.state in (FileState.DONE, FileState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no timer runs."""
         return None if self.done or self._machine is None else self._machine.deadline_s
 
     def start(self, now_s: float) -> list[Message]:
-        """Begins. Raises `ProtocolMisuse` when called twice."""
+        """Return the first messages. Raises `ProtocolMisuse` if called twice."""
         if self.state is not FileState.IDLE:
-            raise ProtocolMisuse("a FileDelivery was started twice; make a new one for a new delivery.")
+            raise ProtocolMisuse("a FileUpload was started twice: create a new one.")
         return self._write(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for; nothing for messages of other conversations."""
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
         if self.done or self._machine is None:
             return []
-        return self._machine.receive(message, now_s) + self._go_on(now_s)
+        return self._machine.receive(message, now_s) + self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
+        """Return the messages to send after a timer expired."""
         if self.done or self._machine is None:
             return []
-        return self._machine.tick(now_s) + self._go_on(now_s)
+        return self._machine.tick(now_s) + self._advance(now_s)
 
     def cancel(self) -> list[Message]:
-        """Ends the delivery from our side; what the vehicle holds is not known then."""
+        """End the upload. What is on board is then unknown."""
         if self.done:
             return []
-        told = self._machine.cancel() if self._machine is not None else []
-        self._fail(PeerError(f"the mission for {self.peer} was cancelled half way."))
-        return told
+        messages = self._machine.cancel() if self._machine is not None else []
+        self._fail(PeerError(f"the upload of the mission to {self.peer} was cancelled."))
+        return messages
 
-    def _go_on(self, now_s: float) -> list[Message]:
+    def _advance(self, now_s: float) -> list[Message]:
         machine = self._machine
         if machine is None or not machine.done:
             return []
         if isinstance(machine, FtpWriter):
             self.sending_ended_s = now_s
             if machine.error is not None:
-                fell_silent = isinstance(machine.error, PeerTimeout) and machine.heard
-                return self._write(now_s) if fell_silent and self._tries > 0 else self._fail(machine.error)
+                timed_out = isinstance(machine.error, PeerTimeout) and machine.heard
+                return self._write(now_s) if timed_out and self._tries > 0 else self._fail(machine.error)
             self._reads_left = _READS
             return self._read(now_s)
         return self._read_back(machine, now_s)
@@ -133,15 +130,15 @@ class FileUpload:
         error = machine.error
         if error is None:
             try:
-                held = read_mission_file(machine.data, MissionType.MISSION, self.peer)
-            except PeerError as bad:
-                error = bad
+                on_board = read_mission_file(machine.data, MissionType.MISSION, self.peer)
+            except PeerError as invalid:
+                error = invalid
             else:
-                differences = compare_missions(self.items[1:], held[1:], autopilot=Autopilot.ARDUPILOT)
+                differences = compare_missions(self.items[1:], on_board[1:], autopilot=Autopilot.ARDUPILOT)
                 if not differences:
                     self.state = FileState.DONE
                     return []
-                error = not_held(self.peer, "mission", differences)
+                error = read_back_error(self.peer, MissionType.MISSION, differences)
                 self._reads_left = 0
         self._reads_left -= 1
         if self._reads_left > 0:

@@ -1,7 +1,6 @@
-"""Mission items to and from MISSION_ITEM_INT fields.
+"""Mission items to and from MISSION_ITEM_INT fields: frames of links (5, 6, 11 for 0, 3, 10 of files), scaled integers.
 
-Knows: the wire's frames (5, 6, 11 for the files' 0, 3, 10), scaled integers, the home item. Does not know:
-who sends, how often, or why. Floats on the wire are float32: see `mission_compare` for what comes back.
+Floats on the wire are float32: `read_back` compares what returns.
 """
 
 from __future__ import annotations
@@ -14,29 +13,33 @@ from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionType, WireFrame
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
-_TO_WIRE = {
-    0: WireFrame.GLOBAL_INT,
-    3: WireFrame.GLOBAL_RELATIVE_ALT_INT,
-    10: WireFrame.GLOBAL_TERRAIN_ALT_INT,
+_TO_WIRE: dict[int, WireFrame] = {
+    WireFrame.GLOBAL: WireFrame.GLOBAL_INT,
+    WireFrame.GLOBAL_RELATIVE_ALT: WireFrame.GLOBAL_RELATIVE_ALT_INT,
+    WireFrame.GLOBAL_TERRAIN_ALT: WireFrame.GLOBAL_TERRAIN_ALT_INT,
 }
-_FROM_WIRE = {int(wire): file for file, wire in _TO_WIRE.items()}
+_FROM_WIRE: dict[int, int] = {int(wire): int(file) for file, wire in _TO_WIRE.items()}
+
+
+def file_frame(frame: int) -> int:
+    """Return the frame of files for a frame of links (0, 3, 10 for 5, 6, 11); any other is unchanged."""
+    return _FROM_WIRE.get(frame, frame)
 
 
 def item_to_message(
     item: MissionItem,
     seq: int,
-    target: Station,
+    peer: Station,
     *,
     current: bool = False,
     mission_type: int = MissionType.MISSION,
 ) -> Message:
-    """MISSION_ITEM_INT for one item. `current` marks the item to start with (on ArduPilot: home, item 0)."""
+    """Return MISSION_ITEM_INT of one item. `current` marks the item to start with (on ArduPilot: home, item 0)."""
     p1, p2, p3, p4 = item.params
     return Message(
         "MISSION_ITEM_INT",
         {
-            "target_system": target.sysid,
-            "target_component": target.compid,
+            **peer.target,
             "seq": seq,
             "frame": int(_TO_WIRE.get(item.frame, item.frame)),
             "command": item.command,
@@ -55,19 +58,19 @@ def item_to_message(
 
 
 def item_from_message(message: Message) -> MissionItem:
-    """The item in a MISSION_ITEM_INT, or in a MISSION_ITEM, whose degrees are float32 (0.5 m of longitude).
+    """Return the item of a MISSION_ITEM_INT, or of a MISSION_ITEM, whose degrees are float32 (0.5 m of longitude).
 
-    Raises `PeerError` where a float position is not a number and so cannot be held.
+    Raises `PeerError` if a float position is not a finite number.
     """
     f = message.fields
     x, y = f["x"], f["y"]
     if message.name == "MISSION_ITEM":
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise PeerError(f"{message.source} sent mission item {f['seq']} with a position that is not a number.")
+            raise PeerError(f"{message.source} sent mission item {f['seq']} without a finite position.")
         x, y = round(x * 1e7), round(y * 1e7)
     return MissionItem(
         command=f["command"],
-        frame=_FROM_WIRE.get(f["frame"], f["frame"]),
+        frame=file_frame(f["frame"]),
         params=(f["param1"], f["param2"], f["param3"], f["param4"]),
         lat_degE7=x,
         lon_degE7=y,
@@ -77,7 +80,7 @@ def item_from_message(message: Message) -> MissionItem:
 
 
 def home_item(home: Home) -> MissionItem:
-    """Home as ArduPilot wants it: item 0, a waypoint with altitude AMSL."""
+    """Return home as ArduPilot stores it: item 0, a waypoint with altitude AMSL."""
     return MissionItem(
         command=Command.NAV_WAYPOINT,
         frame=Frame.GLOBAL,
@@ -89,5 +92,5 @@ def home_item(home: Home) -> MissionItem:
 
 
 def with_home(items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
-    """What ArduPilot is sent: home as item 0, then the items."""
+    """Return the items for ArduPilot: home as item 0, then the mission."""
     return (home_item(home), *items)

@@ -1,12 +1,10 @@
-"""ArduPilot's mission file: all items of one type as one file of its virtual folder @MISSION (4.1 and newer).
-
-Knows: the file's layout, and where to cut it. Does not know: how files travel.
+"""ArduPilot's mission file: all items of one type as one file in its virtual folder @MISSION (4.1 and newer).
 
     magic 0x763d | MAV_MISSION_TYPE | options | number of the first item | number of items      (uint16, little endian)
     per item the 38 bytes of MISSION_ITEM_INT, in the order of the wire
 
-ArduPilot replaces the mission when the file is closed, and refuses a file with an item that is all zeros: a piece that
-never came. So pieces end where items end: whatever is missing is a whole item.
+ArduPilot replaces the mission when the file is closed. It refuses a file with an item of zeros, which is a piece that
+never arrived. Pieces therefore end at the end of an item: only whole items can be missing.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ FIELDS = (
     *("param1", "param2", "param3", "param4", "x", "y", "z", "seq", "command"),
     *("target_system", "target_component", "frame", "current", "autocontinue", "mission_type"),
 )
-ITEMS_MAX = 4096  # more than any autopilot stores
+ITEMS_MAX = 4096  # more than any autopilot can store
 _PATHS = {
     int(MissionType.MISSION): "@MISSION/mission.dat",
     int(MissionType.FENCE): "@MISSION/fence.dat",
@@ -37,42 +35,42 @@ _PATHS = {
 
 
 def path_of(mission_type: int) -> str:
-    """The file's name on board. Raises KeyError for a type that has none."""
+    """Return the path of the file on board. Raises KeyError for a type without a file."""
     return _PATHS[mission_type]
 
 
 def write_mission_file(items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> bytes:
-    """The file that replaces all items of a type. Raises `ProtocolMisuse` for values that the wire does not carry."""
+    """Return the file that replaces all items of a type. Raises `ProtocolMisuse` for values outside the wire format."""
     parts = [HEADER.pack(MAGIC, mission_type, 0, 0, len(items))]
     for seq, item in enumerate(items):
         fields = item_to_message(item, seq, Station(0, 0), mission_type=mission_type).fields
         try:
             parts.append(ITEM.pack(*(fields[name] for name in FIELDS)))
         except (struct.error, OverflowError, TypeError) as error:
-            raise ProtocolMisuse(f"mission item {seq} cannot be written: {error}.") from error
+            raise ProtocolMisuse(f"mission item {seq} cannot be written to a mission file: {error}.") from error
     return b"".join(parts)
 
 
 def length_of(head: bytes, mission_type: int, peer: Station) -> int:
-    """How long the file is that begins so. Raises `PeerError` where it is none of this type."""
+    """Return the length of the file that begins with `head`. Raises `PeerError` if it is no file of this type."""
     if len(head) < HEADER.size:
         raise PeerError(f"{peer} sent a mission file without a header.")
     magic, kind, _, first, count = HEADER.unpack_from(head)
     if magic != MAGIC or kind != mission_type or first or count > ITEMS_MAX:
-        raise PeerError(f"{peer} sent a mission file that is none: {head[: HEADER.size].hex(' ')}.")
+        raise PeerError(f"{peer} sent a mission file with an invalid header: {head[: HEADER.size].hex(' ')}.")
     return HEADER.size + int(count) * ITEM.size
 
 
 def read_mission_file(data: bytes, mission_type: int, peer: Station) -> tuple[MissionItem, ...]:
-    """The items of a whole file. Raises `PeerError`: no half is ever believed."""
+    """Return the items of a whole file. Raises `PeerError` for an incomplete file."""
     if length_of(data, mission_type, peer) != len(data):
-        raise PeerError(f"{peer} sent a mission file of {len(data)} bytes, which is not what its header says.")
+        raise PeerError(f"{peer} sent a mission file of {len(data)} bytes; its header gives another length.")
     rows = (dict(zip(FIELDS, values, strict=True)) for values in ITEM.iter_unpack(data[HEADER.size :]))
     return tuple(item_from_message(Message("MISSION_ITEM_INT", fields, *peer)) for fields in rows)
 
 
 def pieces_of(data: bytes) -> list[tuple[int, bytes]]:
-    """The file as offsets and at most 239 bytes each, cut where items end; the first has the header and its items."""
+    """Return the file as (offset, at most 239 bytes), cut at the ends of items. The first piece contains the header."""
     each = (DATA_MAX - HEADER.size) // ITEM.size * ITEM.size
     ends = range(HEADER.size + each, len(data) + each, each)
     starts = [0, *(end for end in ends if end < len(data))]

@@ -1,13 +1,11 @@
-"""Is the mission that was read back the mission that was sent, by meaning?
-
-Knows: what the wire and the autopilots change without changing the meaning. Does not know: transfers, home.
+"""Comparison of the mission that was read back with the mission that was sent, by meaning.
 
 Allowed everywhere: float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones
-and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points, which do not go on anywhere. Latitude and
+and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning. Latitude and
 longitude must agree to the last 1e-7 degree.
-Allowed on ArduPilot, which keeps an item in 15 bytes: altitudes in whole centimetres; LAND's parameter 4 (0 -> 1); of a
-waypoint whole seconds of its hold alone, of a take-off its pitch alone (yaw and radii read back as 0: there it is
-WP_YAW_BEHAVIOR that turns the vehicle). The recordings have no such values; its published sources say so.
+Allowed on ArduPilot, which stores an item in 15 bytes: altitudes in whole centimetres; LAND's parameter 4 (0 -> 1); of
+a waypoint only the whole seconds of its hold, of a take-off only its pitch (yaw and radii read back as 0: on ArduPilot
+WP_YAW_BEHAVIOR turns the vehicle). The recordings have no such values; the published sources of ArduPilot do.
 """
 
 from __future__ import annotations
@@ -20,21 +18,29 @@ import numpy as np
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError
+from gcs.link.mission_protocol.item_messages import file_frame
 from gcs.link.wire.message import Station
+from gcs.mavlink import FenceCommand, MavCommand, mission_type_words
 from gcs.mission.model import Command, MissionItem
 
-_TOLD_MAX = 5
+_LISTED_MAX = 5
 _ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
-_FILE_FRAMES = {5: 0, 6: 3, 11: 10}
-_LAST_NAV_COMMAND = 95  # MAV_CMD_NAV_LAST: commands above it have no position, with these exceptions
-_DO_WITH_POSITION = frozenset({179, 189, 192, 195, 201})  # SET_HOME, LAND_START, REPOSITION, ROI_LOCATION, ROI
-_FENCE_AND_RALLY = range(5000, 5101)
-_NAV_WITHOUT_POSITION = frozenset({20, int(Command.NAV_DELAY)})  # RETURN_TO_LAUNCH
+_DO_WITH_POSITION: frozenset[int] = frozenset(  # the only commands above NAV_LAST with a position
+    {
+        MavCommand.DO_SET_HOME,
+        MavCommand.DO_LAND_START,
+        MavCommand.DO_REPOSITION,
+        MavCommand.DO_SET_ROI_LOCATION,
+        MavCommand.DO_SET_ROI,
+    }
+)
+_FENCE_AND_RALLY = range(FenceCommand.RETURN_POINT, FenceCommand.RALLY_POINT + 1)
+_NAV_WITHOUT_POSITION: frozenset[int] = frozenset({MavCommand.NAV_RETURN_TO_LAUNCH, Command.NAV_DELAY})
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that is not the same. `item` counts from 0 in the lists compared."""
+    """One difference. `item` counts from 0 in the lists compared."""
 
     item: int
     what: str
@@ -48,9 +54,9 @@ class Difference:
 def compare_missions(
     sent: Sequence[MissionItem], read_back: Sequence[MissionItem], *, autopilot: int = Autopilot.ARDUPILOT
 ) -> list[Difference]:
-    """All differences in meaning; empty means that the vehicle holds what it was sent.
+    """Return all differences in meaning; an empty list means that what was sent is on board.
 
-    `autopilot` is MAV_AUTOPILOT. On ArduPilot leave item 0 out on both sides: whatever is sent, it reads back as home.
+    `autopilot` is MAV_AUTOPILOT. On ArduPilot leave out item 0 on both sides: it always reads back as home.
     """
     exact = autopilot != Autopilot.ARDUPILOT
     differences = []
@@ -62,19 +68,19 @@ def compare_missions(
     return differences
 
 
-def not_held(peer: Station, name: str, differences: Sequence[Difference]) -> PeerError:
-    """The error of a vehicle that does not hold what it was sent."""
-    listed = "; ".join(str(d) for d in differences[:_TOLD_MAX])
-    more = f"; and {len(differences) - _TOLD_MAX} more" if len(differences) > _TOLD_MAX else ""
+def read_back_error(peer: Station, mission_type: int, differences: Sequence[Difference]) -> PeerError:
+    """Return the error of a read-back with these differences."""
+    listed = "; ".join(str(d) for d in differences[:_LISTED_MAX])
+    more = f"; and {len(differences) - _LISTED_MAX} more" if len(differences) > _LISTED_MAX else ""
     return PeerError(
-        f"{peer} does not hold the {name} it was sent: {listed}{more}.",
-        hint="upload again; if it persists, the autopilot does not store these items as they are",
+        f"the {mission_type_words(mission_type)} read back from {peer} differs from what was sent: {listed}{more}.",
+        hint="upload again; if the error persists, the autopilot does not store these items unchanged",
     )
 
 
 def has_position(command: int) -> bool:
-    """Whether an item of this command names a place; frames mean nothing on items that do not."""
-    if command > _LAST_NAV_COMMAND:
+    """Whether an item of this command has a position. The frame of an item without one has no meaning."""
+    if command > MavCommand.NAV_LAST:
         return command in _FENCE_AND_RALLY or command in _DO_WITH_POSITION
     return command not in _NAV_WITHOUT_POSITION
 
@@ -83,7 +89,7 @@ def _item_differences(ours: MissionItem, theirs: MissionItem, *, exact: bool) ->
     found: list[tuple[str, object, object]] = []
     if ours.command != theirs.command:
         return [("command", ours.command, theirs.command)]
-    if has_position(ours.command) and _file_frame(ours.frame) != _file_frame(theirs.frame):
+    if has_position(ours.command) and file_frame(ours.frame) != file_frame(theirs.frame):
         found.append(("frame", ours.frame, theirs.frame))
     for number, (a, b) in enumerate(zip(ours.params, theirs.params, strict=True), start=1):
         if not (_same_float(a, b) or (not exact and _cut(ours.command, number, a, b))):
@@ -106,10 +112,6 @@ def _cut(command: int, number: int, sent: float, read_back: float) -> bool:
     if command == Command.NAV_WAYPOINT and number == 1:
         return 0.0 <= sent < 0xFFFF and read_back == math.floor(sent)
     return command in (Command.NAV_WAYPOINT, Command.NAV_TAKEOFF) and number > 1 and read_back == 0.0
-
-
-def _file_frame(frame: int) -> int:
-    return _FILE_FRAMES.get(frame, frame)
 
 
 def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:

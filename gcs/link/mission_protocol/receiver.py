@@ -1,25 +1,25 @@
-"""MissionReceiver: asks the peer for its mission, item by item, and acknowledges the whole.
+"""MissionReceiver: requests the peer's mission, item by item, and acknowledges the whole.
 
-Knows and does not know: see `gcs.link.mission_protocol.rules`, whose rules the numbers below refer to.
+It follows the MAVLink mission protocol. Numbers in brackets are the rules in `gcs.link.mission_protocol.rules`.
 
     state      event                                       next       sends
     IDLE       start (ground station: a download)          LISTED     MISSION_REQUEST_LIST
-    IDLE       receive MISSION_COUNT (vehicle: an upload)  PULLING    request 0
+    IDLE       MISSION_COUNT (vehicle: an upload)          PULLING    request 0
     LISTED     MISSION_COUNT                               PULLING    request 0
     LISTED     reply_s passed                              LISTED     MISSION_REQUEST_LIST            (5)
-    PULLING    the item asked for                          PULLING    request for the next            (1, 4)
-    PULLING    ... and it was the last                     DONE       MISSION_ACK ACCEPTED            (7)
-    PULLING    ... and `check` or `capacity` refuses it    FAILED     MISSION_ACK of refusal
-    PULLING    MISSION_COUNT, other than we asked for      PULLING    request 0                       (6)
+    PULLING    the requested item                          PULLING    request for the next            (1, 4)
+    PULLING    ... the last one                            DONE       MISSION_ACK ACCEPTED            (7)
+    PULLING    ... refused by `check` or `capacity`        FAILED     MISSION_ACK of refusal
+    PULLING    MISSION_COUNT that was not requested        PULLING    request 0                       (6)
     PULLING    item_s passed                               PULLING    the same request                (5)
     PULLING    an item of the window, not the next one     PULLING    request for one more            (10)
     DONE       the last item again                         DONE       MISSION_ACK ACCEPTED            (7)
     any        MISSION_ACK of refusal                      FAILED                                     (8)
-    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until answered                (8)
+    any        ... ERROR, DENIED, CANCELLED, RttEstimator  same: doubt, until answered                (8)
     any        retries used up, or give_up_s               FAILED     MISSION_ACK OPERATION_CANCELLED (9)
     any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
 
-MISSION_COUNT 0 leads straight to DONE. Items that were not asked for, or came before, are ignored.
+MISSION_COUNT 0 leads directly to DONE. Items that were not requested, or came before, are ignored.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from gcs.mission.model import MissionItem
 
 ItemCheck = Callable[[int, MissionItem], MissionResult]
 _WINDOW = 8
-_LATE_S = 0.15  # by so much a copy may come late
+_LATE_S = 0.15  # a copy may be late by up to this
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
 class ReceiverState(Enum):
-    """See the table above."""
+    """The states of the table above."""
 
     IDLE = auto()
     LISTED = auto()
@@ -67,11 +67,10 @@ def _accept_any(_seq: int, _item: MissionItem) -> MissionResult:
 class MissionReceiver:
     """One transfer of a mission from `peer` to `me`.
 
-    A ground station calls `start` first. A vehicle that is sent MISSION_COUNT makes a receiver and gives it
-    that message; `check(seq, item)` lets it refuse an item with a reason, `capacity` bounds the count, and
-    `int_requests=False` asks the way ArduPilot does. With a `round_trip` it is quick to ask again, and learns how
-    quick, but not before `least_wait_s`; `window` items are asked for at a time. `items` is the mission once `done` and
-    `error` is None.
+    A ground station calls `start` first. A vehicle that receives MISSION_COUNT creates a receiver and passes it that
+    message. `check(seq, item)` can refuse an item with a reason, `capacity` limits the count, and `int_requests=False`
+    sends MISSION_REQUEST, as ArduPilot does. With a `round_trip` the wait before a repetition is estimated, at least
+    `wait_min_s`. `window` items are requested at a time. `items` is the mission once `done` and `error` is None.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class MissionReceiver:
         int_requests: bool = True,
         round_trip: RttEstimator | None = None,
         window: int = 1,
-        least_wait_s: float = 0.0,
+        wait_min_s: float = 0.0,
     ) -> None:
         self.peer = peer
         self.me = me
@@ -100,12 +99,12 @@ class MissionReceiver:
         self._request_name = "MISSION_REQUEST_INT" if int_requests else "MISSION_REQUEST"
         self._round_trip = round_trip
         self._window = window
-        self._least_wait_s = least_wait_s
+        self._wait_min_s = wait_min_s
         self._items: list[MissionItem] = []  # in order, up to the first that is missing
-        self._early: dict[int, MissionItem] = {}  # behind it
-        self._asked: dict[int, float | None] = {}  # items under way: when asked for, None if more than once
-        self._listed = False  # we asked for the list; else the peer offered it
-        self._listed_s: float | None = None  # when, if once
+        self._out_of_order: dict[int, MissionItem] = {}  # behind the missing one
+        self._requested: dict[int, float | None] = {}  # open requests: time sent, None if sent more than once
+        self._listed = False  # we requested the list; else the peer sent MISSION_COUNT
+        self._listed_s: float | None = None  # time sent, if sent once
         self._doubt: MissionRefused | None = None
         self._repeats = 0
         self._resend_s = 0.0
@@ -114,32 +113,32 @@ class MissionReceiver:
 
     @property
     def done(self) -> bool:
-        """Whether the transfer ended, well (`error` is None) or badly."""
+        """Whether the transfer has ended: with success if `error` is None."""
         return self.state in (ReceiverState.DONE, ReceiverState.FAILED)
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """The whole mission. Raises `ProtocolMisuse` before it is complete: no half is ever believed."""
+        """The whole mission. Raises `ProtocolMisuse` before it is complete."""
         if self.state is not ReceiverState.DONE:
-            raise ProtocolMisuse("a MissionReceiver was asked for its items before the transfer had succeeded.")
+            raise ProtocolMisuse("the items of a MissionReceiver were read before its transfer succeeded.")
         return tuple(self._items)
 
     @property
     def progress(self) -> int:
-        """How many items have arrived, up to the first that is missing."""
+        """The number of items that have arrived, up to the first missing one."""
         return len(self._items)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do; None when nothing is awaited."""
+        """The time of the next `tick`; None if no timer runs."""
         if self.done or self._end_s is None:
             return None
         return min(self._resend_s, self._give_up_s, self._end_s)
 
     def start(self, now_s: float) -> list[Message]:
-        """Asks for the peer's mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
+        """Return the request for the peer's mission. Raises `ProtocolMisuse` if called twice."""
         if self.state is not ReceiverState.IDLE:
-            raise ProtocolMisuse("a MissionReceiver was started twice; make a new one for a new transfer.")
+            raise ProtocolMisuse("a MissionReceiver was started twice: create a new one.")
         self.state = ReceiverState.LISTED
         self._end_s = now_s + self._timers.give_up_s * 2
         self._listed, self._listed_s = True, now_s
@@ -147,7 +146,7 @@ class MissionReceiver:
         return [self._request_list()]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for; nothing for messages of other conversations."""
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
         if not message.name.startswith("MISSION_") or not self._is_ours(message):
             return []
         if self.state is ReceiverState.DONE:
@@ -159,19 +158,19 @@ class MissionReceiver:
             copy = self._listed and self.state is ReceiverState.PULLING and message.fields["count"] == self.count
             return [] if copy else self._begin(message.fields["count"], now_s)
         if self.state is ReceiverState.PULLING and message.name in _ITEMS:
-            return self._take(message, now_s)
+            return self._accept(message, now_s)
         if message.name == "MISSION_ACK" and self.state is not ReceiverState.IDLE:
             self._acknowledged(message.fields["type"], now_s)
         return []
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
+        """Return the messages to send after a timer expired."""
         deadline_s = self.deadline_s
         if deadline_s is None or now_s < deadline_s:
             return []
         used_up = self._round_trip is None and self._repeats >= self._timers.retries
         if used_up or self._end_s is None or now_s >= min(self._give_up_s, self._end_s):
-            self._fail(self._doubt or PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come."))
+            self._fail(self._doubt or PeerTimeout(f"{self.peer} stopped answering: {self._awaited()} did not arrive."))
             return [self._ack(MissionResult.OPERATION_CANCELLED)]
         self._repeats += 1
         if self.state is ReceiverState.LISTED:
@@ -179,11 +178,11 @@ class MissionReceiver:
             self._resend_s = now_s + self._wait_s(self._timers.reply_s)
             return [self._request_list()]
         self._resend_s = now_s + self._wait_s(self._timers.item_s)
-        self._asked = dict.fromkeys(self._asked)
-        return [self._request(seq) for seq in sorted(self._asked)]
+        self._requested = dict.fromkeys(self._requested)
+        return [self._request(seq) for seq in sorted(self._requested)]
 
     def cancel(self) -> list[Message]:
-        """Ends the transfer from our side. The caller knows why; the error says just that."""
+        """End the transfer; return the MISSION_ACK that ends it on the peer."""
         if self.done:
             return []
         self._fail(PeerError(f"the mission transfer from {self.peer} was cancelled."))
@@ -195,22 +194,22 @@ class MissionReceiver:
         )
 
     def _begin(self, count: int, now_s: float) -> list[Message]:
-        if self.state is not ReceiverState.PULLING:  # a restart does not buy the peer more time
+        if self.state is not ReceiverState.PULLING:  # a restart does not extend the time limit
             self._end_s = now_s + self._timers.give_up_s * (count + 2)
             if self._round_trip is not None and self._listed_s is not None:
                 self._round_trip.learn(now_s - self._listed_s)
         self.state = ReceiverState.PULLING
         self.count = count
         self._items.clear()
-        self._early.clear()
-        self._asked.clear()
+        self._out_of_order.clear()
+        self._requested.clear()
         if count > self._capacity:
-            return self._refuse(MissionResult.NO_SPACE, f"of {count} items, {self._capacity} fit")
-        return self._next(now_s)
+            return self._refuse(MissionResult.NO_SPACE, f"{count} items exceed the capacity of {self._capacity}")
+        return self._next_requests(now_s)
 
-    def _take(self, message: Message, now_s: float) -> list[Message]:
+    def _accept(self, message: Message, now_s: float) -> list[Message]:
         seq = message.fields["seq"]
-        if seq not in self._asked:
+        if seq not in self._requested:
             return []
         try:
             item = item_from_message(message)
@@ -219,32 +218,32 @@ class MissionReceiver:
         verdict = self._check(seq, item)
         if verdict != MissionResult.ACCEPTED:
             return self._refuse(verdict, f"item {seq}: {mission_result_words(verdict)}")
-        asked_s = self._asked.pop(seq)
-        if self._round_trip is not None and asked_s is not None:
-            self._round_trip.learn(now_s - asked_s)
-        self._early[seq] = item
-        while len(self._items) in self._early:
-            self._items.append(self._early.pop(len(self._items)))
-        return self._next(now_s)
+        sent_s = self._requested.pop(seq)
+        if self._round_trip is not None and sent_s is not None:
+            self._round_trip.learn(now_s - sent_s)
+        self._out_of_order[seq] = item
+        while len(self._items) in self._out_of_order:
+            self._items.append(self._out_of_order.pop(len(self._items)))
+        return self._next_requests(now_s)
 
-    def _next(self, now_s: float) -> list[Message]:
+    def _next_requests(self, now_s: float) -> list[Message]:
         if len(self._items) == self.count:
             self.state = ReceiverState.DONE
             return [self._ack(MissionResult.ACCEPTED)]
         self._progressed(now_s, self._timers.item_s)
-        return self._ask_on(now_s)
+        return self._request_more(now_s)
 
-    def _ask_on(self, now_s: float) -> list[Message]:
-        """Requests for the next items, as many as the window leaves room for."""
+    def _request_more(self, now_s: float) -> list[Message]:
+        """Requests for the next items, as many as the window allows."""
         first, end = len(self._items), min(len(self._items) + self._window, self.count or 0)
-        new = [seq for seq in range(first, end) if seq not in self._asked and seq not in self._early]
-        self._asked |= dict.fromkeys(new, now_s)
+        new = [seq for seq in range(first, end) if seq not in self._requested and seq not in self._out_of_order]
+        self._requested |= dict.fromkeys(new, now_s)
         return [self._request(seq) for seq in new]
 
     def _wait_s(self, spec_s: float) -> float:
         if self._round_trip is None:
             return spec_s
-        return max(self._round_trip.wait_s(self._repeats), self._least_wait_s)
+        return max(self._round_trip.wait_s(self._repeats), self._wait_min_s)
 
     def _refuse(self, result: MissionResult, reason: str) -> list[Message]:
         self._fail(PeerError(f"the mission of {self.peer} was refused: {reason}."))
@@ -280,11 +279,7 @@ class MissionReceiver:
         return mission_ack(self.peer, result, self.mission_type)
 
     def _target(self) -> dict[str, int]:
-        return {
-            "target_system": self.peer.sysid,
-            "target_component": self.peer.compid,
-            "mission_type": self.mission_type,
-        }
+        return {**self.peer.target, "mission_type": self.mission_type}
 
     def _request_list(self) -> Message:
         return Message("MISSION_REQUEST_LIST", self._target())
@@ -302,10 +297,10 @@ def reader(
     timers: Timers = GROUND_TIMERS,
     round_trip: RttEstimator,
 ) -> MissionReceiver:
-    """A receiver that downloads the way this autopilot is quickest, and safest, to read.
+    """Return a receiver with the fastest safe download from this autopilot.
 
-    ArduPilot answers requests for items in any order. PX4 follows them one by one, and ends the transfer when it is
-    asked for one before the last: a copy that comes late must not be made lightly.
+    ArduPilot answers requests for items in any order. PX4 expects them one by one. It ends the transfer at a request
+    for an item before the last one, so a late copy of a request must be avoided.
     """
     by_the_way = autopilot == Autopilot.ARDUPILOT
     return MissionReceiver(
@@ -315,5 +310,5 @@ def reader(
         timers=timers,
         round_trip=round_trip,
         window=_WINDOW if by_the_way else 1,
-        least_wait_s=0.0 if by_the_way else _LATE_S,
+        wait_min_s=0.0 if by_the_way else _LATE_S,
     )

@@ -1,40 +1,39 @@
-"""What both sides of the mission protocol share: timers, results, errors, and the rules.
+"""Rules, timers and errors that both machines of the mission protocol share.
 
-Knows: nothing of sockets, clocks or sleeps: time is the argument `now_s`, seconds of any monotonic clock.
-Does not know: who is the ground station and who the vehicle. The protocol has two parts, and each station
-may play either: an upload is the ground station's `MissionSender` with the vehicle's `MissionReceiver`, a
-download the reverse. Each machine lives for one transfer:
+Specification: https://mavlink.io/en/services/mission.html. Each station may play either part: an upload is the ground
+station's `MissionSender` with the vehicle's `MissionReceiver`, a download the reverse. Time is the argument `now_s`,
+seconds of any monotonic clock. Each machine lives for one transfer:
 
     messages = machine.start(now_s)                 # to be sent
-    messages = machine.receive(message, now_s)      # for every message that arrives, also those of others
-    messages = machine.tick(now_s)                  # at `deadline_s`, or whenever convenient
+    messages = machine.receive(message, now_s)      # for every received message, also of other conversations
+    messages = machine.tick(now_s)                  # at `deadline_s` or earlier
     machine.done -> machine.error, machine.items    # error is None, PeerTimeout, MissionRefused or PeerError
 
 Rules
-1.  The receiver pulls: each item is asked for by number, and sent only when asked for.
-2.  A message counts if it comes from the peer, is addressed to us (or to nobody), and names our mission type.
-    Everything else belongs to other conversations and is ignored.
+1.  The receiver controls the transfer: it requests each item by number, and the sender sends only requested items.
+2.  A message counts if it comes from the peer, is addressed to us or to no station, and names our mission type. All
+    other messages belong to other conversations and are ignored.
 3.  Every request is answered, however often it is repeated, always with MISSION_ITEM_INT.
-4.  Both kinds of request and both kinds of item are understood.
-5.  What got no answer is said again: `reply_s` after a list, a count, or the last item; `item_s` after a
-    request for an item; `retries` times. Between items the sender is silent: asking is the receiver's part.
-    A machine that is given a `RttEstimator` asks again as soon as that says, until `give_up_s`; and a sender then says
-    the item it was asked for last once more, and the next one with it: whichever of item and request was lost, one of
-    the two is what the receiver waits for, and it takes no other.
-6.  A new MISSION_COUNT starts the receiver afresh: items of two missions never mix.
-7.  The receiver ends the transfer with MISSION_ACK. It repeats it when the last item comes once more, since
-    that means the first one was lost.
-8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. INVALID_SEQUENCE is
-    a reproach, after which ArduPilot asks again. ERROR after a repeated MISSION_COUNT says that the first one
-    had arrived and the transfer goes on (PX4: "busy"). ERROR after a repeated last item says that the transfer was
-    over and its MISSION_ACK is lost. Any other result ends it: `MissionRefused`. With a `RttEstimator`, where much is
-    said twice, ERROR, DENIED and OPERATION_CANCELLED may be about a copy that came late: they end the transfer if
-    nothing is asked, or answered, for some waits after them.
-9.  `give_up_s` without progress ends it: `PeerTimeout`. So does a peer that asks for ever without progress.
-10. With a `window` a receiver asks for several items at a time, where the peer keeps no track of what it was asked
-    for (ArduPilot); items are taken in any order.
-11. Arrival of the last item without a MISSION_ACK is no proof of anything: `MissionSender.all_sent` tells the
-    caller that it pays to read the mission back.
+4.  Both kinds of request and both kinds of item are accepted.
+5.  A message without an answer is repeated: `reply_s` after a list, a count, or the last item; `item_s` after the
+    request of an item; `retries` times. Between items the sender is silent: requests are the receiver's part.
+    A machine with a `RttEstimator` repeats as soon as the estimated wait has passed, until `give_up_s`. Such a sender
+    repeats the last requested item together with the next one: whether the item or the next request was lost, the
+    receiver waits for one of the two, and ignores the other.
+6.  A new MISSION_COUNT restarts the receiver: items of two missions never mix.
+7.  The receiver ends the transfer with MISSION_ACK. It repeats the MISSION_ACK if the last item comes again, because
+    then the first MISSION_ACK was lost.
+8.  ACCEPTED before the last item was sent belongs to an earlier transfer and is ignored. After INVALID_SEQUENCE
+    ArduPilot repeats its request. ERROR after a repeated MISSION_COUNT means that the first one had arrived and the
+    transfer continues (PX4: "busy"). ERROR after a repeated last item means that the transfer was over and its
+    MISSION_ACK was lost. Any other result ends the transfer: `MissionRefused`. With a `RttEstimator`, where many
+    messages are repeated, ERROR, DENIED and OPERATION_CANCELLED may answer a late copy: they end the transfer only if
+    no request or answer follows within some waits.
+9.  `give_up_s` without progress ends the transfer: `PeerTimeout`. So do endless requests without progress.
+10. With a `window` a receiver requests several items at a time, if the peer does not track its requests (ArduPilot).
+    Items are accepted in any order.
+11. If all items were sent and MISSION_ACK is missing, nothing is proved. `MissionSender.all_sent` then means that a
+    read-back is worthwhile.
 """
 
 from __future__ import annotations
@@ -49,12 +48,12 @@ from gcs.mavlink import MissionResult, mission_result_words
 
 @dataclass(frozen=True)
 class Timers:
-    """How long to wait, in seconds. The defaults are the MAVLink guide's."""
+    """The timers of a transfer, in seconds. The defaults are those of the MAVLink guide."""
 
     reply_s: float = 1.5  # for an answer to a list, a count, the last item
-    item_s: float = 0.25  # for an item asked for
+    item_s: float = 0.25  # for a requested item
     retries: int = 5
-    give_up_s: float = 9.0  # without progress; longer than any autopilot's own patience (8 s)
+    give_up_s: float = 9.0  # without progress; longer than any autopilot's own timeout (8 s)
 
     def __post_init__(self) -> None:
         if not (self.reply_s > 0 and self.item_s > 0 and self.give_up_s > 0 and self.retries >= 0):
@@ -66,39 +65,31 @@ DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.O
 
 
 def doubt_s(round_trip: RttEstimator) -> float:
-    """How long to go on after a refusal that may be about something else: ArduPilot asks again once a second."""
+    """The wait after a refusal that may answer a late copy: ArduPilot repeats its requests once a second."""
     return max(4.0 * round_trip.wait_s(), 1.2)
 
 
 class MissionRefused(PeerRefusal):
     """The peer ended the transfer with a MISSION_ACK other than ACCEPTED.
 
-    `result` is the MAV_MISSION_RESULT; `seq` the item it was about, or None if none had been asked for.
+    `result` is the MAV_MISSION_RESULT; `seq` the last requested item, or None before the first request.
     """
 
     def __init__(self, peer: Station, result: int, seq: int | None) -> None:
         where = "the mission" if seq is None else f"the mission at item {seq}"
         super().__init__(
             f"{peer} refused {where}: {mission_result_words(result)}.",
-            hint="nothing was armed; look at that item, or at the vehicle's own messages, and upload again",
+            hint="check that item and the vehicle's messages, then upload again; no vehicle was armed",
         )
         self.result = result
         self.seq = seq
 
 
-def mission_ack(target: Station, result: MissionResult, mission_type: int) -> Message:
-    """MISSION_ACK to `target`."""
-    return Message(
-        "MISSION_ACK",
-        {
-            "target_system": target.sysid,
-            "target_component": target.compid,
-            "type": int(result),
-            "mission_type": mission_type,
-        },
-    )
+def mission_ack(peer: Station, result: MissionResult, mission_type: int) -> Message:
+    """Return MISSION_ACK to `peer`."""
+    return Message("MISSION_ACK", {**peer.target, "type": int(result), "mission_type": mission_type})
 
 
 def mission_type_of(message: Message) -> int:
-    """The mission type a message names; MAVLink 1 has no such field and means 0."""
+    """Return the mission type of a message; 0 for MAVLink 1, which has no such field."""
     return int(message.fields.get("mission_type", 0))

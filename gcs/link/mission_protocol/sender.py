@@ -1,27 +1,27 @@
 """MissionSender: offers a mission and answers the peer's requests for its items.
 
-Knows and does not know: see `gcs.link.mission_protocol.rules`, whose rules the numbers below refer to.
+It follows the MAVLink mission protocol. Numbers in brackets are the rules in `gcs.link.mission_protocol.rules`.
 
-    state      event                                       next       sends
-    IDLE       start                                       OFFERED    MISSION_COUNT
-    OFFERED    MISSION_REQUEST(_INT) seq                   SENDING    item seq                        (1, 3)
-    OFFERED    MISSION_REQUEST_LIST                        OFFERED    MISSION_COUNT
-    OFFERED    reply_s passed                              OFFERED    MISSION_COUNT                   (5)
-    SENDING    MISSION_REQUEST(_INT) seq                   SENDING    item seq                        (1, 3)
-    SENDING    ... and every item has been sent            ALL_SENT   item seq
-    SENDING    its wait passed, with a RoundTrip           SENDING    the same item and the next      (5)
-    ALL_SENT   MISSION_REQUEST(_INT) seq                   ALL_SENT   item seq                        (3)
-    ALL_SENT   reply_s passed                              ALL_SENT   the last item                   (5)
-    ALL_SENT   MISSION_ACK ACCEPTED                        DONE                                       (8)
-    ALL_SENT   MISSION_ACK ERROR, last item was repeated   FAILED                                     (8, 11)
-    ALL_SENT   unheard_s without MISSION_ACK, RoundTrip    FAILED                                     (11)
-    any        MISSION_ACK of refusal                      FAILED                                     (8)
-    any        ... ERROR, DENIED, CANCELLED, RoundTrip     same: doubt, until asked again             (8)
-    any        doubted for some waits                      FAILED                                     (8)
-    any        give_up_s without progress                  FAILED                                     (9)
-    any        cancel                                      FAILED     MISSION_ACK OPERATION_CANCELLED
+    state      event                                         next       sends
+    IDLE       start                                         OFFERED    MISSION_COUNT
+    OFFERED    MISSION_REQUEST(_INT) seq                     SENDING    item seq                        (1, 3)
+    OFFERED    MISSION_REQUEST_LIST                          OFFERED    MISSION_COUNT
+    OFFERED    reply_s passed                                OFFERED    MISSION_COUNT                   (5)
+    SENDING    MISSION_REQUEST(_INT) seq                     SENDING    item seq                        (1, 3)
+    SENDING    ... and every item has been sent              ALL_SENT   item seq
+    SENDING    its wait passed, with a RttEstimator          SENDING    the same item and the next      (5)
+    ALL_SENT   MISSION_REQUEST(_INT) seq                     ALL_SENT   item seq                        (3)
+    ALL_SENT   reply_s passed                                ALL_SENT   the last item                   (5)
+    ALL_SENT   MISSION_ACK ACCEPTED                          DONE                                       (8)
+    ALL_SENT   MISSION_ACK ERROR, last item was repeated     FAILED                                     (8, 11)
+    ALL_SENT   2.5 s without MISSION_ACK, RttEstimator       FAILED                                     (11)
+    any        MISSION_ACK of refusal                        FAILED                                     (8)
+    any        ... ERROR, DENIED, CANCELLED, RttEstimator    same: doubt, until the next request        (8)
+    any        some waits in doubt                           FAILED                                     (8)
+    any        give_up_s without progress                    FAILED                                     (9)
+    any        cancel                                        FAILED     MISSION_ACK OPERATION_CANCELLED
 
-An empty mission (which clears the peer's) starts in ALL_SENT, with MISSION_COUNT in place of the last item.
+An empty mission clears the peer's. It starts in ALL_SENT, with MISSION_COUNT in place of the last item.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
 
-_UNHEARD_S = 2.5  # for a MISSION_ACK, or for the receiver to ask again as ArduPilot does once a second
+_UNHEARD_S = 2.5  # wait for MISSION_ACK or a repeated request, which ArduPilot sends once a second
 _REQUESTS = ("MISSION_REQUEST_INT", "MISSION_REQUEST")
 
 
 class SenderState(Enum):
-    """See the table above."""
+    """The states of the table above."""
 
     IDLE = auto()
     OFFERED = auto()
@@ -63,8 +63,8 @@ class SenderState(Enum):
 class MissionSender:
     """One transfer of `items` from `me` to `peer`.
 
-    With a `round_trip` it is quick to repeat itself, and learns how quick. `resumes` says that an earlier transfer of
-    the same items may still be under way, so that "busy" is no refusal.
+    With a `round_trip` the wait before a repetition is estimated. `resumes` means that an earlier transfer of the same
+    items may still be open on the peer, so that "busy" is no refusal.
     """
 
     def __init__(
@@ -88,13 +88,13 @@ class MissionSender:
         self._timers = timers
         self._current = current
         self._sent: set[int] = set()
-        self._last_seq: int | None = None  # the request answered last
+        self._last_seq: int | None = None  # the last answered request
         self._repeats = 0
         self.heard = False  # whether the peer answered at all
-        self.doubt: MissionRefused | None = None  # a refusal that may be of something else
+        self.doubt: MissionRefused | None = None  # a refusal that may answer a late copy
         self._counts_repeated = int(resumes)
         self._round_trip = round_trip
-        self._asked_s: float | None = None  # when what awaits an answer was said, if it was said once
+        self._sent_s: float | None = None  # time of the message that awaits an answer, if sent once
         self._last_repeated = False
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -102,41 +102,36 @@ class MissionSender:
 
     @property
     def done(self) -> bool:
-        """Whether the transfer ended, well (`error` is None) or badly."""
+        """Whether the transfer has ended: with success if `error` is None."""
         return self.state in (SenderState.DONE, SenderState.FAILED)
 
     @property
     def all_sent(self) -> bool:
-        """Whether every item was sent at least once: with a lost MISSION_ACK the peer may have them all."""
+        """Whether every item was sent at least once: if MISSION_ACK was lost, the peer may have all of them."""
         return self.state is not SenderState.IDLE and len(self._sent) == len(self.items)
 
     @property
-    def progress(self) -> int:
-        """How many items have been sent."""
-        return len(self._sent)
-
-    @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do; None when nothing is awaited."""
+        """The time of the next `tick`; None if no timer runs."""
         if self.done or self.state is SenderState.IDLE:
             return None
         last = min(self._give_up_s, self._end_s)
         return min(self._resend_s, last) if self._may_resend else last
 
     def start(self, now_s: float) -> list[Message]:
-        """Offers the mission. Raises `ProtocolMisuse` when called twice: it lives for one."""
+        """Return the offer of the mission. Raises `ProtocolMisuse` if called twice."""
         if self.state is not SenderState.IDLE:
-            raise ProtocolMisuse("a MissionSender was started twice; make a new one for a new transfer.")
+            raise ProtocolMisuse("a MissionSender was started twice: create a new one.")
         self.state = SenderState.OFFERED if self.items else SenderState.ALL_SENT
         self._end_s = now_s + self._timers.give_up_s * (len(self.items) + 2)
         self._progressed(now_s)
-        self._asked_s = now_s
+        self._sent_s = now_s
         return [self._count()]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for; nothing for messages of other conversations."""
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
         if self.state is SenderState.IDLE:
-            raise ProtocolMisuse("a MissionSender was given a message before it was started.")
+            raise ProtocolMisuse("a MissionSender received a message before it was started.")
         if self.done or not message.name.startswith("MISSION_") or not self._is_ours(message):
             return []
         self.heard = True
@@ -149,28 +144,28 @@ class MissionSender:
         return []
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
+        """Return the messages to send after a timer expired."""
         if self.done or self.state is SenderState.IDLE:
             return []
         if now_s >= min(self._give_up_s, self._end_s):
-            silence = PeerTimeout(f"{self.peer} fell silent: {self._awaited()} did not come.")
-            self._fail(silence if self.doubt is None or self.all_sent else self.doubt)
+            timeout = PeerTimeout(f"{self.peer} stopped answering: {self._awaited()} did not arrive.")
+            self._fail(timeout if self.doubt is None or self.all_sent else self.doubt)
             return []
         if not self._may_resend or now_s < self._resend_s:
             return []
         self._repeats += 1
         self._resend_s = now_s + self._wait_s()
-        self._asked_s = None
+        self._sent_s = None
         if self.state is SenderState.OFFERED or not self.items:
             self._counts_repeated += 1
             return [self._count()]
         if self._round_trip is not None and self._last_seq is not None:
-            return self._say_again(self._last_seq)
+            return self._repeat_item(self._last_seq)
         self._last_repeated = True
         return [self._item(len(self.items) - 1)]
 
     def cancel(self) -> list[Message]:
-        """Ends the transfer from our side. The caller knows why; the error says just that."""
+        """End the transfer; return the MISSION_ACK that ends it on the peer."""
         if self.done:
             return []
         self._fail(PeerError(f"the mission transfer to {self.peer} was cancelled."))
@@ -190,31 +185,31 @@ class MissionSender:
     def _answer(self, seq: int, now_s: float) -> list[Message]:
         if seq >= len(self.items):
             return []
-        self._note_sent(seq)
+        self._mark_sent(seq)
         if seq != self._last_seq:
-            if self._round_trip is not None and self._asked_s is not None:
-                self._round_trip.learn(now_s - self._asked_s)
+            if self._round_trip is not None and self._sent_s is not None:
+                self._round_trip.learn(now_s - self._sent_s)
             self._last_seq = seq
             self._progressed(now_s)
-            self._asked_s = now_s
+            self._sent_s = now_s
         else:
-            self._asked_s = None
+            self._sent_s = None
         self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
         self._resend_s = now_s + self._wait_s()
         return [self._item(seq)]
 
-    def _say_again(self, seq: int) -> list[Message]:
-        """The item asked for last, and the next: the one that is awaited is among them."""
-        again = range(seq, min(seq + 2, len(self.items)))
+    def _repeat_item(self, seq: int) -> list[Message]:
+        """The last requested item and the next one: the peer waits for one of them."""
+        repeated = range(seq, min(seq + 2, len(self.items)))
         before = self.all_sent
-        for one in again:
-            self._note_sent(one)
-        if self.all_sent and not before:  # the receiver may have them all, and its MISSION_ACK be lost
+        for one in repeated:
+            self._mark_sent(one)
+        if self.all_sent and not before:  # the receiver may have all items, and its MISSION_ACK was lost
             self._give_up_s = min(self._give_up_s, self._resend_s + _UNHEARD_S)
         self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
-        return [self._item(one) for one in again]
+        return [self._item(one) for one in repeated]
 
-    def _note_sent(self, seq: int) -> None:
+    def _mark_sent(self, seq: int) -> None:
         self._last_repeated |= seq == len(self.items) - 1 and seq in self._sent
         self._sent.add(seq)
 
@@ -233,7 +228,7 @@ class MissionSender:
         elif result == MissionResult.ERROR and self._counts_repeated:
             self._counts_repeated -= 1
         elif result == MissionResult.ERROR and self._last_repeated:
-            self._fail(PeerTimeout(f"{self.peer} had ended the transfer, and {self._awaited()} did not come."))
+            self._fail(PeerTimeout(f"{self.peer} has ended the transfer, and {self._awaited()} did not arrive."))
         else:
             self._fail(MissionRefused(self.peer, result, self._last_seq))
 
@@ -242,8 +237,8 @@ class MissionSender:
         self._repeats = 0
         self._resend_s = now_s + self._wait_s()
         at_the_end = self._last_seq is not None and self._last_seq == len(self.items) - 1
-        patience_s = min(self._timers.give_up_s, _UNHEARD_S) if self._round_trip and at_the_end else None
-        self._give_up_s = now_s + (patience_s or self._timers.give_up_s)
+        timeout_s = min(self._timers.give_up_s, _UNHEARD_S) if self._round_trip and at_the_end else None
+        self._give_up_s = now_s + (timeout_s or self._timers.give_up_s)
 
     def _fail(self, error: GcsError) -> None:
         self.error = error
@@ -258,13 +253,7 @@ class MissionSender:
 
     def _count(self) -> Message:
         return Message(
-            "MISSION_COUNT",
-            {
-                "target_system": self.peer.sysid,
-                "target_component": self.peer.compid,
-                "count": len(self.items),
-                "mission_type": self.mission_type,
-            },
+            "MISSION_COUNT", {**self.peer.target, "count": len(self.items), "mission_type": self.mission_type}
         )
 
     def _item(self, seq: int) -> Message:

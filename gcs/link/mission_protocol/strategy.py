@@ -1,7 +1,4 @@
-"""Which way a mission takes to its vehicle: as one file, or item by item.
-
-Knows: the choice, and how to fall back. Does not know: the ways themselves, sockets, clocks (time is an argument).
-"""
+"""The choice of the upload: a mission goes to its vehicle as one file or item by item, with a fallback."""
 
 from __future__ import annotations
 
@@ -13,11 +10,11 @@ from gcs.link.microservices.machine import Machine
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionType
 
-FILE_ITEMS_MIN = 5  # a file of few takes six round trips and one to ask for the ability, n items n + 3
+FILE_ITEMS_MIN = 5  # a short file takes six round trips and one for the capability; n items take n + 3
 
 
 class Transfer(StrEnum):
-    """AUTO sends a file where that is faster and the vehicle claims to take files, and items where it then does not."""
+    """AUTO sends a file if that is faster and the vehicle reports MAVLink FTP; if the file fails, it sends items."""
 
     AUTO = "auto"
     ITEMS = "items"
@@ -25,14 +22,14 @@ class Transfer(StrEnum):
 
 
 def uploads_as_file(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> bool:
-    """Whether a file may be tried: flight missions of ArduPilot only; clearing goes by a message of its own."""
+    """Whether to try a file: only flight missions of ArduPilot. Clearing has a message of its own."""
     if transfer is Transfer.ITEMS or autopilot != Autopilot.ARDUPILOT or mission_type != MissionType.MISSION:
         return False
     return items >= (FILE_ITEMS_MIN if transfer is Transfer.AUTO else 1)
 
 
 class Preferred:
-    """Two machines with one aim: the second begins where the first fails."""
+    """Two machines for one upload: the second starts if the first fails."""
 
     def __init__(self, first: Machine, second: Machine) -> None:
         self._machine = first
@@ -40,12 +37,12 @@ class Preferred:
 
     @property
     def done(self) -> bool:
-        """Whether the aim is reached (`error` is None) or both have failed."""
+        """Whether one has succeeded (`error` is None) or both have failed."""
         return self._machine.done and (self._second is None or self._machine.error is None)
 
     @property
     def error(self) -> GcsError | None:
-        """Of the machine that ran last."""
+        """The error of the last machine."""
         return self._machine.error
 
     @error.setter
@@ -54,27 +51,27 @@ class Preferred:
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no timer runs."""
         return self._machine.deadline_s
 
     def start(self, now_s: float) -> list[Message]:
-        """Begins the first."""
-        return self._machine.start(now_s) + self._go_on(now_s)
+        """Start the first machine."""
+        return self._machine.start(now_s) + self._advance(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for."""
-        return self._machine.receive(message, now_s) + self._go_on(now_s)
+        """Return the messages to send after a received message."""
+        return self._machine.receive(message, now_s) + self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
-        return self._machine.tick(now_s) + self._go_on(now_s)
+        """Return the messages to send after a timer expired."""
+        return self._machine.tick(now_s) + self._advance(now_s)
 
     def cancel(self) -> list[Message]:
-        """Ends it from our side."""
+        """End the upload without fallback."""
         self._second = None
         return self._machine.cancel()
 
-    def _go_on(self, now_s: float) -> list[Message]:
+    def _advance(self, now_s: float) -> list[Message]:
         if self._second is None or not self._machine.done or self._machine.error is None:
             return []
         self._machine, self._second = self._second, None

@@ -1,24 +1,23 @@
-"""Delivery: items are sent, read back, compared, and sent again until the vehicle holds what it was sent.
+"""VerifiedUpload: items are sent, read back and compared, and sent again until the vehicle has them on board.
 
-Knows: senders, receivers, and what each autopilot does to a transfer that breaks off. Does not know: sockets, clocks
-(time is an argument), where items come from.
+It runs MissionSender and MissionReceiver, which follow the MAVLink mission protocol.
 
     state     event                                           next      sends
-    IDLE      start                                           SENDING   what a MissionSender starts with
-    SENDING   every item sent, acknowledged or not            READING   what a MissionReceiver starts with
+    IDLE      start                                           SENDING   the start of a MissionSender
+    SENDING   every item sent, acknowledged or not            READING   the start of a MissionReceiver
     SENDING   refused for good: an item, a count              FAILED
     SENDING   busy                                            WAITING
-    SENDING   silence, cancelled, an ERROR without a reason   SENDING   ... once more, `tries` in all
+    SENDING   timeout, cancelled, ERROR without a reason      SENDING   the items again, `tries` in all
     READING   equal by meaning                                DONE
-    READING   silence, or refused in the middle               READING   ... once more, some times
-    READING   different, busy, or still silent                SENDING   ... once more
-    WAITING   busy_s passed                                   SENDING
+    READING   timeout, or refused in the middle               READING   the read-back again, up to 5 times
+    READING   different, busy, or still no answer             SENDING   the items again
+    WAITING   BUSY_S passed                                   SENDING
 
-A MISSION_ACK proves nothing, and neither does its loss: only what is read back counts. Habits:
-- ArduPilot stores items one by one, so a transfer that breaks off leaves a mix of new and old ones: it is sent again.
-- PX4 calls a second MISSION_COUNT "busy" while the first transfer goes on: after a break the old one is cancelled; one
-  that somebody else began is waited out (it forgets after 5 s).
-- ArduPilot answers requests for items in any order: several are asked for at a time. PX4 follows them one by one.
+Neither a MISSION_ACK nor its loss proves anything: only the read-back counts. What the autopilots do:
+- ArduPilot stores items one by one. A broken transfer leaves a mix of new and old items, so all are sent again.
+- PX4 answers a second MISSION_COUNT with "busy" while the first transfer is open. After a break the old transfer is
+  cancelled; a transfer of another station is waited for (PX4 forgets it after 5 s).
+- ArduPilot answers requests for items in any order, so several are requested at a time. PX4 expects them one by one.
 """
 
 from __future__ import annotations
@@ -29,21 +28,20 @@ from enum import Enum, auto
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.mission_protocol.read_back import Difference, compare_missions, not_held
+from gcs.link.mission_protocol.read_back import Difference, compare_missions, read_back_error
 from gcs.link.mission_protocol.receiver import MissionReceiver, reader
 from gcs.link.mission_protocol.rules import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import MissionResult, MissionType
+from gcs.mavlink import MissionResult, MissionType, mission_type_words
 from gcs.mission.model import MissionItem
 
-BUSY_S = 6.0  # PX4 forgets a broken-off transfer after 5 s
-_READS = 5  # of one upload
-_NAMES = {int(MissionType.MISSION): "mission", int(MissionType.FENCE): "fence", int(MissionType.RALLY): "rally points"}
+BUSY_S = 6.0  # PX4 forgets an unfinished transfer after 5 s
+_READS = 5  # read-backs of one upload
 
 
 class UploadState(Enum):
-    """See the table above."""
+    """The states of the table above."""
 
     IDLE = auto()
     SENDING = auto()
@@ -54,9 +52,9 @@ class UploadState(Enum):
 
 
 class VerifiedUpload:
-    """Items of one type for one vehicle; an empty list clears what it holds.
+    """Items of one type for one vehicle; an empty list clears those on board.
 
-    For ArduPilot item 0 of a mission is home, as it is sent; it reads back as the vehicle's own and is not compared.
+    For ArduPilot item 0 of a mission is home. It reads back as the vehicle's own and is not compared.
     """
 
     def __init__(
@@ -78,74 +76,70 @@ class VerifiedUpload:
         self.autopilot = autopilot
         self.state = UploadState.IDLE
         self.error: GcsError | None = None
-        self.sent = 0  # times the items were sent
-        self.read = 0  # times they were read back
-        self.sending_ended_s: float | None = None  # when the last upload was over
+        self.sent = 0  # how often the items were sent
+        self.sending_ended_s: float | None = None  # end of the last upload
         self._timers = timers
         self._round_trip = round_trip or RttEstimator()
         self._tries = tries
         self._busy = 0
-        self._broken = False  # an earlier try may still be under way on board
+        self._resumes = False  # an earlier try may still be open on board
         self._machine: MissionSender | MissionReceiver | None = None
         self._reads_left = 0
         self._until_s = 0.0
         self._last_error: GcsError | None = None
-        self._doubt: GcsError | None = None  # an ERROR that came with what was then not held
-
-    @property
-    def name(self) -> str:
-        """What is delivered, for people."""
-        return _NAMES.get(self.mission_type, f"items of type {self.mission_type}")
+        self._doubt: GcsError | None = None  # an ERROR during an upload that then failed its read-back
 
     @property
     def done(self) -> bool:
-        """Whether it ended, well (`error` is None: the vehicle holds these items) or badly."""
+        """Whether it has ended: with success (these items are on board) if `error` is None."""
         return self.state in (UploadState.DONE, UploadState.FAILED)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no timer runs."""
         if self.state is UploadState.WAITING:
             return self._until_s
         return None if self.done or self._machine is None else self._machine.deadline_s
 
     def start(self, now_s: float) -> list[Message]:
-        """Begins. Raises `ProtocolMisuse` when called twice."""
+        """Return the first messages. Raises `ProtocolMisuse` if called twice."""
         if self.state is not UploadState.IDLE:
-            raise ProtocolMisuse("a Delivery was started twice; make a new one for a new delivery.")
+            raise ProtocolMisuse("a VerifiedUpload was started twice: create a new one.")
         return self._send(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for; nothing for messages of other conversations."""
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
         if self.done or self._machine is None or self.state is UploadState.WAITING:
             return []
-        return self._machine.receive(message, now_s) + self._go_on(now_s)
+        return self._machine.receive(message, now_s) + self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
+        """Return the messages to send after a timer expired."""
         if self.done or self._machine is None:
             return []
         if self.state is UploadState.WAITING:
             return self._send(now_s) if now_s >= self._until_s else []
-        return self._machine.tick(now_s) + self._go_on(now_s)
+        return self._machine.tick(now_s) + self._advance(now_s)
 
     def cancel(self) -> list[Message]:
-        """Ends the delivery from our side; what the vehicle holds is not known then."""
+        """End the upload. What is on board is then unknown."""
         if self.done:
             return []
-        told = self._machine.cancel() if self._machine is not None else []
-        self._fail(PeerError(f"the {self.name} for {self.peer} was cancelled half way."))
-        return told
+        messages = self._machine.cancel() if self._machine is not None else []
+        self._fail(
+            PeerError(f"the upload of the {mission_type_words(self.mission_type)} to {self.peer} was cancelled.")
+        )
+        return messages
 
-    def _go_on(self, now_s: float) -> list[Message]:
+    def _advance(self, now_s: float) -> list[Message]:
         machine = self._machine
         if machine is None or not machine.done:
             return []
         if isinstance(machine, MissionSender):
-            return self._sent(machine, now_s)
-        return self._read_back(machine, now_s)
+            return self._after_sending(machine, now_s)
+        return self._after_read_back(machine, now_s)
 
-    def _sent(self, machine: MissionSender, now_s: float) -> list[Message]:
+    def _after_sending(self, machine: MissionSender, now_s: float) -> list[Message]:
         error = machine.error
         if error is None or (isinstance(error, PeerTimeout) and machine.all_sent and machine.heard):
             self._reads_left = _READS
@@ -160,25 +154,25 @@ class VerifiedUpload:
                 return self._wait(now_s) if self._busy < self._tries else self._fail(error)
         elif not machine.heard:
             return self._fail(error)
-        return self._break_off() + self._send(now_s)
+        return self._cancel_on_board() + self._send(now_s)
 
-    def _read_back(self, machine: MissionReceiver, now_s: float) -> list[Message]:
+    def _after_read_back(self, machine: MissionReceiver, now_s: float) -> list[Message]:
         error = machine.error
         if error is None:
             differences = self._differences(machine.items)
             if not differences:
                 self.state = UploadState.DONE
                 return []
-            self._last_error = self._doubt or not_held(self.peer, self.name, differences)
+            self._last_error = self._doubt or read_back_error(self.peer, self.mission_type, differences)
             return self._send(now_s)
         self._last_error = error
         self._reads_left -= 1
         if isinstance(error, PeerTimeout) and machine.count is None and self._reads_left < _READS - 1:
-            return self._fail(error)  # it does not listen any more
+            return self._fail(error)  # the vehicle does not answer any more
         lost = isinstance(error, PeerTimeout) or (isinstance(error, MissionRefused) and error.seq is not None)
-        if lost and self._reads_left > 0:  # PX4 gives up on who asks for an item twice removed
+        if lost and self._reads_left > 0:  # PX4 ends a transfer at a request for an earlier item
             return self._read(now_s)
-        return self._break_off() + self._send(now_s)  # it may be in the middle of the transfer
+        return self._cancel_on_board() + self._send(now_s)  # the transfer may still be open on board
 
     def _differences(self, read_back: tuple[MissionItem, ...]) -> list[Difference]:
         first = int(self.autopilot == Autopilot.ARDUPILOT and self.mission_type == MissionType.MISSION)
@@ -196,13 +190,12 @@ class VerifiedUpload:
             mission_type=self.mission_type,
             timers=self._timers,
             round_trip=self._round_trip,
-            resumes=self._broken,
+            resumes=self._resumes,
         )
         self._machine = machine
         return machine.start(now_s)
 
     def _read(self, now_s: float) -> list[Message]:
-        self.read += 1
         if self.state is UploadState.SENDING:
             self.sending_ended_s = now_s
         self.state = UploadState.READING
@@ -218,13 +211,13 @@ class VerifiedUpload:
         return machine.start(now_s)
 
     def _wait(self, now_s: float) -> list[Message]:
-        self.sent -= 1  # it was not listened to
+        self.sent -= 1  # the vehicle refused the whole try
         self.state = UploadState.WAITING
         self._until_s = now_s + BUSY_S
         return []
 
-    def _break_off(self) -> list[Message]:
-        self._broken = True
+    def _cancel_on_board(self) -> list[Message]:
+        self._resumes = True
         return [mission_ack(self.peer, MissionResult.OPERATION_CANCELLED, self.mission_type)]
 
     def _fail(self, error: GcsError) -> list[Message]:

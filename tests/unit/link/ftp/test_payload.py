@@ -181,7 +181,10 @@ def test_an_item_that_does_not_please_is_named_by_the_other_way():
     arrived = Air(Autopilot.ARDUPILOT, CALM, 0).deliver(bad, transfer=Transfer.AUTO)
     assert "item 9" in arrived.error.message
     arrived = Air(Autopilot.ARDUPILOT, CALM, 0).deliver(bad, transfer=Transfer.FILE)
-    assert "does not hold the mission it was sent: item 8: number of items" in arrived.error.message
+    assert (
+        "the mission read back from vehicle 3 differs from what was sent: item 8: number of items"
+        in arrived.error.message
+    )
 
 
 def test_an_older_session_in_the_way_is_ended_or_waited_out():
@@ -359,7 +362,7 @@ def test_a_file_that_changed_while_it_was_read_is_not_believed():
 def test_a_file_that_is_none_ends_the_reading():
     reader, request = reading(b"")
     sent = reader.receive(burst_of(request, b"not a mission at all")[0], 0.02)
-    assert "mission file that is none" in reader.error.message
+    assert "mission file with an invalid header" in reader.error.message
     assert opcodes(sent) == [FtpOpcode.TERMINATE_SESSION]
 
 
@@ -402,7 +405,7 @@ def test_a_file_that_was_closed_and_not_taken_is_found_out_by_reading():
     air = Air(Autopilot.ARDUPILOT, CALM, 0)
     air.files._files.write = lambda path, data: True  # type: ignore[method-assign]
     arrived = air.deliver(ITEMS, transfer=Transfer.FILE)
-    assert "does not hold the mission it was sent" in arrived.error.message
+    assert "the mission read back from vehicle 3 differs from what was sent" in arrived.error.message
     assert not arrived.held
 
 

@@ -170,7 +170,7 @@ def test_what_px4_takes_and_cannot_mean_is_no_difference_and_what_it_changes_is(
     store = air.shelf._store
     air.shelf._store = lambda kind, items: store(kind, (*items[:2], items[3], *items[3:]) if items else items)
     arrived = air.deliver(ITEMS)
-    assert "does not hold the mission it was sent: item 2: " in str(arrived.error)
+    assert "the mission read back from vehicle 3 differs from what was sent: item 2: " in str(arrived.error)
     assert arrived.tries > 1
 
 
