@@ -1,12 +1,9 @@
-"""The formation's own degrees of freedom: scale, heading and blend, which the optimiser moves like a vehicle.
-
-Knows: how the three bend a base shape, how far and how fast each may go, and the shape over time that follows from
-their solution. Does not know: transcription, solvers.
+"""The formation's degrees of freedom (scale, heading, blend) that the optimiser moves: ranges, rates, resulting shape.
 
     offset = scale * Rz(heading) * ((1 - blend) * base + blend * target)
 
-Each is the end of a chain of four integrators, as a quadrotor's position is in Eq. 1: then every follower's attitude,
-rates and moments are as smooth as the leader's.
+Each ends a chain of four integrators, as a quadrotor's position does in Eq. 1. Every follower's attitude, rates and
+moments are then as smooth as the leader's.
 """
 
 from __future__ import annotations
@@ -33,10 +30,10 @@ ORDER = 4  # integrators from the control (a snap) to the coordinate
 _KIND: dict[str, Name] = {"shrink": "scale", "rotate": "heading", "reshape": "blend"}
 _REST: dict[Name, float] = {"scale": 1.0, "heading": 0.0, "blend": 0.0}
 _DEFAULT_WEIGHT = 0.3
-# An interior-point method never quite reaches a bound: rest lies this far inside, in units, and is reached exactly.
+# An interior-point method never reaches a bound: rest lies this far inside, in units, so that it is reached exactly.
 _BEYOND = 0.05
 _FREE_RAD = 20.0  # heading with the course: turns add up
-# So many terms of Taylor's series, over pieces of at most this length, hold products and cosines of the coordinates.
+# Terms of the Taylor series, and greatest length of a piece, that represent products and cosines of the coordinates.
 _PIECE_S, _TERMS = 2.0, 22
 
 
@@ -49,17 +46,17 @@ class Coordinate:
     high: float
     most: tuple[float, float, float, float]  # largest rate, acceleration, jerk and snap, either way
     unit: float  # departure from rest that costs `weight` when it lasts the whole flight
-    weight: float  # in units of Eq. 35; 0 where something else pulls the coordinate
-    free_end: bool  # else it ends at rest's value
+    weight: float  # in units of Eq. 35; 0 where another term drives the coordinate
+    free_end: bool  # otherwise it ends at rest
 
     @property
     def rest(self) -> float:
-        """Value that leaves the base shape as it is."""
+        """The value that leaves the base shape unchanged."""
         return _REST[self.name]
 
 
 def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
-    """The scenario's automatic changes, and the heading of a formation that turns with its course."""
+    """The coordinates of a scenario: its automatic changes, and the heading with `frame = "course"`."""
     autos = [change for change in scenario.formation.change if change.auto]
     follows_course = scenario.formation.frame == "course"
     limit, size_m = budget_of_each(scenario), _extent_m(scenario)
@@ -70,7 +67,7 @@ def coordinates(scenario: Scenario) -> tuple[Coordinate, ...]:
 
 
 def budget_of_each(scenario: Scenario) -> Budget:
-    """What a change may ask of any vehicle, beside every other change that may pass at the same time."""
+    """The budget of one change, shared with every other change that may happen at the same time."""
     autos = [change.kind for change in scenario.formation.change if change.auto]
     if scenario.formation.frame == "course":
         autos.append("rotate")
@@ -81,9 +78,9 @@ def budget_of_each(scenario: Scenario) -> Budget:
 
 
 def target_ned_m(scenario: Scenario) -> Array:
-    """Shape (V, 3) that the blend leads to, everybody's place in it assigned; the base shape where nothing blends.
+    """The shape (V, 3) to which the blend leads, with assigned places; the base shape where nothing blends.
 
-    Raises Infeasible where vehicles would come too near another on the straight ways there.
+    Raises Infeasible where vehicles on the straight paths there would come too near each other.
     """
     base = offsets_ned_m(scenario)
     for change in scenario.formation.change:
@@ -98,8 +95,8 @@ def target_ned_m(scenario: Scenario) -> Array:
             )
             if len(made.legs) > 1:
                 raise Infeasible(
-                    f'no straight way from the start to the shape "{change.to}" keeps '
-                    f"{scenario.limits.separation_min_m:g} m; it would go {made.way}",
+                    f'no straight path from the start to the shape "{change.to}" keeps '
+                    f"{scenario.limits.separation_min_m:g} m; the only solution is {made.way}",
                     hint="trigger the change by a time or a gate instead of auto, or give the shapes more spacing",
                 )
             return made.offsets_after_ned_m
@@ -107,7 +104,7 @@ def target_ned_m(scenario: Scenario) -> Array:
 
 
 def bent(values: Mapping[Name, Any], base: Sequence[Any], target: Sequence[Any], xp: Any = np) -> tuple[Any, Any, Any]:
-    """Offset (north, east, down) of one vehicle, on arrays or symbols; `values` holds those coordinates that exist."""
+    """Offset (north, east, down) of one vehicle, on arrays or symbols; `values` holds the existing coordinates."""
     n, e, d = base
     if "blend" in values:
         blend = values["blend"]
@@ -122,9 +119,9 @@ def bent(values: Mapping[Name, Any], base: Sequence[Any], target: Sequence[Any],
 
 
 def composed(base: Shape, target: Array, names: Sequence[Name], values: PPoly) -> Shape:
-    """The shape over time (C3) that coordinates `values` (coefficients (C+1, P, A)) make of a base shape.
+    """The shape over time (C3) from a base shape and coordinates `values` (coefficients (C+1, P, A)).
 
-    Three tables for every table of the base: what turns with cosine, what with sine, and the vertical part.
+    Three tables for every table of the base: the cosine part, the sine part, and the vertical part.
     """
     blending = "blend" in names
     joints = _fine(np.union1d(values.x, base.joints_s))
@@ -170,7 +167,7 @@ def _most(limit: Budget, length_m: float) -> tuple[float, float, float, float]:
 
 
 def _extent_m(scenario: Scenario) -> float:
-    """Farthest any vehicle is from the leader, in any shape of the scenario and however much it grows."""
+    """The greatest distance of any vehicle from the leader, in any shape and at any scale of the scenario."""
     shapes = [offsets_ned_m(scenario), *(shape_offsets_ned_m(scenario, s.name) for s in scenario.formation.shape)]
     grown = [c.scale for c in scenario.formation.change if c.scale is not None and c.scale > 1.0]
     return float(np.linalg.norm(np.stack(shapes), axis=2).max() * np.prod(grown))

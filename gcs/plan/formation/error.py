@@ -1,7 +1,4 @@
-"""How far a formation is from its shape (Definition 1), wherever it flies.
-
-Knows: Eq. 4's difference at given instants. Does not know: what makes it converge.
-"""
+"""The formation error of Definition 1 and Eq. 4: how far the shape is off, wherever the formation flies."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from gcs.physics.quadrotor import Array
 
 
 def formation_errors_m(positions_ned_m: Array, offsets_ned_m: Array) -> Array:
-    """|xi_i - h_i - c| of each vehicle (V, N), in m, from positions xi and places h, both (V, N, 3).
+    """Errors |xi_i - h_i - c| of each vehicle (V, N), m, from positions xi and offsets h, both (V, N, 3).
 
     c is the formation's own centre, the mean of xi - h: a formation that flies elsewhere as a whole has no error.
     """
@@ -20,5 +17,5 @@ def formation_errors_m(positions_ned_m: Array, offsets_ned_m: Array) -> Array:
 
 
 def formation_error_m(positions_ned_m: Array, offsets_ned_m: Array) -> Array:
-    """The largest of all vehicles' errors (N,), in m; it goes to zero where Eq. 4 holds."""
+    """The formation error (N,), m: the largest error of all vehicles; zero where Eq. 4 holds."""
     return np.asarray(formation_errors_m(positions_ned_m, offsets_ned_m).max(axis=0))

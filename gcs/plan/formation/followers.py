@@ -1,12 +1,11 @@
-"""States and controls of vehicles whose place in the formation moves: Eq. 1 solved for them, exactly.
+"""States and controls of vehicles that move within the formation: Eq. 1 inverted, exactly.
 
-Knows: Eq. 1 backwards (thrust, attitude, rates and moments from a motion). Does not know: where motions come from.
-A follower flies the leader's acceleration plus its place's own. Thrust and tilt follow from acceleration, rates from
+A follower flies the leader's acceleration plus that of its offset. Thrust and tilt follow from acceleration, rates from
 jerk, moments from snap; yaw is the leader's.
 
-The leader's thrust has corners where its polynomials join, which turn nobody who flies as he does; a follower that
-pushes another way as well would have to change its rates at once. It tilts by a thrust whose corners are rounded
-instead. Its height stays exact, sideways that costs less than a millimetre.
+The leader's thrust has corners where its polynomials join. A follower that accelerates in another direction would have
+to change its rates there at once. It tilts by a thrust with rounded corners instead: its height stays exact, and the
+sideways error is below a millimetre.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ def formation_motion(
     controls = np.repeat(u[None], len(place), axis=0)
     moving = shape.is_moving(t_s)
     if q.wind.has_shear and np.any(place[..., 2]):
-        moving = np.ones_like(moving)  # who flies higher leans more
+        moving = np.ones_like(moving)  # higher vehicles meet more wind and lean more
     if moving.any():
         t = t_s[moving]
         states[:, moving], controls[:, moving] = follower_states_and_controls(
@@ -58,8 +57,8 @@ def follower_states_and_controls(
     """States (V, N, 12) and controls (V, N, 4) of vehicles at `offsets` from the leader.
 
     `leader_state` (N, 12), `leader_control` (N, 4), the thrust by which followers tilt with its first two derivatives
-    (N,), and the offsets (V, N, 3) with their first four. Where that thrust is the leader's, Eq. 1 holds for the result
-    as it holds for him.
+    (N,), and the offsets (V, N, 3) with their first four. Where that thrust is the leader's, Eq. 1 holds for the
+    result as exactly as for the leader.
     """
     place, speed, acceleration, jerk, snap = offsets
     drag, m = np.array(q.drag_Nspm), q.mass_kg
@@ -100,7 +99,7 @@ def follower_states_and_controls(
 
 
 def _more_wind(leader_state: Array, leader_control: Array, offsets: Sequence[Array], q: Quadrotor) -> Jet:
-    """By how much the wind at the vehicles differs from that at the leader, with two derivatives, (V, N, 3) each."""
+    """Wind at the vehicles minus wind at the leader, with two derivatives, (V, N, 3) each."""
     down = leader_state[..., 2], leader_state[..., 5], derivative(leader_state, leader_control, q)[..., 5]
 
     def jet(height: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -114,7 +113,7 @@ def _more_wind(leader_state: Array, leader_control: Array, offsets: Sequence[Arr
 
 
 def rounded_thrust(control: PPoly, t_s: Array) -> Jet:
-    """U1 and its first two derivatives (N,), each corner where two polynomials join replaced by a smooth bend."""
+    """U1 and its first two derivatives (N,), each corner at a joint replaced by a smooth bend."""
     joints = control.x[1:-1]
     u0, u1, u2 = (control(t_s, nu=order)[:, 0] for order in range(3))
     if not len(joints):

@@ -1,7 +1,4 @@
-"""Whose states each vehicle needs (§2.2's directed graph G), and the shape matrix of Eq. 3.
-
-Knows: neighbours in space, hops to the leader, differences of states. Does not know: links, controllers, time.
-"""
+"""The information graph G of §2.2 (whose state each vehicle needs) and the shape matrix of Eq. 3."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from scipy.spatial import Delaunay
 
 from gcs.physics.quadrotor import Array
 
-# A direction in which a formation is this much thinner than it is long is not one it extends in.
+# Thinner than this share of its length, a formation counts as flat in that direction.
 _FLAT = 1e-6
 # Eq. 3: x, y, z, psi, theta, phi, of a state's twelve.
 _POSE = np.array([0, 1, 2, 8, 7, 6])
@@ -28,32 +25,32 @@ Pairs = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class InformationGraph:
-    """Rows of the vehicles whose states each vehicle needs: no circles, and every way ends at the leader."""
+    """Rows of the vehicles whose states each vehicle needs: acyclic, and every path ends at the leader."""
 
-    sources: tuple[tuple[int, ...], ...]  # of each of V vehicles; the leader needs nobody
+    sources: tuple[tuple[int, ...], ...]  # of each of V vehicles; empty for the leader
 
     @property
     def edges(self) -> Pairs:
-        """Every vehicle with each of its sources (E, 2)."""
+        """Edges (E, 2): every vehicle with each of its sources."""
         pairs = [(row, source) for row, sources in enumerate(self.sources) for source in sources]
         return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
 def information_graph(topology: Literal["voronoi", "leader"], offsets_ned_m: Array, leader: int) -> InformationGraph:
-    """The graph a scenario's `topology` asks for, at offsets (V, 3)."""
+    """The graph of a scenario's `topology` for offsets (V, 3)."""
     return voronoi(offsets_ned_m, leader) if topology == "voronoi" else leader_star(len(offsets_ned_m), leader)
 
 
 def leader_star(count: int, leader: int) -> InformationGraph:
-    """Everyone listens to the leader."""
+    """The graph in which every follower needs the leader's state."""
     return InformationGraph(tuple(() if row == leader else (leader,) for row in range(count)))
 
 
 def voronoi(offsets_ned_m: Array, leader: int) -> InformationGraph:
-    """Everyone listens to those whose Voronoi cells touch his own and that are nearer to the leader, in hops.
+    """The graph in which every follower needs its Voronoi neighbours that are nearer to the leader, in hops.
 
-    In space, in a plane or on a line, as the formation lies. Hops only fall on the way to the leader, so that
-    information never goes in a circle.
+    In space, in a plane or on a line, as the formation lies. Hops decrease towards the leader, so the graph is
+    acyclic.
     """
     count = len(offsets_ned_m)
     pairs = np.array(list(_neighbours(offsets_ned_m)), dtype=np.intp).reshape(-1, 2)
@@ -89,6 +86,6 @@ def _neighbours(places: Array) -> Iterator[tuple[int, int]]:
     start, of = triangulation.vertex_neighbor_vertices
     for row in range(len(places)):
         yield from ((row, int(other)) for other in of[start[row] : start[row + 1]])
-    # Who stands where another does, or too nearly on a face, is no corner of any simplex.
+    # A vehicle on another's place, or too nearly on a face, is no corner of any simplex.
     for row, _, nearest in triangulation.coplanar.tolist():
         yield row, nearest

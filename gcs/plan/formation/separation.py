@@ -1,8 +1,7 @@
-"""How near two vehicles come, exactly: of a rigid shape, and of vehicles that fly straight in step.
+"""Exact least distances between vehicles: of a rigid shape, and of vehicles that fly straight in step.
 
-Knows: distances of all pairs, and the least over a whole move. Does not know: what is too near, who is meant.
-In step means that every vehicle has flown the same share of its way at every instant, under any law of time: the
-least distance depends on start and end alone.
+In step: at every instant every vehicle has flown the same share of its path, under any time scaling. The least distance
+then depends on start and end alone.
 """
 
 from __future__ import annotations
@@ -16,15 +15,15 @@ from gcs.physics.quadrotor import Array
 from gcs.scenario.validation.spacing import nearest_pair
 
 _CHUNK = 128  # rows of the table of pairs at a time: a thousand vehicles in a few megabytes
-_NOBODY = (np.inf, 0, 0)
+_NO_PAIR = (np.inf, 0, 0)
 
 
 def least_distance(start_ned_m: Array, end_ned_m: Array) -> tuple[float, int, int]:
     """Least distance, in m, between any two vehicles from start (V, 3) to end (V, 3), and their rows i < j.
 
-    A single vehicle is infinitely far from everyone.
+    Infinite for a single vehicle.
     """
-    best: tuple[float, int, int] = _NOBODY
+    best: tuple[float, int, int] = _NO_PAIR
     for first, squared in _blocks(start_ned_m, end_ned_m):
         row, column = np.unravel_index(int(squared.argmin()), squared.shape)
         if squared[row, column] < best[0]:
@@ -33,7 +32,7 @@ def least_distance(start_ned_m: Array, end_ned_m: Array) -> tuple[float, int, in
 
 
 def pairs_nearer_than(start_ned_m: Array, end_ned_m: Array, distance_m: float) -> NDArray[np.intp]:
-    """Rows (M, 2), i < j, of all pairs that come nearer than `distance_m` on the way from start to end."""
+    """Rows (M, 2), i < j, of all pairs that come nearer than `distance_m` between start and end."""
     found = [np.empty((0, 2), dtype=np.intp)]
     for first, squared in _blocks(start_ned_m, end_ned_m):
         rows, columns = np.nonzero(squared < distance_m**2)
@@ -44,11 +43,11 @@ def pairs_nearer_than(start_ned_m: Array, end_ned_m: Array, distance_m: float) -
 def least_gap(offsets_ned_m: Array) -> tuple[float, int, int]:
     """Least distance, in m, between any two vehicles of a rigid shape (V, 3), and their rows i < j."""
     pair = nearest_pair(offsets_ned_m)
-    return _NOBODY if pair is None else (pair.distance_m, pair.first, pair.second)
+    return _NO_PAIR if pair is None else (pair.distance_m, pair.first, pair.second)
 
 
 def near_point(start_ned_m: Array, end_ned_m: Array, point_ned_m: Array) -> Array:
-    """Least distance (...,), in m, of straight ways from start (..., 3) to end (..., 3) to a point that stays."""
+    """Least distance (...,), m, of straight paths from start (..., 3) to end (..., 3) to a fixed point."""
     return np.asarray(np.sqrt(_least_squared(start_ned_m - point_ned_m, end_ned_m - point_ned_m)))
 
 

@@ -1,7 +1,6 @@
-"""A formation's shape over time: a few functions of time, each times a fixed table of offsets.
+"""The shape over time: offsets of all vehicles from the leader as a few functions times fixed tables.
 
-Knows: offsets of all vehicles from the leader and their derivatives, at any instant. Does not know: why it changes.
-A thousand vehicles that shrink and turn together need three functions; storing everyone's path would need thousands.
+A thousand vehicles that shrink and rotate together need three functions; a path for each would need thousands.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Shape:
 
     @property
     def joints_s(self) -> Array:
-        """Instants (P+1,) where one polynomial ends and the next begins."""
+        """Instants (P+1,) where polynomials join."""
         return np.asarray(self.functions.x)
 
     @property
@@ -49,13 +48,13 @@ class Shape:
         return float(self.functions.x[-1])
 
     def offsets(self, t_s: Array, order: int = 0, rows: slice | Rows = EVERYONE) -> Array:
-        """Offsets (V, N, 3) from the leader, or their `order`-th time derivative in m/s^order; of some `rows`."""
+        """Offsets (V, N, 3) of `rows` from the leader, or their `order`-th time derivative in m/s^order."""
         tables = self.basis_ned_m[:, rows]
         flat = self.functions(t_s, nu=order) @ tables.reshape(len(tables), -1)
         return np.ascontiguousarray(flat.reshape(len(flat), *tables.shape[1:]).swapaxes(0, 1))
 
     def is_moving(self, t_s: Array) -> NDArray[np.bool_]:
-        """Whether the formation is not rigid at these instants (N,)."""
+        """Whether the shape changes at these instants (N,)."""
         piece = np.clip(np.searchsorted(self.joints_s, t_s, side="right") - 1, 0, len(self._moves) - 1)
         return np.asarray(self._moves[piece])
 
@@ -65,7 +64,7 @@ class Shape:
 
     @cached_property
     def moving_s(self) -> tuple[tuple[float, float], ...]:
-        """Stretches of time over which the offsets change; outside them the formation is rigid."""
+        """Spans (start, end) over which the offsets change; outside them the formation is rigid."""
         edges = np.flatnonzero(np.diff(np.concatenate([[False], self._moves, [False]]).astype(int)))
         return tuple(
             (float(self.joints_s[a]), float(self.joints_s[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)
@@ -77,12 +76,12 @@ class Shape:
 
 
 def rigid(offsets_ned_m: Array, start_s: float, end_s: float) -> Shape:
-    """The same offsets (V, 3) from start to end."""
+    """A rigid shape: offsets (V, 3) from start to end."""
     return Shape(PPoly(np.ones((1, 1, 1)), np.array([start_s, end_s])), np.asarray(offsets_ned_m, dtype=float)[None])
 
 
 def stretched(shape: Shape, start_s: float, end_s: float) -> Shape:
-    """The same shapes in the same order, over another span of time."""
+    """The same shape over another span of time."""
     factor = (end_s - start_s) / (shape.end_s - shape.start_s)
     joints = start_s + (shape.joints_s - shape.start_s) * factor
     joints[-1] = end_s
@@ -91,7 +90,7 @@ def stretched(shape: Shape, start_s: float, end_s: float) -> Shape:
 
 
 def joined(parts: list[Shape]) -> Shape:
-    """One shape from several that follow each other without a gap; each keeps its own tables."""
+    """One shape from several that follow each other without a gap; raises ValueError where there is one."""
     for before, after in itertools.pairwise(parts):
         if before.end_s != after.start_s:
             raise ValueError(f"one shape ends at {before.end_s} s, the next starts at {after.start_s} s")

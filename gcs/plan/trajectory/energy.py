@@ -1,8 +1,7 @@
-"""What a plan takes out of each vehicle's battery.
+"""The energy that a plan takes from each vehicle's battery, by momentum theory from the planned controls.
 
-Knows: the plan's controls, momentum theory. Does not know: batteries' charge, go and no-go.
-Eq. 1's controls are those of climbs, of the planned wind and of every turn; gusts, waiting and slower landings are not
-in a plan, and what a reserve is for.
+Planned controls include climbs, the planned wind and every turn. Gusts, waiting in the air and slower landings are not
+in a plan: the reserve covers them.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _J_PER_WH = 3600.0
 
 
 def energy_Wh(plan: Plan) -> Array | None:
-    """From the ground to the ground, for each vehicle (V,); None where the scenario does not describe its rotors."""
+    """Energy of each vehicle (V,) from take-off to landing, Wh; None where the scenario does not describe rotors."""
     power = plan.scenario.vehicle.power
     if power is None:
         return None

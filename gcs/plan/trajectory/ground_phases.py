@@ -1,7 +1,6 @@
-"""The phases the paper leaves out and that need no optimiser: straight up from the ground, hovering, straight down.
+"""The phases that the paper leaves out and that need no optimiser: vertical climb, hover, vertical descent.
 
-Knows: polynomials that solve Eq. 1, exactly for a level vehicle, to a nanoradian for one that leans against the wind.
-Does not know: who calls them when.
+Their polynomials solve Eq. 1: exactly for a level vehicle, to a nanoradian for one that leans against the wind.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ def vertical(
     yaw_ned_rad: float,
     quadrotor: Quadrotor,
 ) -> Trajectory:
-    """From rest at `position_ned_m` (3,) to rest at `end_down_m` straight above or below, level unless there is wind.
+    """A vertical trajectory from rest at `position_ned_m` (3,) to rest at `end_down_m`, level unless there is wind.
 
     The quintic in z makes thrust a quintic too, m (g - z'') - K_3 z', so Eq. 1 holds exactly.
     """
@@ -49,9 +48,9 @@ def vertical(
 
 
 def smooth_step(start_s: float, end_s: float, start: float, end: float, wind: SteadyWind = STILL) -> PPoly:
-    """From rest to rest: in still air the C² quintic, whose peak speed is 15/8 of the mean; in wind the septic, 35/16.
+    """The step from rest to rest: a C² quintic (peak speed 15/8 of the mean) in still air, a septic (35/16) in wind.
 
-    `gcs.scenario.validation.boundaries` holds both against the limits.
+    `gcs.scenario.validation.boundaries` checks both against the limits.
     """
     shape = _QUINTIC if wind.is_still else _SEPTIC
     coefficients = shape * (end - start) / (end_s - start_s) ** np.arange(len(shape) - 1, -1, -1)
@@ -62,7 +61,7 @@ def smooth_step(start_s: float, end_s: float, start: float, end: float, wind: St
 def _leaning(
     start_s: float, end_s: float, position_ned_m: Array, end_down_m: float, yaw_ned_rad: float, q: Quadrotor
 ) -> Trajectory:
-    """The same against the wind: tilt and thrust follow from Eq. 1, rates and moments from the tilt's polynomials."""
+    """The vertical trajectory in wind: tilt and thrust from Eq. 1, rates and moments from the tilt's polynomials."""
     down = smooth_step(start_s, end_s, float(position_ned_m[2]), end_down_m, q.wind)
     joints = np.linspace(start_s, end_s, _PIECES + 1)
     length = (end_s - start_s) / _PIECES

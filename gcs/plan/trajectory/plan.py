@@ -1,7 +1,4 @@
-"""A plan: the phases of a flight, the leader's trajectory, and the formation built on it.
-
-Knows: how to evaluate every vehicle at any instant. Does not know: how the plan was found, how good it is.
-"""
+"""The plan: phases, the leader's trajectory and the shape; it evaluates every vehicle at any instant."""
 
 from __future__ import annotations
 
@@ -33,7 +30,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class MeshRound:
-    """One solve of the refinement: what it cost and what was still wrong between the nodes."""
+    """One solve of the refinement: its cost, and what it still violated between the nodes."""
 
     intervals: int
     unknowns: int
@@ -46,16 +43,16 @@ class MeshRound:
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way through the map and what became of it."""
+    """One route through the map and its result."""
 
     length_m: float
-    objective: float | None  # None: not optimised, or without success
+    objective: float | None  # None: not optimised, or infeasible
     verdict: str  # in words
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A formation's whole flight: the leader's trajectory and everyone's offset from it. t = 0 is T0."""
+    """A formation's whole flight: the leader's trajectory and the offsets of all vehicles. t = 0 is T0."""
 
     scenario: Scenario
     leader_trajectory: Trajectory
@@ -79,7 +76,7 @@ class Plan:
 
     @cached_property
     def quadrotor(self) -> Quadrotor:
-        """The vehicle that flies it."""
+        """The physical constants of the vehicles."""
         return quadrotor(self.scenario)
 
     @property
@@ -89,37 +86,37 @@ class Plan:
 
     @property
     def t_start_s(self) -> float:
-        """Take-off begins."""
+        """Begin of the take-off, s."""
         return self.leader_trajectory.start_s
 
     @property
     def airborne_s(self) -> float:
-        """The take-off is over, or was over before the plan began."""
+        """End of the take-off, s; the plan's begin where it begins in the air."""
         return next((p.end_s for p in self.phases if p.name == "takeoff"), self.t_start_s)
 
     @property
     def t_end_s(self) -> float:
-        """All have landed."""
+        """End of the landing, s."""
         return self.leader_trajectory.end_s
 
     @property
     def flight_s(self) -> float:
-        """Arrival time t_f of the paper's problem."""
+        """Arrival time t_f of the paper's problem, s."""
         return self.scenario.time.flight_s
 
     @cached_property
     def joints_s(self) -> Array:
-        """Instants where polynomials join, the leader's or the shape's."""
+        """Instants where polynomials of the leader or of the shape join."""
         return np.union1d(self.leader_trajectory.joints_s, self.shape.joints_s)
 
     @cached_property
     def pads_ned_m(self) -> Array:
-        """Ground points (V, 3) the vehicles start from."""
+        """Ground points (V, 3) from which the vehicles take off."""
         return pads_ned_m(self.scenario)
 
     @cached_property
     def landing_points_ned_m(self) -> Array:
-        """Ground points (V, 3) the vehicles land on: straight below their places when the landing begins."""
+        """Ground points (V, 3) on which the vehicles land: below their places when the landing begins."""
         return landing_points_ned_m(self.scenario, self.shape.at(self.phase("landing").start_s))
 
     def phase(self, name: str) -> Phase:
@@ -135,7 +132,7 @@ class Plan:
         return self.motion(t_s)[0]
 
     def controls(self, t_s: Array) -> Array:
-        """Controls (V, N, 4): the leader's, and what moves a vehicle within the shape."""
+        """Controls (V, N, 4) of all vehicles: the leader's, plus what moves a vehicle within the shape."""
         return self.motion(t_s)[1]
 
     def motion(self, t_s: Array, rows: slice | Rows = EVERYONE) -> tuple[Array, Array]:
@@ -148,11 +145,11 @@ class Plan:
         return derivative(*self.motion(t_s), self.quadrotor)[..., VELOCITY]
 
     def information_graph(self, t_s: float) -> InformationGraph:
-        """Whose state each vehicle needs when it follows telemetry, in the shape of that instant."""
+        """The graph (Eq. 3) of whose state each vehicle needs when it follows telemetry, for the shape at t_s."""
         return information_graph(self.scenario.formation.topology, self.shape.at(t_s), self.leader)
 
     def formation_error_m(self, t_s: Array, positions_ned_m: Array) -> Array:
-        """Definition 1 for positions (V, N, 3) flown at plan times t_s (N,): how far the shape is off, (N,), in m."""
+        """Formation error (N,), m, by Definition 1 for positions (V, N, 3) flown at plan times t_s (N,)."""
         return formation_error_m(positions_ned_m, self.offsets(t_s))
 
     @cached_property

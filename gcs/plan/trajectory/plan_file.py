@@ -1,7 +1,4 @@
-"""Plans on disk: one `.skein` file (a NumPy archive) with the polynomials, the scenario and the verdict.
-
-Knows: the file's layout and how to refuse a damaged one. Does not know: planning, commands.
-"""
+"""Plans on disk: one `.skein` file (a NumPy archive) with the polynomials, the scenario and the verdict."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ _FORMAT = 2
 
 
 def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
-    """Write plan and verdict; an older file is replaced only when the new one is whole."""
+    """Write plan and verdict; an older file is replaced only when the new one is complete."""
     meta = {
         "format": _FORMAT,
         "scenario": plan.scenario.model_dump(mode="json"),
@@ -97,7 +94,7 @@ def load_plan(path: Path | str) -> tuple[Plan, Report]:
 
 
 def _checksum(arrays: dict[str, NDArray[Any]]) -> NDArray[np.uint8]:
-    """SHA-256 over everything in the file, the verdict included: nobody edits a `False` into a `True` unnoticed."""
+    """SHA-256 over everything in the file, the verdict included, so that no edited verdict passes."""
     digest = hashlib.sha256()
     for name in sorted(arrays):
         digest.update(name.encode() + np.ascontiguousarray(arrays[name]).tobytes())

@@ -1,7 +1,4 @@
-"""Motion of one vehicle as polynomials of time, joined end to end.
-
-Knows: how to evaluate states and controls at any instant. Does not know: formations, plans.
-"""
+"""The motion of one vehicle as polynomials of time, joined end to end."""
 
 from __future__ import annotations
 
@@ -18,8 +15,8 @@ from gcs.physics.quadrotor import Array
 class Trajectory:
     """State and control of Eq. 1 on [start_s, end_s]; both share their joints.
 
-    While a formation is optimised that moves by itself, A chains of four integrators, one for each of its coordinates,
-    stand behind the vehicle's 12 and 4 numbers.
+    While automatic changes are optimised, A chains of four integrators, one for each formation coordinate, follow the
+    vehicle's 12 states and 4 controls.
     """
 
     state: PPoly  # coefficients (K+1, M, 12 + 4 A)
@@ -34,18 +31,18 @@ class Trajectory:
 
     @property
     def vehicle(self) -> Trajectory:
-        """The vehicle's part alone."""
+        """The trajectory of the vehicle alone."""
         joints = self.state.x
         return Trajectory(PPoly(self.state.c[:, :, :12], joints), PPoly(self.control.c[:, :, :4], joints))
 
     @property
     def coordinates(self) -> PPoly:
-        """The formation's coordinates alone: coefficients (K+1, M, A)."""
+        """The formation's coordinates: coefficients (K+1, M, A)."""
         return PPoly(np.ascontiguousarray(self.state.c[:, :, 12::4]), self.state.x)
 
     @property
     def joints_s(self) -> Array:
-        """Instants (M+1,) where one polynomial ends and the next begins."""
+        """Instants (M+1,) where polynomials join."""
         return np.asarray(self.state.x)
 
     @property
@@ -65,7 +62,7 @@ class Trajectory:
 
 
 def joined(parts: list[Trajectory]) -> Trajectory:
-    """One trajectory from several that follow each other without a gap."""
+    """One trajectory from several that follow each other without a gap; raises ValueError where there is one."""
     for before, after in itertools.pairwise(parts):
         if before.end_s != after.start_s:
             raise ValueError(f"one trajectory ends at {before.end_s} s, the next starts at {after.start_s} s")

@@ -1,6 +1,6 @@
-"""Is the formation what the scenario asks for? Places, separations and the shape's own motion, for every vehicle.
+"""Check the formation of a plan against its scenario: places of all vehicles, separations, times of changes.
 
-Knows: what each change must lead to, worked out anew from the scenario. Does not know: how changes were made, by whom.
+The result of each change is computed anew from the scenario, not taken from the planner.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from gcs.plan.verification.margins import Margin
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 
-_GATE_S = 0.01  # the leader's track is looked at so often
-_BEYOND = 0.05  # of its range: an automatic change rests a little inside it
-_SLACK = 1e-3  # of its size, as of every limit
+_GATE_S = 0.01  # sampling of the leader's track
+_BEYOND = 0.05  # share of its range: an automatic change rests a little inside it
+_SLACK = 1e-3  # share of its size, as for every limit
 _TRIED, _ZOOMS = 21, 6
-_FEW = 40  # vehicles for which all distances are faster than a tree of neighbours
+_FEW = 40  # up to so many vehicles, all distances are faster than a k-d tree
 
 
 def expected_places(plan: Plan) -> list[tuple[float, float, Array]]:
-    """Stretches of the flight over which the schedule asks for a rigid shape, and its offsets (V, 3) there."""
+    """Start, end and offsets (V, 3) of every part of the flight over which the schedule requires a rigid shape."""
     scenario = plan.scenario
     changes = [change for change in scenario.formation.change if not change.auto]
     moves = [move for move in plan.moves if move.trigger != "auto"]
     places = offsets_ned_m(scenario)
     found, since = [], -np.inf
-    for change, move in zip(changes, moves, strict=False):  # how many moves there are is a check of its own
+    for change, move in zip(changes, moves, strict=False):  # the number of moves is a check of its own
         found.append((since, move.start_s, places))
         if change.kind == "rotate":
             assert change.angle_deg is not None
@@ -58,14 +58,14 @@ def expected_places(plan: Plan) -> list[tuple[float, float, Array]]:
 
 
 def landing_points(plan: Plan) -> Array:
-    """Ground points (V, 3) under the shape in which the scenario's formation ends."""
+    """Ground points (V, 3) under the final shape of the scenario's formation."""
     if plan.scenario.formation.frame == "course":
-        return plan.landing_points_ned_m  # how far it has turned is the plan's to say
+        return plan.landing_points_ned_m  # the scenario does not fix its final heading
     return landing_points_ned_m(plan.scenario, expected_places(plan)[-1][2])
 
 
 def late_s(plan: Plan) -> list[tuple[float, float]]:
-    """By how much each scheduled change misses the instant at which it should begin, and that instant, s."""
+    """Lateness of each scheduled change, and the instant at which it should begin, s."""
     mission = plan.phase("mission")
     times = np.linspace(mission.start_s, mission.end_s, int(np.ceil((mission.end_s - mission.start_s) / _GATE_S)) + 1)
     track = plan.leader_trajectory.state(np.minimum(times, np.nextafter(mission.end_s, 0.0)))[:, :3]
@@ -74,15 +74,17 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
     for change, move in zip(changes, moves, strict=False):
         if plan.begin_state is not None and move.start_s < plan.t_start_s:
-            continue  # it had begun before
-        asked = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
+            continue  # it began before this plan
+        required = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
-        found.append((np.inf, move.start_s) if asked is None else (float(np.ptp([move.start_s, begun, asked])), asked))
+        found.append(
+            (np.inf, move.start_s) if required is None else (float(np.ptp([move.start_s, begun, required])), required)
+        )
     return found
 
 
 def place_in_formation(plan: Plan, places_ned_m: Array, times: Array) -> Margin:
-    """Eq. 22: every vehicle where the scenario's formation has it, seen from the leader; places (V, N, 3)."""
+    """Eq. 22: distance (negative) of every vehicle from its place relative to the leader; positions (V, N, 3)."""
     seen = places_ned_m - places_ned_m[plan.leader]
     off = np.zeros(seen.shape[:2])
     bends = _Bends.of(plan.scenario)
@@ -96,7 +98,7 @@ def place_in_formation(plan: Plan, places_ned_m: Array, times: Array) -> Margin:
 
 
 def course(plan: Plan, times: Array) -> tuple[Margin, Array]:
-    """How far the formation faces away from its course (1, N), and the instants (N,): where it is rigid and moves."""
+    """Margin of the heading along the course (1, N), and its instants (N,): where the shape is rigid."""
     bends = _Bends.of(plan.scenario)
     assert bends is not None
     begin = plan.scenario.start
@@ -114,7 +116,7 @@ def course(plan: Plan, times: Array) -> tuple[Margin, Array]:
 
 @dataclass(frozen=True)
 class _Bends:
-    """How far automatic changes and the course may turn, scale and blend the scheduled shape."""
+    """How much automatic changes and the course may rotate, scale and blend the scheduled shape."""
 
     scale: tuple[float, float]
     turn_rad: float  # either way
@@ -123,7 +125,7 @@ class _Bends:
 
     @classmethod
     def of(cls, scenario: Scenario) -> _Bends | None:
-        """None where the schedule alone says how the formation looks."""
+        """The allowed ranges; None where the schedule alone defines the shape."""
         autos = {change.kind: change for change in scenario.formation.change if change.auto}
         if not autos and scenario.formation.frame == "inertial":
             return None
@@ -137,9 +139,9 @@ class _Bends:
         )
 
     def nearest(self, seen: Array, expected: Array) -> tuple[Array, Array]:
-        """Allowed shapes (V, N, 3) nearest to `seen` (V, N, 3), and how far they are turned (N,), rad.
+        """Allowed shapes (V, N, 3) nearest to `seen` (V, N, 3), and their rotation (N,), rad.
 
-        For any blend the best turn and scale are known; the blend is looked for, ten times closer every time.
+        For a given blend, the best rotation and scale have closed forms; the blend is searched by zooming.
         """
         low, high = (np.full(seen.shape[1], end) for end in self.blend)
         for _ in range(_ZOOMS if self.blend[1] > self.blend[0] else 1):
@@ -154,7 +156,7 @@ class _Bends:
         return np.stack(bent(values, tuple(np.moveaxis(shape, 2, 0)), ()), axis=-1), turn
 
     def _fitted(self, seen: Array, expected: Array, blend: Array) -> tuple[Array, Array, Array]:
-        """Scale and turn that bring each blend (B, N) of the shapes nearest to `seen`, and how much that gains."""
+        """Scale and rotation that bring each blend (B, N) of the shapes nearest to `seen`, and the gain of it."""
         shapes = (expected, self.target_ned_m)
         shares = (1.0 - blend, blend)
         flat = [(s[:, 0] - 1j * s[:, 1]) @ (seen[..., 0] + 1j * seen[..., 1]) for s in shapes]
@@ -170,22 +172,24 @@ class _Bends:
 
 
 def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s: float) -> Rows:
-    """The place that each vehicle has taken (V,); any is right where the assignment is free."""
+    """The place of each vehicle (V,) after a change; any is right where the assignment is free."""
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":
         return fixed
-    if _Bends.of(plan.scenario) is not None:  # turned and scaled as it is, the shape does not say who is where
+    if _Bends.of(plan.scenario) is not None:  # rotated and scaled, the shape does not tell which vehicle is where
         limits, leader = plan.scenario.limits, plan.leader
         try:
             return reshape(places, targets, leader, limits.separation_min_m).places
         except Infeasible:
             return fixed
     taken = np.asarray(KDTree(targets).query(plan.shape.at(end_s))[1])
-    return taken if len(np.unique(taken)) == len(taken) else fixed  # two on one place: the check says who is off
+    return (
+        taken if len(np.unique(taken)) == len(taken) else fixed
+    )  # two on one place: the check names the vehicle that is off
 
 
 def least_separation(shape: Shape, times: Array) -> tuple[float, float]:
-    """Least distance between any two vehicles over `times`, and when; a rigid stretch is looked at once."""
+    """Least distance between any two vehicles over `times`, and its instant; a rigid part is measured once."""
     moving = shape.is_moving(times)
     piece = np.searchsorted(shape.joints_s, times, side="right")
     once = np.unique(piece[~moving], return_index=True)[1]
@@ -199,7 +203,7 @@ def least_separation(shape: Shape, times: Array) -> tuple[float, float]:
 
 
 def nearest_pair_m(places: Array) -> float:
-    """Least distance between two of (V, 3) places."""
+    """Least distance between two of V positions (V, 3)."""
     if len(places) <= _FEW:
         return float(pdist(places).min())
     return float(KDTree(places).query(places, k=2)[0][:, 1].min())

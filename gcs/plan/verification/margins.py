@@ -1,6 +1,6 @@
-"""How far every constraint is from being broken, at any instants: what the verifier judges and the mesh learns from.
+"""The margin of every constraint at any instants: Eqs. 17-25 and 51 on plain arrays, over the exact ground.
 
-Knows: Eqs. 17-25 and 51 on plain arrays, and the exact ground. Does not know: transcription, CasADi, tolerances.
+The verifier judges by these margins, and the mesh is refined where they are negative.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from gcs.scenario.si import quadrotor
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1
-# From this speed on a formation that turns with its course faces where it flies.
+# A formation that turns with its course must face where it flies above this speed.
 COURSE_SPEED_MPS = 1.0
 
 
 @dataclass(frozen=True)
 class Margin:
-    """One constraint at N instants for V vehicles: value >= 0 where it is held."""
+    """One constraint at N instants for V vehicles: value >= 0 where it is satisfied."""
 
     name: str
     unit: str
     value: Array  # (V, N)
-    scale: float  # the limit's own size: what "to 0.1 %" refers to
+    scale: float  # size of the limit: "to 0.1 %" refers to it
 
 
 def clearance(scenario: Scenario, states: Array) -> Margin:
-    """Height above the exact ground (Eqs. 20, 23, 52, 53) less h_min; states or places (V, N, 3 or more)."""
+    """Height above the exact ground (Eqs. 20, 23, 52, 53) minus h_min; states or positions (V, N, 3 or more)."""
     height = -states[..., 2] - ground_height_m(scenario.terrain, states[..., 0], states[..., 1])
     least = scenario.limits.clearance_min_m
     return Margin("clearance above ground", "m", height - least, least)
 
 
 def box(scenario: Scenario, states: Array) -> list[Margin]:
-    """The x-y box of Eq. 51."""
+    """Margins of the x-y box of Eq. 51."""
     limits = scenario.limits
     return [
         _between(f"{name} position", "m", states[..., axis], *bounds)
@@ -48,13 +48,13 @@ def box(scenario: Scenario, states: Array) -> list[Margin]:
 
 
 def height(scenario: Scenario, states: Array, *, to_the_ground: bool = False) -> Margin:
-    """Height of Eq. 51 (V, N, 3 or more); on the way `to_the_ground` or from it no height is too low."""
+    """Margin of the height limits of Eq. 51 (V, N, 3 or more); `to_the_ground` leaves out the lower one."""
     low_m, high_m = scenario.limits.height_m
     return _between("height", "m", -states[..., 2], -np.inf if to_the_ground else low_m, high_m)
 
 
 def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
-    """Speeds, attitude and rates of Eq. 51."""
+    """Margins of speeds, attitude and rates (Eq. 51)."""
     limits = scenario.limits
     margins: list[Margin] = []
     for names, unit, values, bounds in (
@@ -75,7 +75,7 @@ def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
 
 
 def control_limits(scenario: Scenario, controls: Array) -> list[Margin]:
-    """U1..U4 of Eq. 51, and rotors that can turn as fast as Eq. 2 asks."""
+    """Margins of U1..U4 (Eq. 51), and whether rotors reach the speeds that Eq. 2 requires."""
     limits = scenario.limits
     margins = [_between("thrust U1", "N", controls[..., 0], *limits.thrust_N)]
     margins += [
@@ -90,7 +90,7 @@ def control_limits(scenario: Scenario, controls: Array) -> list[Margin]:
 
 
 def turning(scenario: Scenario, states: Array, controls: Array) -> Margin:
-    """Normal acceleration in the horizontal plane against n_max g (Eqs. 17, 18, 25), for each vehicle's own motion."""
+    """Normal acceleration in the horizontal plane against n_max g (Eq. 17, Eq. 18, Eq. 25), per vehicle."""
     vehicle = quadrotor(scenario)
     acceleration = derivative(states, controls, vehicle)[..., VELOCITY]
     vx, vy = states[..., 3], states[..., 4]
@@ -101,7 +101,7 @@ def turning(scenario: Scenario, states: Array, controls: Array) -> Margin:
 
 
 def acceleration(scenario: Scenario, states: Array, controls: Array) -> list[Margin]:
-    """Every vehicle's acceleration against a_max, where the scenario has one."""
+    """Acceleration of every vehicle against a_max, where the scenario has one."""
     most = scenario.limits.accel_max_mps2
     if most is None:
         return []
@@ -110,7 +110,7 @@ def acceleration(scenario: Scenario, states: Array, controls: Array) -> list[Mar
 
 
 def shape_motion(scenario: Scenario, speeds: Array, accelerations: Array) -> list[Margin]:
-    """Every vehicle's own motion (V, N, 3) in the shape against v_max and a_max of a change."""
+    """Motion of every vehicle within the shape (V, N, 3) against v_max and a_max of a change."""
     formation = scenario.formation
     return [
         Margin(f"{name} in the shape", unit, most - np.linalg.norm(motion, axis=-1), most)
@@ -122,7 +122,7 @@ def shape_motion(scenario: Scenario, speeds: Array, accelerations: Array) -> lis
 
 
 def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin:
-    """Where the formation faces (N,) against where it flies (1, N), by velocities (N, 3); slow, it faces anywhere."""
+    """Heading of the formation (N,) against its course (1, N) from velocities (N, 3); free below 1 m/s."""
     most_deg = scenario.formation.course_tolerance_deg
     north, east = velocities[:, 0], velocities[:, 1]
     away = np.angle(np.exp(1j * (np.arctan2(east, north) - headings_rad)))
@@ -131,7 +131,7 @@ def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin
 
 
 def no_fly(scenario: Scenario, states: Array, t_s: Array) -> list[Margin]:
-    """Distance outside every no-fly zone (Eqs. 21, 24) where it is at plan times t_s (N,)."""
+    """Distance outside every no-fly zone (Eqs. 21, 24), which is where it is at plan times t_s (N,)."""
     return [
         Margin(f"no-fly zone {number}", "m", outside_m(zone, t_s, states[..., 0], states[..., 1]), 1.0)
         for number, zone in enumerate(scenario.no_fly, start=1)

@@ -1,7 +1,6 @@
-"""Does the control really fly the state? Eq. 1 integrated anew over short windows that start on the plan.
+"""Re-integrate Eq. 1 under the planned control over short windows that start on the plan.
 
-Knows: Runge-Kutta, and that controls have corners where polynomials join. Does not know: how the plan was made.
-A whole flight integrated open loop says nothing, because Eq. 1 integrates four times; five seconds do.
+Open-loop integration over a whole flight says nothing, because Eq. 1 integrates four times. Windows of 5 s do.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from gcs.physics.quadrotor import POSITION, Array, Quadrotor, derivative
 
 WINDOW_S = 5.0
 STEP_S = 0.05
-_INSIDE_S = 1e-9  # a joint is looked at from within the step
+_INSIDE_S = 1e-9  # controls at a joint are evaluated from inside the step
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,11 @@ def window_errors(
     stride_s: float = 1.0,
     step_s: float = STEP_S,
 ) -> WindowErrors:
-    """Re-integrate Eq. 1 under the planned control over every window of `window_s`.
+    """Position errors of Eq. 1, re-integrated under the planned control over every window of `window_s`.
 
     `states` and `controls` map times (N,) to (V, N, 12) and (V, N, 4). Windows start at every joint and every
-    `stride_s`. The integrator (classical Runge-Kutta, steps of at most `step_s`) stops and starts again at every joint,
-    because a step across a corner of the control errs by more than it measures.
+    `stride_s`. The integrator (classical Runge-Kutta, steps of at most `step_s`) stops and restarts at every joint,
+    because controls have corners there: a step across a corner errs by more than it measures.
     """
     starts = np.union1d(np.arange(joints_s[0], joints_s[-1], stride_s), joints_s[:-1])
     edges = np.union1d(starts, joints_s)

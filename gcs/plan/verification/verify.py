@@ -1,7 +1,6 @@
-"""The verdict on a plan, from its polynomials alone: it trusts nothing the solver says.
+"""Verify a plan from its polynomials alone: every phase, every vehicle, every 0.05 s, over the exact ground.
 
-Knows: what every phase must hold, on a grid of 0.05 s, for every vehicle, over the exact ground. Does not know:
-transcription, solver, mesh. A plan that is not verified is not a plan.
+It uses nothing of the transcription, the solver or the mesh. `docs/verification.md` lists the checks.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ from gcs.scenario.si import boundary_state
 
 GRID_S = 0.05
 LENGTH_TOLERANCE_M = 1e-3  # clearance, terminal position, joints
-LIMIT_TOLERANCE = 1e-3  # of a limit's size
+LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
 SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
-COURSE_TOLERANCE = 0.01  # of what is tolerated already
-_BLOCK = 100_000  # vehicles times instants looked at together
+COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
+_BLOCK = 100_000  # vehicles times instants checked together
 _WINDOWED = 50  # vehicles re-integrated together
 AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
 
 
 @dataclass(frozen=True)
 class Check:
-    """One promise and how well it is kept: `worst` is the least margin (negative: broken), where and when."""
+    """One check and its least margin `worst` (negative: violated), with vehicle and time."""
 
     name: str
     phase: str
@@ -46,19 +45,19 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """The margin is not below zero by more than the tolerance."""
+        """Whether the limit is violated by no more than the tolerance."""
         return self.worst >= -self.tolerance
 
     def __str__(self) -> str:
-        who = "" if self.sysid is None else f" (vehicle {self.sysid})"
-        when = "" if self.t_s is None else f" at {self.t_s:.2f} s"
-        kept = "kept by" if self.worst >= 0 else "missed by"
-        return f"{self.name}, {self.phase}: {kept} {abs(self.worst):.3g} {self.unit}{when}{who}"
+        vehicle = "" if self.sysid is None else f" (vehicle {self.sysid})"
+        when = "" if self.t_s is None else f" at t = {self.t_s:.2f} s"
+        verdict = "margin" if self.worst >= 0 else "violated by"
+        return f"{self.name}, {self.phase}: {verdict} {abs(self.worst):.3g} {self.unit}{when}{vehicle}"
 
 
 @dataclass(frozen=True)
 class Report:
-    """All checks of a plan, and the figures people ask for."""
+    """All checks of a plan, and its four key figures."""
 
     checks: tuple[Check, ...]
     clearance_min_m: float
@@ -68,17 +67,17 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Every promise is kept."""
+        """Whether the plan is verified: all checks passed."""
         return all(c.ok for c in self.checks)
 
     @property
     def failures(self) -> tuple[Check, ...]:
-        """The promises that are not."""
+        """The checks that failed."""
         return tuple(c for c in self.checks if not c.ok)
 
 
 def verify(plan: Plan) -> Report:
-    """Check every phase of a plan: Eqs. 1, 15-25, 51-53 and separations, for every vehicle."""
+    """The report on a plan: Eqs. 1, 15-25, 51-53 and separations, in every phase, for every vehicle."""
     checks: list[Check] = []
     for phase in plan.phases:
         checks += _phase_checks(plan, phase.name, phase.start_s, phase.end_s)
@@ -97,7 +96,7 @@ def verify(plan: Plan) -> Report:
 
 
 def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[Check]:
-    """All checks of one phase, in blocks that fit into memory however many vehicles there are."""
+    """All checks of one phase, in blocks that fit into memory for any number of vehicles."""
     times = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / GRID_S)) + 1)
     worst: dict[str, Check] = {}
     for block in np.array_split(times, int(np.ceil(len(times) * len(plan.sysids) / _BLOCK))):
@@ -119,9 +118,9 @@ def _block_checks(plan: Plan, phase: str, times: Array) -> list[Check]:
     scenario = plan.scenario
     moving = plan.shape.is_moving(times)
     checks: list[Check] = []
-    everyone = np.arange(len(plan.sysids))
-    # In a rigid formation all have the leader's velocity, attitude and control: his stand for everybody's.
-    for rows, part in ((np.array([plan.leader]), times[~moving]), (everyone, times[moving])):
+    fleet = np.arange(len(plan.sysids))
+    # In a rigid formation all vehicles have the leader's velocity, attitude and control: one row stands for all.
+    for rows, part in ((np.array([plan.leader]), times[~moving]), (fleet, times[moving])):
         if not len(part):
             continue
         states, controls = plan.motion(part, rows)
@@ -138,13 +137,13 @@ def _block_checks(plan: Plan, phase: str, times: Array) -> list[Check]:
         checks += [_worst(m, LIMIT_TOLERANCE * m.scale, phase, rows, plan, part) for m in found]
     places = plan.leader_trajectory.state(times)[:, POSITION] + plan.offsets(times)
     checks += [
-        _worst(m, tolerance, phase, everyone, plan, times) for m, tolerance in _of_places(plan, phase, places, times)
+        _worst(m, tolerance, phase, fleet, plan, times) for m, tolerance in _of_places(plan, phase, places, times)
     ]
     return checks
 
 
 def _of_places(plan: Plan, phase: str, places: Array, times: Array) -> list[tuple[Margin, float]]:
-    """Heights, ground, disks, box and shape, which depend on where each vehicle (V, N, 3) is."""
+    """Margins and tolerances of height, clearance, no-fly zones, box and shape, from positions (V, N, 3)."""
     scenario = plan.scenario
     height = margins.height(scenario, places, to_the_ground=phase not in AIRBORNE)
     found = [(height, LIMIT_TOLERANCE * height.scale)]
@@ -167,7 +166,7 @@ def _worst(margin: Margin, tolerance: float, phase: str, rows: Rows, plan: Plan,
 
 
 def _window_check(plan: Plan) -> Check:
-    """Eq. 1 re-integrated: the leader's whole flight, and everybody's where the shape moves."""
+    """Eq. 1 re-integrated: the leader's whole flight, and all vehicles where the shape moves."""
     worst = (0.0, plan.sysids[plan.leader], plan.t_start_s)
     spans: list[tuple[Rows, float, float]] = [(np.array([plan.leader]), plan.t_start_s, plan.t_end_s)]
     for start_s, end_s in plan.shape.moving_s:
@@ -176,8 +175,8 @@ def _window_check(plan: Plan) -> Check:
     for rows, start_s, end_s in spans:
         inner = plan.joints_s[(plan.joints_s > start_s) & (plan.joints_s < end_s)]
         windows = window_errors(
-            lambda t, who=rows: plan.motion(t, who)[0],  # type: ignore[misc]
-            lambda t, who=rows: plan.motion(t, who)[1],  # type: ignore[misc]
+            lambda t, rows=rows: plan.motion(t, rows)[0],  # type: ignore[misc]
+            lambda t, rows=rows: plan.motion(t, rows)[1],  # type: ignore[misc]
             np.concatenate([[start_s], inner, [end_s]]),
             plan.quadrotor,
         )
@@ -189,7 +188,7 @@ def _window_check(plan: Plan) -> Check:
 
 
 def _joint_check(plan: Plan) -> Check:
-    """States do not jump where polynomials join."""
+    """The largest jump of a state where polynomials join."""
     joints = plan.joints_s[1:-1]
     jump = np.abs(plan.states(joints) - plan.states(np.nextafter(joints, -np.inf)))
     instant = int(np.argmax(jump.max(axis=(0, 2))))
@@ -205,7 +204,7 @@ def _joint_check(plan: Plan) -> Check:
 
 
 def _change_checks(plan: Plan) -> list[Check]:
-    """Every scheduled change begins when it should, and a formation that turns with its course faces where it flies."""
+    """Scheduled changes begin on time; a formation that turns with its course faces where it flies."""
     checks = []
     if late := late_s(plan):
         worst_s, t_s = max(late)
@@ -220,7 +219,7 @@ def _change_checks(plan: Plan) -> list[Check]:
 
 
 def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
-    """Eqs. 15 and 16 at T0 and at the arrival, which is at the scenario's time exactly; also the ends on the ground."""
+    """Eqs. 15 and 16 at T0 and at the arrival, the arrival time (exact), take-off and landing points."""
     checks: list[Check] = []
     scenario, leader, sysid = plan.scenario, plan.leader, plan.sysids[plan.leader]
     mission = plan.phase("mission")

@@ -122,11 +122,11 @@ def test_there_are_two_hundred_and_almost_all_can_be_flown(cases: list[Case]) ->
 def test_every_way_is_taken_by_some_and_named(flown: list[tuple[Case, Reshaped]]) -> None:
     ways = Counter(re.sub(r"[\d.]+|\bone\b", "N", made.way).replace("lanes", "lane") for _, made in flown)
     assert set(ways) == {
-        "straight, the longest way as short as can be",
-        "straight, the sum of squared ways as small as can be",
-        "straight, everyone to his own place",
+        "straight, shortest longest path",
+        "straight, least sum of squared paths",
+        "straight, each vehicle to its own place",
         "in N altitude lane",
-        "spread out to N of the size, across, together again",
+        "spread out to N times the size, across, together again",
     }, ways
 
 

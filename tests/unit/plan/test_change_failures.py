@@ -47,7 +47,7 @@ def test_changes_that_overlap_are_named_with_the_time_that_would_do(simulation1:
     error = refusal(fleet(simulation1, changes=changes))
     assert '"shrink to 0.5" (at 6 s)' in error.message
     assert 'before "rotate 90 deg" has ended' in error.message
-    earliest = float(error.hint.split("begin at ")[1].split(" s")[0])
+    earliest = float(error.hint.split("start it at ")[1].split(" s")[0])
     assert verify(make_plan(fleet(simulation1, changes=(at(TURN, 2.0), at(SHRINK, earliest))))).ok
 
 
@@ -79,7 +79,7 @@ def test_a_change_that_brings_vehicles_too_near_is_refused_at_once(simulation1: 
     error = refusal(fleet(simulation1, changes=(at({**SHRINK, "scale": 0.2}, 2.0),)))
     assert isinstance(error, Infeasible)
     assert "vehicles 1 and 2 would be 0.60 m apart; separation_min_m is 1 m" in error.message
-    assert "let scale be 0.334 or more" in error.hint
+    assert "set scale to 0.334 or more" in error.hint
 
 
 def test_lanes_that_do_not_fit_under_the_ceiling_are_a_matter_of_height(simulation1: Scenario) -> None:

@@ -1,9 +1,7 @@
-"""Altitude lanes: vehicles whose straight ways come too near pass above the formation, each at a height of its own.
+"""Altitude lanes: vehicles whose straight paths come too near cross above the formation, each at its own height.
 
-Knows: who has to be lifted, who stands above whom, and how many lanes that takes. Does not know: who takes which
-place, how long it takes, how high the terrain lets anyone fly.
-Up, across, down: only vehicles in conflict are lifted; the others fly straight below them while they cross. The
-leader never moves in the formation, so nobody below him can be lifted.
+Up, across, down: only vehicles in conflict are lifted; the others fly straight below them while they cross. The leader
+never moves within the formation, so no vehicle below it can be lifted.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.separation import pairs_nearer_than
 
-# Lanes are this much further apart than they have to be, so that rounding decides nothing.
+# Lanes are this much further apart than required, so that rounding decides nothing.
 _ROOM = 1.01
 
 _Graph = dict[int, set[int]]
@@ -25,7 +23,7 @@ _Graph = dict[int, set[int]]
 
 @dataclass(frozen=True)
 class Lanes:
-    """Where everyone is after the way up and before the way down."""
+    """Offsets of all vehicles after the climb and before the descent."""
 
     risen_ned_m: Array  # (V, 3)
     crossed_ned_m: Array  # (V, 3)
@@ -34,14 +32,14 @@ class Lanes:
 
 @dataclass(frozen=True)
 class Deadlock:
-    """Two vehicles for whom there are no lanes: rows of the arrays."""
+    """Rows of two vehicles for which there are no lanes."""
 
     first: int
     second: int
 
 
 def find_lanes(start_ned_m: Array, end_ned_m: Array, leader: int, separation_m: float) -> Lanes | Deadlock:
-    """Lanes for vehicles that go from start (V, 3) to end (V, 3), both of which keep the separation."""
+    """Lanes for vehicles that move from start (V, 3) to end (V, 3), or why there are none; both keep the separation."""
     above = _above(start_ned_m, end_ned_m, separation_m)
     conflicts = _graph(pairs_nearer_than(start_ned_m, end_ned_m, separation_m).tolist())
     lifted = _lifted(conflicts, above, leader)
@@ -61,7 +59,7 @@ def find_lanes(start_ned_m: Array, end_ned_m: Array, leader: int, separation_m: 
 
 
 def _above(start: Array, end: Array, separation_m: float) -> _Graph:
-    """Who stands so nearly above each vehicle, before or after, that it cannot pass him on its way up or down."""
+    """The vehicles so nearly above each vehicle, before or after, that it cannot pass them when it climbs."""
     above: _Graph = defaultdict(set)
     flat = np.array([1.0, 1.0, 0.0])
     for places in (start, end):
@@ -72,14 +70,14 @@ def _above(start: Array, end: Array, separation_m: float) -> _Graph:
 
 
 def _lifted(conflicts: _Graph, above: _Graph, leader: int) -> set[int] | Deadlock:
-    """At least one of every two in conflict, with all who stand above; few, by taking the most entangled first."""
+    """At least one of every two vehicles in conflict, with all above it; the most entangled are taken first."""
     columns = {row: _column(row, above) for row in conflicts}
     held = {row for row in conflicts if leader in columns[row]}
     left = {row: set(others) for row, others in conflicts.items()}
     for row in held:
         for other in left[row] & held:
             return Deadlock(row, other)
-    # Who is in conflict with one that cannot be lifted has to be.
+    # A vehicle in conflict with one that cannot be lifted must be lifted.
     chosen = [other for row in held for other in left[row]]
     lifted: set[int] = set()
     while True:
@@ -95,7 +93,7 @@ def _lifted(conflicts: _Graph, above: _Graph, leader: int) -> set[int] | Deadloc
 
 
 def _column(row: int, above: _Graph) -> set[int]:
-    """A vehicle and all who have to rise before it can."""
+    """A vehicle and all vehicles that must rise before it."""
     column, open_rows = {row}, [row]
     while open_rows:
         new = above.get(open_rows.pop(), set()) - column
@@ -105,7 +103,7 @@ def _column(row: int, above: _Graph) -> set[int]:
 
 
 def _lanes(lifted: set[int], above: _Graph, crossing: _Graph) -> dict[int, int] | Deadlock:
-    """The lowest lane of each lifted vehicle: above all below it in its columns, and not that of one it crosses."""
+    """The lowest lane of each lifted vehicle: above those below it, and not that of a vehicle it crosses."""
     below: _Graph = {row: set() for row in lifted}
     for row in lifted:
         for high in above.get(row, set()):
@@ -125,7 +123,7 @@ def _lanes(lifted: set[int], above: _Graph, crossing: _Graph) -> dict[int, int] 
 
 
 def _graph(pairs: list[list[int]]) -> _Graph:
-    """Neighbours of each, from pairs."""
+    """The neighbours of each row, from pairs."""
     graph: _Graph = defaultdict(set)
     for i, j in pairs:
         graph[i].add(j)

@@ -1,7 +1,4 @@
-"""What a formation that changes by itself did: its departures from rest, told as changes of shape.
-
-Knows: coordinates over time. Does not know: how they were found.
-"""
+"""The automatic changes of a solved plan: departures of the coordinates from rest, as moves."""
 
 from __future__ import annotations
 
@@ -15,14 +12,14 @@ from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape
 
 _EVERY_S = 0.1
-_NOTICEABLE = 0.05  # of a coordinate's unit: what is less is not worth a line
+_NOTICEABLE = 0.05  # share of a coordinate's unit: smaller departures are not listed
 _KINDS = {"scale": "shrink", "heading": "rotate", "blend": "reshape"}
 
 
 def automatic_moves(
     base: Shape, target: Array, coordinates: tuple[Coordinate, ...], values: PPoly, change_speed_mps: float
 ) -> tuple[Move, ...]:
-    """One move for every stretch over which a coordinate is away from rest."""
+    """One move for every span over which a coordinate is away from rest."""
     times = np.append(np.arange(values.x[0], values.x[-1], _EVERY_S), values.x[-1])
     at = values(times)
     moves = []
@@ -58,4 +55,4 @@ def _words(coordinate: Coordinate, value: float) -> str:
         return f"shrink to {value:.2f}"
     if coordinate.name == "heading":
         return f"rotate {np.degrees(value):.0f} deg"
-    return f"reshape, {100 * value:.0f} % of the way"
+    return f"reshape, {100 * value:.0f} % done"

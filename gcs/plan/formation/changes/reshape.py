@@ -1,8 +1,4 @@
-"""A new formation (§2.2.3): who takes which place, and a way there on which nobody comes too near another.
-
-Knows: the ways worth trying, and in which order. Does not know: how long a leg takes, terrain, names of shapes. The
-leader keeps his place.
-"""
+"""Reshape (§2.2.3): an assignment of places and collision-free paths to them; the leader keeps its place."""
 
 from __future__ import annotations
 
@@ -23,9 +19,9 @@ from gcs.plan.formation.shape import Shape
 
 # Places written with two decimals should not fail for the last bit of their differences.
 SLACK_M = 1e-9
-# Where room is made, it is this much more than asked for, so that rounding decides nothing.
+# Where room is made, it is this much more than required, so that rounding decides nothing.
 _ROOM = 1.01
-_MOST_SPREAD = 4.0  # of the shape's size: beyond that it is no longer the same flight
+_MOST_SPREAD = 4.0  # times the shape's size: beyond that it is no longer the same flight
 
 
 @dataclass(frozen=True)
@@ -34,14 +30,14 @@ class Reshaped:
 
     legs: tuple[Shape, ...]  # each on [0, 1], flown one after the other
     offsets_after_ned_m: Array  # (V, 3)
-    places: Places  # (V,) row of the targets that each vehicle took
+    places: Places  # (V,) row of the target of each vehicle
     way: str  # for people
     least_distance_m: float  # between any two vehicles on any leg
 
 
 @dataclass(frozen=True)
 class _Try:
-    """An assignment, and what is said of it when it is flown straight."""
+    """An assignment, and its description when it is flown straight."""
 
     places: Places
     words: str
@@ -56,14 +52,14 @@ def reshape(
     fixed: bool = False,
     sysids: Sequence[int] | None = None,
 ) -> Reshaped:
-    """From offsets (V, 3) to targets (V, 3), no two vehicles nearer than the separation at any instant.
+    """The change from offsets (V, 3) to targets (V, 3), no two vehicles nearer than the separation at any instant.
 
     Straight by the fastest assignment (Eq. 14), else straight by the least sum of squares, else in altitude lanes,
-    else spread out while they cross; `fixed`: everyone to the target of his own row. Raises `Infeasible`, naming two
-    vehicles by their `sysids`, when the shapes themselves are too tight or no way keeps the separation.
+    else spread out while they cross. `fixed`: every vehicle to the target of its own row. Raises `Infeasible`, naming
+    two vehicles by their `sysids`, when the shapes themselves are too tight or no path keeps the separation.
     """
     if np.any(targets_ned_m[leader] != 0.0) or np.any(offsets_ned_m[leader] != 0.0):
-        raise ValueError("offsets are from the leader: his own is zero, before and after")
+        raise ValueError("offsets are from the leader: its own must be zero, before and after")
     names = list(range(1, len(offsets_ned_m) + 1)) if sysids is None else list(sysids)
     for places, when in ((offsets_ned_m, "before"), (targets_ned_m, "after")):
         _check_gap(places, separation_m, names, when)
@@ -89,12 +85,12 @@ def reshape(
 def _tries(offsets: Array, targets: Array, leader: int, separation_m: float, fixed: bool) -> Iterator[_Try]:
     """Assignments in the order in which they are tried."""
     if fixed:
-        yield _Try(np.arange(len(offsets), dtype=np.intp), "straight, everyone to his own place")
+        yield _Try(np.arange(len(offsets), dtype=np.intp), "straight, each vehicle to its own place")
         return
     distance = np.asarray(cdist(offsets, targets))
     distance[leader], distance[:, leader] = np.inf, np.inf
     distance[leader, leader] = 0.0
-    # The leader does not move, so a way past him is clear or not, whatever the others do.
+    # The leader does not move, so a path past it is clear or not, whatever the others do.
     clear = distance.copy()
     others = np.arange(len(offsets)) != leader
     near = near_point(offsets[:, None], targets[None, :], np.zeros(3)) < separation_m
@@ -103,17 +99,17 @@ def _tries(offsets: Array, targets: Array, leader: int, separation_m: float, fix
         fastest = bottleneck(table)
         if fastest is None:
             continue
-        yield _Try(fastest, "straight, the longest way as short as can be")
+        yield _Try(fastest, "straight, shortest longest path")
         least = least_squares(table)
         assert least is not None
-        yield _Try(least, "straight, the sum of squared ways as small as can be")
+        yield _Try(least, "straight, least sum of squared paths")
         return
 
 
 def _in_lanes(
     offsets: Array, targets: Array, places: Places, leader: int, separation_m: float
 ) -> tuple[int, Reshaped] | None:
-    """Number of lanes and the way in them; None where there are none."""
+    """The number of lanes and the change through them; None where there are none."""
     end = targets[places]
     lanes = find_lanes(offsets, end, leader, separation_m)
     if isinstance(lanes, Deadlock):
@@ -124,14 +120,14 @@ def _in_lanes(
 
 
 def _spread(offsets: Array, targets: Array, places: Places, factor: float) -> Reshaped:
-    """Everything larger by a factor while they cross: what passes too near then passes so much further apart."""
+    """The change with the shape larger by a factor while vehicles cross, so that all pass further apart."""
     end = targets[places]
-    words = f"spread out to {factor:.2f} of the size, across, together again"
+    words = f"spread out to {factor:.2f} times the size, across, together again"
     return _flown([offsets, factor * offsets, factor * end, end], places, words)
 
 
 def _flown(stops: list[Array], places: Places, way: str) -> Reshaped:
-    """Straight from stop to stop, everyone in step."""
+    """The change straight from stop to stop, all vehicles in step."""
     legs = list(pairwise(stops))
     return Reshaped(
         legs=tuple(straight(start, end) for start, end in legs),
@@ -156,7 +152,7 @@ def _refusal(nearest: tuple[float, int, int], separation_m: float, names: Sequen
     distance_m, i, j = nearest
     free = 'leave out assignment = "fixed", ' if fixed else ""
     return Infeasible(
-        f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and there is no way above "
-        f"the others for them; separation_min_m is {separation_m:g} m",
-        hint=f"give the shapes a larger spacing, {free}or go by way of an intermediate shape",
+        f"vehicles {names[i]} and {names[j]} would pass each other at {distance_m:.2f} m, and no altitude lane "
+        f"above the others exists; separation_min_m is {separation_m:g} m",
+        hint=f"give the shapes a larger spacing, {free}or add an intermediate shape",
     )

@@ -1,8 +1,4 @@
-"""How a change of shape passes in time: one smooth step for all vehicles, and the least time it takes.
-
-Knows: the step from 0 to 1, what a change may ask of a vehicle, and which limit sets its duration.
-Does not know: which change it is, where the vehicles are on the map.
-"""
+"""The time scaling of a change: one smooth step for all vehicles, its budget, and the shortest duration within it."""
 
 from __future__ import annotations
 
@@ -15,18 +11,18 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.scenario.schema.scenario import Scenario
 
-# Of what a vehicle can turn: the leader's own motion, which every vehicle shares, uses the rest.
+# Share of a vehicle's turning authority: the leader's own motion, which every vehicle flies too, uses the rest.
 SHARE = 0.2
 LIMITS = ("speed", "acceleration", "turn rate", "torque")
 NOTHING = "nothing"
 _STILL_M = 1e-9  # rounding, not motion
-_GRID = 401  # instants at which a peak is looked for: misses at most 2e-4 of it, even in a third of the time
+_GRID = 401  # samples for a peak: they miss at most 2e-4 of it, even in a third of the time
 _CHUNK = 256  # vehicles at a time
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The most a change may ask of any vehicle, beside the leader's own motion."""
+    """The largest motion of any vehicle in a change, in addition to the leader's own."""
 
     speed_mps: float
     accel_mps2: float
@@ -35,17 +31,17 @@ class Budget:
 
 
 def smooth_step() -> PPoly:
-    """From 0 to 1 over [0, 1], at rest at both ends up to the third derivative.
+    """The septic from 0 to 1 over [0, 1], at rest at both ends up to the third derivative.
 
     Thrust tilts with acceleration, so attitude rates follow jerk and torques follow snap. A quintic is at rest up to
-    its second derivative alone: its jerk jumps, attitude rates would have to jump with it, and Eq. 1 has no control
-    that makes them.
+    its second derivative alone: its jerk jumps, attitude rates would have to jump with it, and no control of Eq. 1
+    does that.
     """
     return PPoly(np.array([-20.0, 70.0, -84.0, 35.0, 0.0, 0.0, 0.0, 0.0])[:, None], np.array([0.0, 1.0]))
 
 
 def budget(scenario: Scenario) -> Budget:
-    """Speed and acceleration as the scenario says; jerk and snap from the vehicle's rate and torque limits.
+    """The budget: speed and acceleration from the scenario, jerk and snap from rate and torque limits.
 
     A hovering vehicle accelerates by g times its tilt: its jerk is g times the attitude rate, its snap g times the
     angular acceleration.
@@ -65,10 +61,10 @@ def budget(scenario: Scenario) -> Budget:
 
 
 def shared(limit: Budget, parts: int, radius_m: float) -> Budget:
-    """What each of several motions may use that pass at once in a shape of this radius, turns among them.
+    """The budget of each of several simultaneous motions in a shape of this radius, rotations among them.
 
-    One motion carried along by another accelerates by twice the product of both rates. Together they go so fast that
-    this takes no more than half of the acceleration, and speed up with what it leaves.
+    A motion carried along by another accelerates by twice the product of both rates. Their common speed is such that
+    this takes at most half of the acceleration; the rest is for speeding up.
     """
     together_mps = min(limit.speed_mps, float(np.sqrt(0.5 * limit.accel_mps2 * radius_m)))
     left_mps2 = limit.accel_mps2 - together_mps**2 / max(radius_m, _STILL_M)
@@ -76,9 +72,9 @@ def shared(limit: Budget, parts: int, radius_m: float) -> Budget:
 
 
 def least_duration(unit_shape: Shape, budget: Budget) -> tuple[float, str]:
-    """Shortest time, in s, over which a shape on [0, 1] keeps to the budget, and the limit that sets it.
+    """The shortest duration, s, in which a shape on [0, 1] keeps the budget, and the limit that sets it.
 
-    The n-th derivative of O(t / T) is T^-n times that of O, so each limit asks for T >= (peak_n / limit_n)^(1/n).
+    The n-th derivative of O(t / T) is T^-n times that of O, so each limit requires T >= (peak_n / limit_n)^(1/n).
     0 s and "nothing" where nothing moves.
     """
     peaks = peak_derivatives(unit_shape)

@@ -1,7 +1,6 @@
-"""A scenario's changes of shape, one after another: the formation's shape at every instant of the flight.
+"""The timeline: a scenario's scheduled changes one after another, and the shape at every instant of the flight.
 
-Knows: what each change does to the places, how long it takes, and that changes neither overlap nor leave anyone too
-near another. Does not know: the leader's trajectory (when gates are crossed is told), changes the planner decides.
+Changes must neither overlap nor violate the separation. The instants at which gates are crossed are an input.
 """
 
 from __future__ import annotations
@@ -37,14 +36,14 @@ _DOWN = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Move:
-    """One change of shape as it is flown, for people."""
+    """One change of shape as it is flown, for reports."""
 
     kind: str
     name: str
     trigger: str
     start_s: float
     end_s: float
-    paper_time_s: float  # Eqs. 8, 12, 14: a bound from below
+    paper_time_s: float  # Eqs. 8, 12, 14: a lower bound
     limited_by: str
     way: str
     least_gap_m: float  # between any two vehicles, from start to end
@@ -52,7 +51,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Timeline:
-    """The shape over the flight, and what changes it."""
+    """The shape over the flight, and its moves."""
 
     shape: Shape
     moves: tuple[Move, ...]
@@ -60,7 +59,7 @@ class Timeline:
 
 @dataclass(frozen=True)
 class _Made:
-    """One change without its time: from one rigid formation to the next."""
+    """One change without its start time: from one rigid shape to the next."""
 
     change: ChangeTable
     name: str
@@ -78,19 +77,19 @@ class _Made:
 
 
 def scheduled(scenario: Scenario) -> tuple[ChangeTable, ...]:
-    """Changes that begin at a time or a gate, in order; automatic ones are the planner's."""
+    """The changes that begin at a time or a gate, in order."""
     return tuple(change for change in scenario.formation.change if not change.auto)
 
 
 def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
-    """The rigid shapes (V, 3) of the schedule: the first, and what each change leads to. Raises as `lay`."""
+    """The rigid shapes (V, 3) of the schedule: the first, and the result of each change. Raises as `lay`."""
     return (offsets_ned_m(scenario), *(made.after_ned_m for made in _made(scenario)))
 
 
 def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
-    """The times nearest to `starts_s` at which changes that gates trigger neither overlap nor outlast the flight.
+    """Start times nearest to `starts_s` at which changes at gates neither overlap nor outlast the flight.
 
-    For times that are only guessed; what `at_s` says is left alone.
+    For estimated times; times given by `at_s` stay.
     """
     made = _made(scenario)
     starts = list(starts_s)
@@ -106,24 +105,24 @@ def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tu
 
 
 def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: float) -> Timeline:
-    """The shape from start to end of the flight with every scheduled change begun at its time in `starts_s`.
+    """The timeline from start to end of the flight, every scheduled change beginning at its time in `starts_s`.
 
-    Raises `Infeasible` for a change that begins before the one before it has ended, does not end with the flight, or
-    brings two vehicles nearer than the separation; it names them.
+    Raises `Infeasible` for a change that begins before the previous one has ended, ends after the flight, or violates
+    the separation (naming two vehicles).
     """
     offsets = offsets_ned_m(scenario)
     parts: list[Shape] = []
     moves: list[Move] = []
     now_s = start_s
-    for made, asked_s in zip(_made(scenario), starts_s, strict=True):
-        begin_s = _begin(made, asked_s, now_s, moves[-1].name if moves else "")
+    for made, wanted_s in zip(_made(scenario), starts_s, strict=True):
+        begin_s = _begin(made, wanted_s, now_s, moves[-1].name if moves else "")
         _check_end(made, begin_s, end_s)
         if begin_s > now_s:
             parts.append(rigid(made.before_ned_m, now_s, begin_s))
         now_s = begin_s
         for leg, seconds in made.legs:
             finish_s = now_s + seconds
-            # The flight's end to the last bit: the next phase begins there.
+            # Equal to the flight's end to the last bit: the next phase begins there.
             parts.append(stretched(leg, now_s, end_s if abs(finish_s - end_s) <= _SLACK_S else finish_s))
             now_s = parts[-1].end_s
         offsets = made.after_ned_m
@@ -146,9 +145,9 @@ def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: 
 
 
 def gate_crossing_s(gate_m: tuple[tuple[float, float], ...], times_s: Array, positions_ned_m: Array) -> float | None:
-    """When a track (N, 3) at times (N,) first crosses the line between two points (north, east); None if never.
+    """The instant at which a track (N, 3) at times (N,) first crosses a gate (two points north, east), or None.
 
-    The track is taken as straight from one instant to the next; its ends and the gate's belong to them.
+    The track is straight between instants; its ends and the gate's ends count.
     """
     a, b = np.array(gate_m)
     along = b - a
@@ -166,7 +165,7 @@ def gate_crossing_s(gate_m: tuple[tuple[float, float], ...], times_s: Array, pos
     return float(times_s[first] + share[first] * (times_s[first + 1] - times_s[first]))
 
 
-@lru_cache(maxsize=8)  # gates move while the planner looks for the flight; what the changes are does not
+@lru_cache(maxsize=8)  # the planner iterates over gate times; the changes themselves stay
 def _made(scenario: Scenario) -> tuple[_Made, ...]:
     offsets = offsets_ned_m(scenario)
     found: list[_Made] = []
@@ -180,7 +179,7 @@ def _made(scenario: Scenario) -> tuple[_Made, ...]:
 def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     assert change.angle_deg is not None
     angle_rad = math.radians(change.angle_deg)
-    # North, east, up and north, east, down name the same direction; right-handed about it means the same turn.
+    # NEU and NED name the same axis; a right-handed rotation about it is the same.
     axis = _DOWN if change.axis is None else np.array(change.axis) * NED_FROM_UP
     about = "" if change.axis is None else " about ({:g}, {:g}, {:g})".format(*change.axis)
     return _timed(
@@ -206,7 +205,7 @@ def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
         raise Infeasible(
             f"{name}: vehicles {ids[i]} and {ids[j]} would be {gap_m * change.scale:.2f} m apart; "
             f"separation_min_m is {least_m:g} m",
-            hint=f"let scale be {smallest:g} or more, or begin with a larger spacing",
+            hint=f"set scale to {smallest:g} or more, or start with a larger spacing",
         )
     return _timed(
         scenario,
@@ -258,7 +257,7 @@ def _timed(
     way: str,
     least_gap_m: float,
 ) -> _Made:
-    """The change with the least time for each leg; the limit named is that of the longest."""
+    """The change with the shortest duration for each leg; `limited_by` is that of the longest."""
     limit = budget_of_each(scenario)
     durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
@@ -273,16 +272,16 @@ def _trigger(change: ChangeTable) -> str:
     return f"at {change.at_s:g} s"
 
 
-def _begin(made: _Made, asked_s: float, now_s: float, before: str) -> float:
-    """When the change begins: as asked, unless the formation is not ready then."""
-    if asked_s >= now_s - _SLACK_S:
-        return max(asked_s, now_s)
+def _begin(made: _Made, wanted_s: float, now_s: float, before: str) -> float:
+    """The start of the change; raises Infeasible where the previous change has not ended."""
+    if wanted_s >= now_s - _SLACK_S:
+        return max(wanted_s, now_s)
     earliest_s = math.ceil(100.0 * now_s - _SLACK_S) / 100.0
     then = f'"{before}" has ended' if before else "the flight"
     raise Infeasible(
-        f'the change "{made.name}" ({_trigger(made.change)}) would begin at {asked_s:.2f} s, '
-        f"{now_s - asked_s:.2f} s before {then}",
-        hint=f"let it begin at {earliest_s:.2f} s or later; changes are shorter with a larger {_KEYS}",
+        f'the change "{made.name}" ({_trigger(made.change)}) would begin at {wanted_s:.2f} s, '
+        f"{now_s - wanted_s:.2f} s before {then}",
+        hint=f"start it at {earliest_s:.2f} s or later; a larger {_KEYS} makes changes shorter",
     )
 
 
@@ -294,5 +293,5 @@ def _check_end(made: _Made, begin_s: float, end_s: float) -> None:
     raise Infeasible(
         f'the change "{made.name}" ({_trigger(made.change)}) begins at {begin_s:.2f} s and takes '
         f"{made.duration_s:.2f} s: it would end {over_s:.2f} s after the flight does",
-        hint=f"let it begin at {latest_s:.2f} s or earlier, give more time ([time] flight_s), or a larger {_KEYS}",
+        hint=f"start it at {latest_s:.2f} s or earlier, or increase [time] flight_s, or {_KEYS}",
     )

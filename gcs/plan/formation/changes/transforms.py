@@ -1,9 +1,7 @@
-"""The paper's changes of shape (§2.2.1-2.2.3) as functions on [0, 1]: turn, shrink, fly straight to new places.
+"""The paper's changes of shape (§2.2.1-2.2.3) on [0, 1]: rotate, shrink, straight to new places; Eqs. 5-14.
 
-Knows: where each vehicle is relative to the leader while a change passes, and the paper's own least times.
-Does not know: how long a change takes, who takes which place, whether vehicles come too near each other.
-Offsets are from the leader, who stays at their origin; every centre of rotation or shrinking gives the same
-offsets, so there is none here.
+Offsets are from the leader, which stays at their origin. Every centre of rotation or shrinking gives the same offsets,
+so there is none here.
 """
 
 from __future__ import annotations
@@ -17,15 +15,15 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.time_scaling import smooth_step
 from gcs.plan.formation.shape import Shape
 
-# Polynomials that meet in this many derivatives, the value counted: continuous far beyond what a vehicle can feel.
+# Derivatives, the value included, in which neighbouring polynomials agree at a joint.
 _MEET = 6
-# So many pieces, and one more for each such angle, err by less than 1e-12 (the tests compare with the closed form).
+# So many pieces, and one more per such angle, have errors below 1e-12 (the tests compare with the closed form).
 _PIECES = 8
 _PIECE_RAD = math.pi / 9.0
 
 
 def straight(offsets_ned_m: Array, targets_ned_m: Array) -> Shape:
-    """Every vehicle straight from its offset (V, 3) to its target (V, 3), all in step."""
+    """The shape in which every vehicle flies straight from its offset (V, 3) to its target (V, 3), in step."""
     step = smooth_step()
     back = -step.c
     back[-1] += 1.0
@@ -34,7 +32,7 @@ def straight(offsets_ned_m: Array, targets_ned_m: Array) -> Shape:
 
 
 def shrinking(offsets_ned_m: Array, scale: float) -> Shape:
-    """Offsets (V, 3) in proportion, from their size to `scale` of it (§2.2.2)."""
+    """The shape that scales offsets (V, 3) from 1 to `scale` (§2.2.2)."""
     step = smooth_step()
     size = (scale - 1.0) * step.c
     size[-1] += 1.0
@@ -42,7 +40,7 @@ def shrinking(offsets_ned_m: Array, scale: float) -> Shape:
 
 
 def rotation(offsets_ned_m: Array, axis_ned: Array, angle_rad: float) -> Shape:
-    """Offsets (V, 3) as one rigid body about an axis (3,), right-handed (§2.2.1, Rodrigues' formula)."""
+    """The shape that rotates offsets (V, 3) as one rigid body about an axis (3,), right-handed (§2.2.1, Rodrigues)."""
     turned = PPoly(*_cos_sin(angle_rad))
     ones = np.zeros((turned.c.shape[0], turned.c.shape[1], 1))
     ones[-1] = 1.0
@@ -63,38 +61,38 @@ def rotation_paths_m(offsets_ned_m: Array, axis_ned: Array, angle_rad: float) ->
 
 
 def shrink_paths_m(offsets_ned_m: Array, scale: float) -> Array:
-    """Length of each vehicle's way (V,): what is lost of Eq. 9's distance, which the paper counts whole."""
+    """Eq. 9: length of each vehicle's path (V,): (1 - scale) of the distance that the paper counts whole."""
     return np.asarray(abs(1.0 - scale) * np.linalg.norm(offsets_ned_m, axis=1))
 
 
 def reshape_paths_m(offsets_ned_m: Array, targets_ned_m: Array) -> Array:
-    """Length of each vehicle's straight way (V,)."""
+    """Length of each vehicle's straight path (V,)."""
     return np.asarray(np.linalg.norm(targets_ned_m - offsets_ned_m, axis=1))
 
 
 def paper_time_s(paths_m: Array, v_max_mps: float) -> float:
-    """Eqs. 8, 12, 14: the vehicle with the longest way flies it at its greatest speed, from the first instant."""
+    """Eqs. 8, 12, 14: the time of the longest path at constant greatest speed."""
     return float(paths_m.max() / v_max_mps)
 
 
 def paper_speeds_mps(paths_m: Array, v_max_mps: float) -> Array:
-    """Eqs. 7, 11: constant speeds (V,) at which all arrive together; zero where nobody moves."""
+    """Eqs. 7, 11: constant speeds (V,) at which all arrive together; zero where no vehicle moves."""
     least_s = paper_time_s(paths_m, v_max_mps)
     return paths_m / least_s if least_s > 0.0 else np.zeros_like(paths_m)
 
 
 def paper_rotation_time_s(offsets_ned_m: Array, axis_ned: Array, angle_rad: float, v_max_mps: float) -> float:
-    """Eqs. 5-8."""
+    """Eqs. 5-8: the paper's least time of a rotation, s."""
     return paper_time_s(rotation_paths_m(offsets_ned_m, axis_ned, angle_rad), v_max_mps)
 
 
 def paper_shrink_time_s(offsets_ned_m: Array, scale: float, v_max_mps: float) -> float:
-    """Eqs. 9-12."""
+    """Eqs. 9-12: the paper's least time of a shrink, s."""
     return paper_time_s(shrink_paths_m(offsets_ned_m, scale), v_max_mps)
 
 
 def paper_reshape_time_s(offsets_ned_m: Array, targets_ned_m: Array, v_max_mps: float) -> float:
-    """Eqs. 13, 14."""
+    """Eqs. 13, 14: the paper's least time of a reshape, s."""
     return paper_time_s(reshape_paths_m(offsets_ned_m, targets_ned_m), v_max_mps)
 
 
@@ -109,9 +107,8 @@ def _parts(offsets_ned_m: Array, axis_ned: Array) -> tuple[Array, Array, Array]:
 def _cos_sin(angle_rad: float) -> tuple[Array, Array]:
     """Coefficients (2 _MEET, P, 2) and joints (P + 1,) of cos and sin of `angle_rad` times the step.
 
-    Neighbours share their first _MEET derivatives at a joint. The lower half of a piece's coefficients are its Taylor
-    series at the left joint, the upper half is what is missing at the right one: a small correction, so that
-    rounding stays small too.
+    Neighbours share their first _MEET derivatives at a joint. The lower half of a piece's coefficients is its Taylor
+    series at the left joint. The upper half corrects the right joint by a small amount, so rounding stays small too.
     """
     pieces = _PIECES + math.ceil(abs(angle_rad) / _PIECE_RAD)
     joints = np.linspace(0.0, 1.0, pieces + 1)

@@ -290,7 +290,7 @@ def test_a_blend_that_would_need_lanes_is_refused(simulation1: Scenario) -> None
     )
     swap = auto({"kind": "reshape", "to": "b", "assignment": "fixed"})
     with pytest.raises(
-        Infeasible, match=r'no straight way .* to the shape "b" keeps 1 m; it would go in .* lanes'
+        Infeasible, match=r'no straight path .* to the shape "b" keeps 1 m; the only solution is in .* lanes'
     ) as e:
         target_ned_m(fleet(simulation1, 3, "a", (swap,), shapes))
     assert "instead of auto" in e.value.hint
@@ -322,5 +322,5 @@ def test_an_automatic_turn_and_blend_have_their_words(simulation1: Scenario) -> 
     moves = automatic_moves(
         rigid(offsets_ned_m(scenario), 0.0, 40.0), target_ned_m(scenario), coordinates(scenario), values, 1.0
     )
-    assert [move.name for move in moves] == ["rotate -29 deg", "reshape, 80 % of the way"]
+    assert [move.name for move in moves] == ["rotate -29 deg", "reshape, 80 % done"]
     assert [move.kind for move in moves] == ["rotate", "reshape"]

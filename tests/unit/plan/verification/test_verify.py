@@ -299,7 +299,7 @@ def test_a_check_says_what_who_when_and_by_how_much(meadow_plan: Plan) -> None:
     (failure,) = verify(replace(meadow_plan, scenario=slow)).failures
     fastest = meadow_plan.states(np.linspace(0, 20, 2001))[0, :, 3].max()
     assert failure.worst == pytest.approx(2.0 - fastest, abs=1e-3)
-    assert str(failure).startswith(f"north speed, mission: missed by {fastest - 2.0:.2f}"[:-1])
+    assert str(failure).startswith(f"north speed, mission: violated by {fastest - 2.0:.2f}"[:-1])
     assert failure.sysid == 1
     assert failure.t_s is not None
     assert 0 < failure.t_s < 20

@@ -28,7 +28,7 @@ def ned(*north_east_up: tuple[float, float, float]) -> Array:
 def test_the_fastest_way_is_taken_where_it_is_safe() -> None:
     """From abreast to behind: the outer ones fly sqrt(4^2 + 2^2 k) at least, whoever goes where."""
     made = reshape(LINE, COLUMN, 0, 1.0)
-    assert made.way == "straight, the longest way as short as can be"
+    assert made.way == "straight, shortest longest path"
     assert len(made.legs) == 1
     assert sorted(made.places) == list(range(5))
     assert made.places[0] == 0

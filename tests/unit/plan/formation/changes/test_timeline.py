@@ -138,7 +138,7 @@ def test_one_change_at_a_time(simulation1: Scenario) -> None:
         laid(scenario, 20.0, ends - 1.25)
     assert '"shrink to 0.9" (at 60 s)' in caught.value.message
     assert '1.25 s before "rotate 90 deg" has ended' in caught.value.message
-    earliest = float(caught.value.hint.split("begin at ")[1].split(" s")[0])
+    earliest = float(caught.value.hint.split("start it at ")[1].split(" s")[0])
     assert 0.0 <= earliest - ends < 0.011
     laid(scenario, 20.0, earliest)
 
@@ -148,7 +148,7 @@ def test_a_change_ends_with_the_flight(simulation1: Scenario) -> None:
     with pytest.raises(Infeasible) as caught:
         laid(scenario, 20.0, end_s=22.0)
     assert "after the flight does" in caught.value.message
-    latest = float(caught.value.hint.split("begin at ")[1].split(" s")[0])
+    latest = float(caught.value.hint.split("start it at ")[1].split(" s")[0])
     (move,) = laid(scenario, max(latest, 0.0), end_s=latest + 60.0).moves
     assert latest + (move.end_s - move.start_s) == pytest.approx(22.0, abs=0.011)
     (move,) = laid(scenario, 30.0, end_s=30.0 + move.end_s - move.start_s).moves
@@ -159,7 +159,7 @@ def test_a_change_ends_with_the_flight(simulation1: Scenario) -> None:
 def test_a_shrink_keeps_the_separation_and_says_how_far_it_may_go(simulation1: Scenario) -> None:
     with pytest.raises(Infeasible, match=r"shrink to 0.3: vehicles 2 and 5 would be 0.15 m apart") as caught:
         laid(scenario_with(simulation1, {**SHRINK, "scale": 0.3}), 60.0)
-    assert "let scale be 0.8 or more" in caught.value.hint
+    assert "set scale to 0.8 or more" in caught.value.hint
     laid(scenario_with(simulation1, {**SHRINK, "scale": 0.8}), 60.0)
 
 
