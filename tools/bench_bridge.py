@@ -65,7 +65,7 @@ def measure(vehicles: int, autopilot: str, cpu_s: float) -> dict[str, Any]:
             for _ in range(10):
                 world.step()
         took_s, flown_s = time.process_time() - began, world.t_s - began_s
-        assert all(vehicle.autopilot.flying for vehicle in world.vehicles), "somebody has come down"
+        assert all(vehicle.autopilot.flying for vehicle in world.vehicles), "a vehicle has come down"
         return {
             "vehicles": vehicles,
             "steps_per_s": flown_s / CONTROL_PERIOD_S / took_s,

@@ -1,6 +1,6 @@
 """Skein's planner beside its peers on one problem, in one run:  ./tools/run python tools/bench_planner.py [--quick]
 
-Simulation 1's leader alone, with the same objective, bounds, scaling, guess and tolerance for everybody. What every
+Simulation 1's leader alone, with the same objective, bounds, scaling, guess and tolerance for every contender. What every
 solver calls a solution is then looked at between its nodes by Skein's verifier. Peers are installed on first use, each
 into an environment of its own under .bench/; one that does not install or solve is named and left out.
 """
@@ -75,7 +75,7 @@ def main(
 
 
 def _entries(peers: tuple[environments.Peer, ...], meshes: list[str]) -> tuple[list[tuple[Contender, str]], list[str]]:
-    """Who runs on what; and who cannot take part, in words."""
+    """The contenders of each environment, and those that cannot take part, in words."""
     entries: list[tuple[Contender, str]] = []
     missing: list[str] = []
     contenders = [race.skein("skein, Eq. 41", "lagrange"), race.skein("skein, linear control", "linear")]

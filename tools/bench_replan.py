@@ -2,7 +2,7 @@
 
 ./tools/run python tools/bench_replan.py [--replans 100] [--seed 1] [--missions simulation1,field] [--json FILE]
 
-Each re-plan: a random time of the mission, the leader up to 20 m beside his place and some tenths of a m/s off; every
+Each re-plan: a random time of the mission, the leader up to 20 m beside its place and some tenths of a m/s off; every
 second one with a new disk of 10 to 30 m on the way ahead. States that no flight may begin from (inside of
 a zone, under the clearance, over a limit) are drawn again. Beside it the first plan, made anew between re-plans, so
 that whatever else the machine does slows both; seconds are the processor's.

@@ -4,7 +4,7 @@
 
 A process of its own plays the vehicles: heartbeats, clocks, positions at 10 Hz each, and a socket each whose datagrams
 the kernel stamps as they arrive. The ground station is `gcs.link.session.linked_fleet` with the schedule and the
-messages of `gcs fly`, in another process, whose processor time is what is told. `late` is arrival minus the deadline
+messages of `gcs fly`, in another process, whose processor time is reported. `late` is arrival minus the deadline
 on the vehicle's own clock (its estimate on the ground included), `interval` how far the time between two arrivals is
 from the period; MAVSDK's offboard has no deadlines, its setpoints are set in time by a loop of ours. Per vehicle, all
 together.
@@ -86,7 +86,7 @@ def hear(sock: socket.socket, sysid: int, codec: Codec, port: int, heard: list[t
             return
         seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
         if len(data) >= 12 and int.from_bytes(data[7:10], "little") == 84:
-            if data[10 + 50] != sysid:  # MAVSDK tells everybody everything
+            if data[10 + 50] != sysid:  # MAVSDK notifies every subscriber of every message
                 continue
             heard.append((sysid, seconds + nanoseconds / 1e9, int.from_bytes(data[10:14], "little")))
             continue

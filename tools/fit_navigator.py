@@ -113,7 +113,7 @@ def _passed(orders: NavigatorOrders, t_s: Array, position_ned_m: Array) -> Array
         t_s[np.linalg.norm(position_ned_m[:, :2] - point[:2], axis=1).argmin()] for point in orders.waypoints_ned_m
     ]
     if np.any(np.diff(nearest) <= 0.0):
-        raise ValueError("the recorded path crosses itself at a waypoint: times of passing cannot be told apart")
+        raise ValueError("the recorded path crosses itself at a waypoint: times of passing cannot be distinguished")
     return passing_times(t_s, position_ned_m, orders, np.array([*nearest[:-1], t_s[-1]]))
 
 

@@ -25,7 +25,7 @@ can do (`speed_ned_mps` to `control_margin`) may be left out; what the scenario 
 those two tables and may name its `autopilot`: copy one from `gcs/scenario/presets`. `gcs schema` prints all this as
 JSON Schema, for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
 """
-HIDDEN = {("Terrain", "relief")}  # what programs hand on, and nobody writes
+HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
 Schema = dict[str, Any]
 
 

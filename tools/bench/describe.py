@@ -41,7 +41,7 @@ def alone(scenario: Scenario) -> Scenario:
 
 
 def straight(problem: Problem) -> Trajectory:
-    """Everybody's guess: the way that ignores the map, over what lies under it."""
+    """The guess of every contender: a straight track that ignores the map, lifted over the ground."""
     return along(problem, straight_way(problem))
 
 

@@ -1,6 +1,6 @@
-"""What Skein's verifier finds between the nodes of anybody's solution.
+"""What Skein's verifier finds between the nodes of any solution.
 
-Knows: margins, windows, the objective on a fine grid. Does not know: who solved it.
+Knows: margins, windows, the objective on a fine grid. Does not know: which solver it came from.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How much memory a process has had at most.
 
 Knows: Linux. Does not know: what was measured. The kernel's own figure, ru_maxrss, will not do: it survives exec, so a
-small program that a large one starts is told to be as large as that.
+small program that a large one starts is reported to be as large as that.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ def kept(claims: list[Claim], prefix: str) -> list[dict[str, Any]]:
 
 
 def verdict(claim: dict[str, Any]) -> str:
-    """One word or three."""
-    return "holds" if claim["holds"] else "**does not hold**"
+    """The verdict on a sentence of the paper."""
+    return "confirmed" if claim["holds"] else "**not confirmed**"
 
 
 def table(claims: list[dict[str, Any]]) -> list[str]:

@@ -153,14 +153,14 @@ def _path(track: Track, report: Report) -> list[Claim]:
         ),
         _claim(
             (8, 9),
-            "the leader leaves more room than he needs himself, for the followers",
-            "his own clearance is at least {own:.2f} m, that of the lowest follower {others:.2f} m",
+            "the leader leaves more room than it needs itself, for the followers",
+            "its own clearance is at least {own:.2f} m, that of the lowest follower {others:.2f} m",
             {
                 "own": float(track.clearance_m[plan.leader].min()),
                 "others": float(np.delete(track.clearance_m, plan.leader, axis=0).min()),
             },
             bool(track.clearance_m[plan.leader].min() > np.delete(track.clearance_m, plan.leader, axis=0).min()),
-            "Eqs. 23 and 24 put the followers' ground under him",
+            "Eqs. 23 and 24 put the followers' ground under it",
         ),
     ]
 

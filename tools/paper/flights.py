@@ -27,7 +27,7 @@ def measure(run: Run) -> dict[str, Any]:
     rows = summary(flights)
     for row in rows:
         group = [f for f in flights if (f["mission"], f["mode"]) == (row["mission"], row["mode"])]
-        for key, _ in FIGURES.values():  # who never arrives is infinitely late, which JSON has no number for
+        for key, _ in FIGURES.values():  # a vehicle that never arrives is infinitely late, for which JSON has no number
             row[key] = [value if math.isfinite(value) else None for value in row.get(key, ())]
         row["wind"] = f"{group[0]['wind']}, gusts {group[0]['gusts']}" if group else ""
     return {"rows": rows, "flown": kept["about"], "took_s": kept["took_s"]}
@@ -43,7 +43,7 @@ def page(record: dict[str, Any]) -> list[str]:
         "Flown by `tools/paper.py --benchmarks flights` in wind and gusts that no plan knows "
         "([record](bench/flights.json)). Each flight gives its worst vehicle's figure, from true states; the table has "
         "the mean, the tail and the worst over flights. `held` counts flights that the scenario's judge accepts. A "
-        "vehicle arrives when it comes into the judge's circle to stay: who is pushed out by a gust arrives again.",
+        "vehicle arrives when it comes into the judge's circle to stay: one that a gust pushes out arrives again.",
         "",
         f"| {' | '.join(head)} |",
         "|" + " --- |" * len(head),

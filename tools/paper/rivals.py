@@ -1,4 +1,4 @@
-"""§4.3: the same six vehicles planned by particle swarms, beside ours (Figs. 21 and 22).
+"""§4.3: the same six vehicles planned by particle swarm optimisation (PSO), beside ours (Figs. 21 and 22).
 
 Knows: what both are asked and how they compare. Does not know: how either plans.
 """
@@ -26,15 +26,15 @@ from tools.paper.run import CORES, ROOT, Run
 from tools.paper.swarm_fleet import Fleet
 from tools.paper.track import Track
 
-TITLE = "Particle swarms (§4.3, Figs. 21 and 22)"
+TITLE = "Particle swarm optimisation (§4.3, Figs. 21 and 22)"
 SEEDS, SHORT_SEEDS, SHORT_S = 5, 1, 0.2
 _COURSE_MPS = 0.5
-_NAMES = {"ours": "ours", "equal": "swarms, stopped at our time", "converged": "swarms, converged"}
+_NAMES = {"ours": "ours", "equal": "PSO, stopped at our time", "converged": "PSO, converged"}
 _ROWS = (
     ("plan one vehicle", "one_s", "{:.2f} s"),
     ("plan six", "six_s", "{:.2f} s"),
     ("six of ours fit into it", "six_ratio", "{:.1f}"),
-    ("vehicles with a plan that holds in the search", "feasible", "{:.0f} of 6"),
+    ("vehicles with a feasible plan by the search", "feasible", "{:.0f} of 6"),
     ("arrival off the time asked for, worst vehicle", "late_s", "{:.3g} s"),
     ("arrival of the first and of the last vehicle apart", "spread_s", "{:.3g} s"),
     ("course at the arrival off the heading asked for", "course_off_deg", "{:.0f}°"),
@@ -104,22 +104,22 @@ def page(record: dict[str, Any]) -> list[str]:
     for label, key, form in _ROWS:
         cells = [form.format(rows[who][key]) if rows[who][key] is not None else "none" for who in _NAMES]
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
-    lines += ["", "| what each tells | ours | swarms |", "| --- | --- | --- |"]
+    lines += ["", "| what each yields | ours | PSO |", "| --- | --- | --- |"]
     lines += [f"| {what} | yes | {theirs} |" for what, theirs in _INFORMATION.items()]
     lines += [
         "",
-        "Swarms begin and end at full speed: neither Eq. 15 nor Eq. 16 is met beyond the places. Slowed to a constant "
-        "speed their ways arrive on time as well, which the paper does not try; attitude and controls they have in "
-        "neither case.",
+        "PSO plans begin and end at full speed: of Eqs. 15 and 16 only the positions are met. Slowed to a constant "
+        "speed, they arrive on time as well, which the paper does not try. They have no attitude and no controls in "
+        "either case.",
         "",
     ]
-    lines += beside("paper/fig21.png", 21, "the swarms' tracks in 3D", record["claims"])
-    lines += beside("paper/fig22.png", 22, "the swarms' tracks from above, our leader dashed", record["claims"])
+    lines += beside("paper/fig21.png", 21, "the tracks of PSO in 3D", record["claims"])
+    lines += beside("paper/fig22.png", 22, "the tracks of PSO from above, our leader dashed", record["claims"])
     return [*lines, *table(record["claims"])]
 
 
 def _turn(seed: int, scenario: Scenario) -> tuple[float, float, Fleet, Fleet]:
-    """Our times for one and for all, swarms with as much time, swarms with as much as they like."""
+    """Our times for one and for all vehicles; PSO with the same time, and PSO until it converges."""
     one_s, six_s = (_own_time_s(s) for s in (alone(scenario), scenario))
     at_once = swarm_fleet.plan(scenario, seed, six_s / len(scenario.formation.sysids))
     return one_s, six_s, at_once, swarm_fleet.plan(scenario, seed)
@@ -190,18 +190,18 @@ def _claims(rows: dict[str, dict[str, Any]], fleet: Fleet, track: Track) -> list
     aside = [float(np.abs(np.interp(t[:, 0], north, track.states[:, 1]) - t[:, 1]).mean()) for t in fleet.tracks_m]
     return [
         _claim(
-            "swarms find a way much like ours in Simulation 2",
+            "PSO finds tracks much like ours in Simulation 2",
             "their tracks are {least:.0f} to {most:.0f} m beside ours on average, at equal northing",
             {"least": min(aside), "most": max(aside)},
             max(aside) < 50.0,
             "each vehicle finds a way of its own; some choose another side of the mountains",
         ),
         _claim(
-            "a swarm plans one vehicle faster than our method plans the formation",
+            "PSO plans one vehicle faster than our method plans the formation",
             "{one:.2f} s against {six:.2f} s",
             {"one": theirs["one_s"], "six": ours["six_s"]},
             theirs["one_s"] < ours["six_s"],
-            "how long a swarm takes depends on when it counts as converged",
+            "how long PSO takes depends on when it counts as converged",
         ),
         _claim(
             "for all six it takes longer than our method",
@@ -211,7 +211,7 @@ def _claims(rows: dict[str, dict[str, Any]], fleet: Fleet, track: Track) -> list
             "one search for each vehicle against one for the formation",
         ),
         _claim(
-            "a swarm can neither ask for a final direction",
+            "PSO can neither require a final direction",
             "its course at the arrival is {off:.0f}° off the heading asked for, at the worst",
             {"off": theirs["course_off_deg"]},
             theirs["course_off_deg"] > 5.0,

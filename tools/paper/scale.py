@@ -25,7 +25,7 @@ from tools.pictures.scenery import ASKED, colour
 TITLE = "Scale: planning against the number of vehicles"
 NAMES = {
     "rigid": "virtual rigid body (ours)",
-    "swarms": "particle swarms, one after another",
+    "swarms": "PSO, one vehicle after another",
     "together": "an optimal control problem each, in one program",
 }
 SIZES = {
@@ -37,7 +37,7 @@ REPEAT = {"rigid": 3, "swarms": 1, "together": 1}
 LIMITS_S = {"rigid": 20.0, "swarms": 20.0, "together": 90.0}  # the program of six should be seen
 SHORT_LIMIT_S = 0.5
 _SHORT = {"rigid": (6,), "swarms": (1,), "together": ()}
-_PATIENCE = 20.0  # times the limit, which is the processor's: the machine may be busy
+_TIMEOUT_FACTOR = 20.0  # times the limit, which is the processor's: the machine may be busy
 
 
 def measure(run: Run) -> dict[str, Any]:
@@ -82,9 +82,9 @@ def page(record: dict[str, Any]) -> list[str]:
     ratio = record["ratio"]
     lines = [
         f"Simulation 1's flight for a square grid with {record['spacing_m']:g} m between neighbours. The virtual rigid "
-        "body is planned with refinement until nothing is broken between the nodes; the program of separate problems "
-        f"is solved once on {record['mesh']['intervals']} intervals of degree {record['mesh']['degree']} and not "
-        "looked at between them, with the separation of every pair at every node; swarms are those of §4.3 above. "
+        "body is planned with refinement until no limit is violated between the nodes. The program of separate "
+        f"problems is solved once on {record['mesh']['intervals']} intervals of degree {record['mesh']['degree']} and "
+        "not looked at between them, with the separation of every pair at every node; PSO is that of §4.3 above. "
         "Each run is a process of its own with one thread; seconds are the processor's.",
         "",
         f"**{ratio['vehicles']:.0f} vehicles take {ratio['time']:.2f} times the time of six and {ratio['memory']:.2f} "
@@ -116,7 +116,7 @@ def _span(curve: list[dict[str, Any]]) -> tuple[int, int]:
 def _once(way: str, vehicles: int, limit_s: float) -> dict[str, Any] | None:
     """None where it was not ready in time."""
     command = [sys.executable, "-m", "tools.paper.scale_one", way, str(vehicles), str(limit_s)]
-    most_s = None if way == "rigid" else _PATIENCE * max(limit_s, 10.0)
+    most_s = None if way == "rigid" else _TIMEOUT_FACTOR * max(limit_s, 10.0)
     try:
         done = subprocess.run(
             command, cwd=ROOT, env=os.environ | ONE_THREAD, capture_output=True, text=True, check=True, timeout=most_s

@@ -78,7 +78,7 @@ def _path(first: Track, second: Track, report: Report) -> list[Claim]:
         _claim(
             (15, 16),
             "the leader leaves room for the formation",
-            "his own clearance is at least {own:.2f} m, that of the lowest follower {others:.2f} m",
+            "its own clearance is at least {own:.2f} m, that of the lowest follower {others:.2f} m",
             {
                 "own": float(second.clearance_m[plan.leader].min()),
                 "others": float(np.delete(second.clearance_m, plan.leader, axis=0).min()),

@@ -1,4 +1,4 @@
-"""Vehicles planned by swarms one after another, each with the earlier tracks as obstacles; then looked at as a fleet.
+"""Vehicles planned by PSO one after another, each with the earlier tracks as obstacles; then looked at as a fleet.
 
 Knows: the order, and what a set of tracks amounts to: times, energy, clearance, separation. Does not know: pymoo.
 """
@@ -54,7 +54,7 @@ def clearance_m(fleet: Fleet) -> float:
 
 
 def separation_m(fleet: Fleet) -> float:
-    """Least distance of two vehicles at the same time; who has arrived waits at his end."""
+    """Least distance of two vehicles at the same time; a vehicle that has arrived waits at its end."""
     last = max(len(t) for t in fleet.tracks_m)
     places = np.stack([t[np.minimum(np.arange(last), len(t) - 1)] for t in fleet.tracks_m])
     return min(float(np.linalg.norm(a - b, axis=1).min()) for a, b in itertools.combinations(places, 2))

@@ -1,6 +1,6 @@
 """Tracks over the real ground: 3D (Figs. 8, 15, 21), from above (Figs. 9, 16, 22), and the formation (Fig. 11).
 
-Knows: the drawings of a flight, and how a second set of tracks is laid beside. Does not know: who planned.
+Knows: the drawings of a flight, and how a second set of tracks is laid beside.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _STEP_S = 0.25
 
 
 def tracks_of(plan: Plan) -> tuple[Array, Array]:
-    """Instants (N,) of the mission, and everybody's places (V, N, 3)."""
+    """Instants (N,) of the mission, and the positions of all vehicles (V, N, 3)."""
     t_s = np.append(np.arange(0.0, plan.flight_s, _STEP_S), np.nextafter(plan.flight_s, 0.0))
     return t_s, plan.states(t_s)[..., POSITION]
 

@@ -111,7 +111,7 @@ def claims(tracks: dict[str, Track]) -> list[Claim]:
             "1/(tf-t+0.5)² {inverse:.3f}",
             shake,
             shake["chosen"] <= min(shake.values()),
-            "who stays high longest comes down fastest",
+            "the vehicle that stays high longest descends fastest",
         ),
         _claim(
             (7,),

@@ -1,7 +1,7 @@
 """One change of shape in the formation's own frame, as the paper's Figs. 3 and 4 draw it.
 
-Knows: places before and after, everybody's way between them, who listens to whom, and the paper's speeds beside the
-flown ones. Does not know: where the formation is on the map.
+Places before and after, the paths of all vehicles between them, the information graph, and the paper's speeds beside
+the flown ones.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 
 
 def draw_change(plan: Plan, move: Move) -> Figure:
-    """Ways from above, and over time: distance to the leader, height over him where it changes, speed in the shape."""
+    """Ways from above, and over time: distance to the leader, height above it where it changes, speed in the shape."""
     t_s = np.linspace(move.start_s, np.nextafter(move.end_s, move.start_s), _INSTANTS)
     offsets = plan.offsets(t_s)
     climbs = bool(np.ptp(offsets[..., 2], axis=1).max() > _LEVEL_M)
@@ -65,7 +65,7 @@ def _draw_ways(axes: Any, plan: Plan, offsets: Array) -> None:
         lines = np.linspace(places[edges[:, 0], :2], places[edges[:, 1], :2], _TICKS, axis=1)  # (E, ticks, 2)
         listening.append(lines.reshape(-1, 2))
         for number, line in enumerate(lines):
-            label = f"who listens to whom, {name}" if number == 0 else None
+            label = f"information graph, {name}" if number == 0 else None
             axes.plot(line[:, 1], line[:, 0], style, color=ASIDE, lw=0.8, zorder=1, label=label)
     for row, way in enumerate(offsets):
         paint = colour(row)
@@ -89,7 +89,7 @@ def _write_ids(axes: Any, plan: Plan, offsets: Array, lines: Array) -> None:
     for places, how in ((offsets[:, -1], {"weight": "bold"}), (offsets[:, 0], {"style": "italic"})):
         for row, (sysid, place) in enumerate(zip(plan.sysids, places[:, :2], strict=True)):
             if how.get("style") and np.allclose(place, offsets[row, -1, :2]):
-                continue  # he has not moved, and has his id
+                continue  # it has not moved, and has its id
             room = [np.linalg.norm(np.array(taken) - place - away_m * side, axis=1).min() for side in _SIDES]
             spot = place + away_m * _SIDES[int(np.argmax(room))]
             taken.append(spot)
@@ -114,7 +114,7 @@ def _draw_curves(axes: Any, t_s: Array, values: Array, name: str) -> None:
 
 
 def _draw_speeds(axes: Any, plan: Plan, move: Move, t_s: Array) -> None:
-    """Everybody's speed beside the paper's: the vehicle with the longest way at v_max from the first instant on."""
+    """Speeds of all vehicles beside the paper's: the longest path at v_max from the first instant on."""
     speeds = np.linalg.norm(plan.offsets(t_s, 1), axis=2)
     _draw_curves(axes, t_s, speeds, "speed in the shape, m/s")
     v_max = plan.scenario.formation.change_speed_mps

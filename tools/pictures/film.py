@@ -96,7 +96,7 @@ class _Film:
         self.behind = axes
 
     def _look_at(self, places: Array) -> None:
-        """The ground along a line through all vehicles from west to east: under each of them it is his own."""
+        """The ground along a line through all vehicles from west to east: under each of them it is its own."""
         middle = places[self.plan.leader, 1]
         order = np.argsort(places[:, 1])
         east = np.union1d(np.linspace(middle - _BEHIND_M, middle + _BEHIND_M, 111), places[:, 1])

@@ -1,6 +1,6 @@
 """A flight whose shape changes: tracks on the map with the formation drawn every ten seconds, and what changed when.
 
-Knows: maps, size, clearance and separation over time, and a second plan to lay beside. Does not know: who planned.
+Maps, size, clearance and separation over time, with a second plan beside.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _draw_map(axes: Any, figure: Any, plan: Plan, beside: Plan | None, t_s: Arra
 
 
 def _draw_formations(axes: Any, plan: Plan, paint: str) -> None:
-    """Where everybody is every ten seconds."""
+    """The positions of all vehicles every ten seconds."""
     for t in np.arange(0.0, plan.flight_s + 1e-6, _EVERY_S):
         places = places_ned_m(plan, np.array([t]))[:, 0]
         axes.plot(*chain_lines(places), color=paint, lw=0.7, zorder=4)

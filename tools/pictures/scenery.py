@@ -49,7 +49,7 @@ def chain_lines(places_ned_m: Array) -> tuple[Array, Array]:
 
 
 def draw_ground(axes: Any, scenario: Scenario) -> Any:
-    """Heights in bands, closed areas, and where the ground is too high to be passed under the ceiling."""
+    """Heights in bands, no-fly zones, and where the ground is too high to be passed under the ceiling."""
     limits = scenario.limits
     lines = (np.linspace(*limits.north_m, _GRID), np.linspace(*limits.east_m, _GRID))
     north, east = np.meshgrid(*lines, indexing="ij")
@@ -60,7 +60,7 @@ def draw_ground(axes: Any, scenario: Scenario) -> Any:
         axes.contour(north, east, ground, levels=[passable_m], colors=ASKED, linewidths=1.2)
         axes.plot([], [], color=ASKED, lw=1.2, label=f"within: ground above {passable_m:g} m, no way under the ceiling")
     for number, zone in enumerate(scenario.no_fly):
-        label = "closed areas" if number == 0 else None
+        label = "no-fly zones" if number == 0 else None
         axes.add_patch(Polygon(np.array(outline(zone).exterior.coords), color=ASKED, alpha=0.3, label=label))
     axes.set(xlim=limits.north_m, ylim=limits.east_m[::-1], aspect="equal", xlabel="north, m", ylabel="east, m")
     return bands

@@ -104,7 +104,7 @@ def _find(wanted: Talk, here: list[Talk], begun: Sequence[Begun], elsewhere: Set
 def _could_be(one: Talk, wanted: Talk, begun: Sequence[Begun]) -> bool:
     if one.said.name != wanted.said.name:
         return False
-    if one.first or wanted.first:  # was so before anyone was there to hear it
+    if one.first or wanted.first:  # was so before a ground station was there to hear it
         sooner, later = (one, wanted) if one.first else (wanted, one)
         return (one.first and wanted.first) or later.said.t_s <= sooner.said.t_s + STREAM_S
     since = begun[min(one.said.step, wanted.said.step)]

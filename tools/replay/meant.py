@@ -73,7 +73,7 @@ MEANT: Sequence[Meant] = (
         "px4-*",
         "params",
         r"missing PARAM_VALUE COM_OF_LOSS_T",
-        "a value that was set is told once; the original tells some of them again when it comes to store them",
+        "a value that was set is reported once; the original tells some of them again when it comes to store them",
     ),
     Meant(
         "arducopter-4.7dev",
@@ -85,7 +85,7 @@ MEANT: Sequence[Meant] = (
         "px4-*",
         "*",
         r"missing PARAM_VALUE (COM_RC_LOSS_T|SYS_AUTO\w+)",
-        "nothing is set up anew at boot, so that nothing of it is told",
+        "nothing is set up anew at boot, so nothing of it is reported",
     ),
     Meant(
         "arducopter-*",
@@ -99,7 +99,7 @@ MEANT: Sequence[Meant] = (
         r"missing PARAM_VALUE MIS_TOTAL",
         "this version tells the count at boot, and when a clear of nothing leaves it as it was",
     ),
-    # Who they are
+    # Identity
     Meant(
         "*",
         "*",
@@ -134,13 +134,13 @@ MEANT: Sequence[Meant] = (
         r"missing STATUSTEXT (SIM Hit ground|EKF3 IMU\d MAG0 in-flight yaw|\[logger\]).*",
         "words of a simulator, a filter and a logger that are not theirs",
     ),
-    Meant("arducopter-*", "*", r"missing BAD_DATA", "nobody writes console text into the link"),
+    Meant("arducopter-*", "*", r"missing BAD_DATA", "no console text is written into the link"),
     # What they do not speak
     Meant(
         "px4-*",
         "*",
         r"missing COMMAND_LONG \d+",
-        "to cameras and gimbals, and to itself: there is nobody else on board",
+        "to cameras and gimbals, and to itself: there is nothing else on board",
     ),
     Meant(
         "*",
@@ -217,8 +217,8 @@ MEANT: Sequence[Meant] = (
         "*",
         r"rate of (ATTITUDE\w*|LOCAL_POSITION_NED|GLOBAL_POSITION_INT|POSITION_TARGET_LOCAL_NED|SERVO_OUTPUT_RAW): "
         r"[\d.]+ -> [\d.]+ Hz",
-        "50 Hz over a link without limits there, 10 Hz here for whoever does not ask: at ten times real time that many "
-        "messages of many vehicles drown a ground station. Whoever asks gets 50 Hz",
+        "50 Hz over a link without limits there, 10 Hz here for stations that request no rate: at ten times real time "
+        "that many messages of many vehicles drown a ground station. A station that requests 50 Hz gets it",
     ),
     Meant(
         "px4-*",

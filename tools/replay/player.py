@@ -49,7 +49,7 @@ class Played:
 
 
 def play(recording: Recording, personality: Personality, scenario: Scenario, streams: frozenset[str]) -> Played:
-    """Play all steps; what the vehicle says is dated in the recording's time. `streams` nobody waits for."""
+    """Play all steps; what the vehicle says is dated in the recording's time. `streams` that no step waits for."""
     boots_s = _boot_s(recording)
     stage = Stage(
         personality if boots_s is None else personality.booting_for_real(),
@@ -166,7 +166,7 @@ def _mode(recording: Recording) -> int:
 def _left_over(recording: Recording) -> dict[int, float]:
     """Intervals in seconds, by message number, in which the recorded vehicle sent when the scene began; inf is never.
 
-    Rates are left over from earlier scenes: nobody asks for them here.
+    Rates are left over from earlier scenes: they are not requested here.
     """
     counts: Counter[int] = Counter()
     until_s: dict[int, float] = {}

@@ -1,6 +1,6 @@
 """Telemetry: which kinds of message come, and how often.
 
-Knows: stretches of time in which nobody changed the rates. Does not know: what the messages say.
+Knows: stretches of time in which the rates did not change. Does not know: what the messages say.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One emulated vehicle on a stage: bytes in, what it says out, on a clock that somebody else turns.
+"""One emulated vehicle on a stage: bytes in, what it says out, on a clock that another part else turns.
 
 Knows: how a vehicle, its codec and its body are put together without a socket. Does not know: recordings.
 """

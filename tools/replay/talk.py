@@ -44,7 +44,8 @@ def said_here(told: Sequence[Told]) -> list[Uttered]:
 class Talk:
     """A saying, repetitions included.
 
-    The `first` word of how things stand was so before anyone was there to hear it; a `brief` one may go unheard.
+    The `first` word of how things stand was true before a ground station was there to hear it; a `brief`
+    one may go unheard.
     """
 
     said: Saying

@@ -35,7 +35,7 @@ from tools.upload.air import Weather, mission_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SYSIDS = tuple(range(1, 7))
-PATIENCE_S = 150.0  # for MAVSDK; ours has a patience of its own
+PATIENCE_S = 150.0  # for MAVSDK; ours has a timeout of its own
 _FIND_S = 30.0
 _ECHOES = 15
 
