@@ -56,10 +56,25 @@ class CopterMode(IntEnum):
     GUIDED = 4
     LOITER = 5
     RTL = 6
+    CIRCLE = 7
     LAND = 9
+    DRIFT = 11
+    SPORT = 13
+    FLIP = 14
+    AUTOTUNE = 15
     POSHOLD = 16
     BRAKE = 17
+    THROW = 18
+    AVOID_ADSB = 19
+    GUIDED_NOGPS = 20
     SMART_RTL = 21
+    FLOWHOLD = 22
+    FOLLOW = 23
+    ZIGZAG = 24
+    SYSTEMID = 25
+    AUTOROTATE = 26
+    AUTO_RTL = 27
+    TURTLE = 28
 
 
 class LandedState(IntEnum):
@@ -147,20 +162,59 @@ class SetpointMask(IntFlag):
 
 
 class MavCommand(IntEnum):
-    """MAV_CMD values of commands. Those of mission items made here are `gcs.mission.model.Command`."""
+    """MAV_CMD values: items of missions, and commands sent on a link. Fence and rally items: `FenceCommand`."""
 
+    NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TURNS = 18
+    NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    NAV_CONTINUE_AND_CHANGE_ALT = 30
+    NAV_LOITER_TO_ALT = 31
+    NAV_ROI = 80
+    NAV_SPLINE_WAYPOINT = 82
+    NAV_VTOL_TAKEOFF = 84
+    NAV_VTOL_LAND = 85
+    NAV_GUIDED_ENABLE = 92
+    NAV_DELAY = 93
+    NAV_PAYLOAD_PLACE = 94
     NAV_LAST = 95  # marks the end of the NAV commands
+    CONDITION_DELAY = 112
+    CONDITION_CHANGE_ALT = 113
+    CONDITION_DISTANCE = 114
+    CONDITION_YAW = 115
     DO_SET_MODE = 176
+    DO_JUMP = 177
     DO_CHANGE_SPEED = 178
     DO_SET_HOME = 179
+    DO_SET_RELAY = 181
+    DO_REPEAT_RELAY = 182
+    DO_SET_SERVO = 183
+    DO_REPEAT_SERVO = 184
     DO_LAND_START = 189
     DO_REPOSITION = 192
     DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI_WPNEXT_OFFSET = 196
+    DO_SET_ROI_NONE = 197
+    DO_CONTROL_VIDEO = 200
     DO_SET_ROI = 201
+    DO_DIGICAM_CONFIGURE = 202
+    DO_DIGICAM_CONTROL = 203
+    DO_MOUNT_CONFIGURE = 204
+    DO_MOUNT_CONTROL = 205
+    DO_SET_CAM_TRIGG_DIST = 206
+    DO_FENCE_ENABLE = 207
+    DO_PARACHUTE = 208
+    DO_GRIPPER = 211
+    DO_AUTOTUNE_ENABLE = 212
+    DO_SET_CAM_TRIGG_INTERVAL = 214
+    DO_SET_RESUME_REPEAT_DIST = 215
+    DO_AUX_FUNCTION = 218
+    DO_GUIDED_LIMITS = 222
     DO_SET_MISSION_CURRENT = 224
+    OBLIQUE_SURVEY = 260
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
     GET_HOME_POSITION = 410
@@ -169,6 +223,21 @@ class MavCommand(IntEnum):
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
     STORAGE_FORMAT = 526
+    SET_CAMERA_MODE = 530
+    SET_CAMERA_ZOOM = 531
+    SET_CAMERA_FOCUS = 532
+    JUMP_TAG = 600
+    DO_JUMP_TAG = 601
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    IMAGE_START_CAPTURE = 2000
+    IMAGE_STOP_CAPTURE = 2001
+    DO_TRIGGER_CONTROL = 2003
+    VIDEO_START_CAPTURE = 2500
+    VIDEO_STOP_CAPTURE = 2501
+    DO_WINCH = 42600
+    NAV_SCRIPT_TIME = 42702
+    NAV_ATTITUDE_TIME = 42703
 
 
 class MessageId(IntEnum):
@@ -266,75 +335,6 @@ class MavResult(IntEnum):
     CANCELLED = 6
     COMMAND_LONG_ONLY = 7
     COMMAND_INT_ONLY = 8
-
-
-_MISSION_RESULT_WORDS = {
-    MissionResult.ACCEPTED: "accepted",
-    MissionResult.ERROR: "not accepting missions right now",
-    MissionResult.UNSUPPORTED_FRAME: "altitude frame not supported",
-    MissionResult.UNSUPPORTED: "command not supported",
-    MissionResult.NO_SPACE: "too many items for its memory",
-    MissionResult.INVALID: "invalid value",
-    MissionResult.INVALID_PARAM1: "invalid parameter 1",
-    MissionResult.INVALID_PARAM2: "invalid parameter 2",
-    MissionResult.INVALID_PARAM3: "invalid parameter 3",
-    MissionResult.INVALID_PARAM4: "invalid parameter 4",
-    MissionResult.INVALID_PARAM5_X: "invalid latitude",
-    MissionResult.INVALID_PARAM6_Y: "invalid longitude",
-    MissionResult.INVALID_PARAM7: "invalid altitude",
-    MissionResult.INVALID_SEQUENCE: "item out of sequence",
-    MissionResult.DENIED: "busy with another station or operation",
-    MissionResult.OPERATION_CANCELLED: "transfer cancelled",
-}
-
-_RESULT_WORDS = {
-    MavResult.ACCEPTED: "accepted",
-    MavResult.TEMPORARILY_REJECTED: "not possible at this time",
-    MavResult.DENIED: "invalid parameters",
-    MavResult.UNSUPPORTED: "command not known",
-    MavResult.FAILED: "execution failed",
-    MavResult.IN_PROGRESS: "in progress",
-    MavResult.CANCELLED: "cancelled",
-    MavResult.COMMAND_LONG_ONLY: "only accepted as COMMAND_LONG",
-    MavResult.COMMAND_INT_ONLY: "only accepted as COMMAND_INT",
-}
-
-
-_MISSION_TYPE_WORDS = {
-    MissionType.MISSION: "mission",
-    MissionType.FENCE: "fence",
-    MissionType.RALLY: "rally points",
-    MissionType.ALL: "mission, fence and rally points",
-}
-
-
-def mission_type_words(value: int) -> str:
-    """Return a MAV_MISSION_TYPE in words. An unknown value keeps its number."""
-    return _MISSION_TYPE_WORDS[MissionType(value)] if value in _MISSION_TYPE_WORDS else f"items of type {value}"
-
-
-def mission_result_words(value: int) -> str:
-    """Return a MAV_MISSION_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in _MISSION_RESULT_WORDS:
-        result = MissionResult(value)
-        return f"{_MISSION_RESULT_WORDS[result]} (MAV_MISSION_{result.name})"
-    return f"MAV_MISSION_RESULT {value}"
-
-
-def result_words(value: int) -> str:
-    """Return a MAV_RESULT in words, with its MAVLink name in brackets. An unknown value keeps its number."""
-    if value in _RESULT_WORDS:
-        result = MavResult(value)
-        return f"{_RESULT_WORDS[result]} (MAV_RESULT_{result.name})"
-    return f"MAV_RESULT {value}"
-
-
-def command_name(command: int) -> str:
-    """Return `MAV_CMD_...` if the command is known here, else `MAV_CMD n`."""
-    try:
-        return f"MAV_CMD_{MavCommand(command).name}"
-    except ValueError:
-        return f"MAV_CMD {command}"
 
 
 def px4_mode(main: int, sub: int = 0) -> int:

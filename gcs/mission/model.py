@@ -10,6 +10,7 @@ from enum import IntEnum, StrEnum
 
 import numpy as np
 
+from gcs.mavlink import MavCommand
 from gcs.physics.quadrotor import Array
 
 
@@ -45,12 +46,12 @@ _FRAMES = {
 class Command(IntEnum):
     """MAV_CMD values that occur in missions made here."""
 
-    NAV_WAYPOINT = 16
-    NAV_LAND = 21
-    NAV_TAKEOFF = 22
-    NAV_DELAY = 93
-    DO_JUMP = 177
-    DO_CHANGE_SPEED = 178
+    NAV_WAYPOINT = MavCommand.NAV_WAYPOINT
+    NAV_LAND = MavCommand.NAV_LAND
+    NAV_TAKEOFF = MavCommand.NAV_TAKEOFF
+    NAV_DELAY = MavCommand.NAV_DELAY
+    DO_JUMP = MavCommand.DO_JUMP
+    DO_CHANGE_SPEED = MavCommand.DO_CHANGE_SPEED
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from gcs.autopilots.navigation.calibration import by_name as navigator_named
 from gcs.errors import UsageError
 from gcs.frames import Origin
 from gcs.physics.wind import STILL
@@ -77,7 +76,7 @@ class VehicleFactory:
             wind=wind.over(si.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
-        self._navigator = None if ideal else navigator_named(personality.name).within(self._motion.ability)
+        self._navigator = None if ideal else personality.identity.autopilot.navigator.within(self._motion.ability)
         self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
         self._whereabouts = Whereabouts(self.airframes, self._origin)
         random = np.random.default_rng([seed, 1])

@@ -9,12 +9,13 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.autopilots.protocol_timers import FtpTimers, MissionTimers, ProtocolTimers
+from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import PeerError
 from gcs.link.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
@@ -26,6 +27,9 @@ ITEMS = mission_of(60, seed=3)
 ITEM, FILE = 73, 110
 SYSIDS = (1, 2)
 MakeFleet = Callable[..., Fleet]
+
+
+IMPATIENT = ProtocolTimers(mission=MissionTimers(give_up_s=2.0), ftp=FtpTimers(give_up_s=2.0))
 
 
 def run(scene: Awaitable[None]) -> None:
@@ -41,7 +45,9 @@ def emulated(make_fleet: MakeFleet, autopilot: str = "ardupilot", *faults: str) 
     return fleet, f"udpout:{fleet.places[1][0].address}"
 
 
-async def deliver(link: str, transfer: Transfer, timers: Timers = GROUND_TIMERS) -> tuple[list[object], Counter[int]]:
+async def deliver(
+    link: str, transfer: Transfer, timers: ProtocolTimers | None = None
+) -> tuple[list[object], Counter[int]]:
     """Both vehicles get ITEMS; what ended well, and frames in and out by message number."""
     seen: Counter[int] = Counter()
     async with Ground.open(
@@ -53,7 +59,7 @@ async def deliver(link: str, transfer: Transfer, timers: Timers = GROUND_TIMERS)
 
 def held(fleet: Fleet, sysid: int) -> bool:
     shelf = fleet._world.vehicles[sysid - 1]._shelf
-    return compare_missions(ITEMS[1:], shelf.items()[1:]) == []
+    return compare_missions(ITEMS[1:], shelf.items()[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -> None:
@@ -85,7 +91,7 @@ def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: 
     fleet._world.vehicles[0]._files = None
 
     async def scene() -> None:
-        machines, _ = await deliver(link, Transfer.AUTO, Timers(give_up_s=2.0))
+        machines, _ = await deliver(link, Transfer.AUTO, IMPATIENT)
         assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 

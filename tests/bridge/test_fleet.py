@@ -6,12 +6,13 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from gcs.autopilots.protocol_timers import CommandTimers, MissionTimers, ProtocolTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.endpoints.udp import UdpEndpoint
-from gcs.link.microservices.command import CommandRefused, CommandTimers, command_ack
+from gcs.link.microservices.command import CommandRefused, command_ack
 from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.rules import MissionRefused, Timers
+from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing import DuplicateSystemId
@@ -20,8 +21,8 @@ from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
-QUICK = Timers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5)
-PATIENT = Timers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
+QUICK = ProtocolTimers(mission=MissionTimers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5))
+PATIENT = MissionTimers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)
 
 
 def free_port():

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.autopilots.protocol_timers import MissionTimers, ProtocolTimers
 from gcs.errors import PeerTimeout
-from gcs.link.mission_protocol.rules import Timers
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.wire.message import Message
@@ -22,7 +22,7 @@ from sim_bridge.sim.world import OFF_S, WorldOptions
 from tests.fleets import free_port, running_fleet
 
 SYSID, LOST = 2, 3
-TIMERS = Timers(reply_s=0.3, item_s=0.3, retries=3, give_up_s=1.5)
+TIMERS = ProtocolTimers(mission=MissionTimers(reply_s=0.3, item_s=0.3, retries=3, give_up_s=1.5))
 ITEMS = tuple(MissionItem(16, 3, (0.0, 2.0, 0.0, 0.0), 473977420 + 10 * n, 85455940, 5.0) for n in range(6))
 PARAM = {"ardupilot": ("RTL_ALT", 2100.0, 6), "px4": ("RTL_RETURN_ALT", 21.0, 9)}
 
@@ -56,7 +56,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
             before = fleet.vehicles[1]
             with pytest.raises(PeerTimeout):
                 items = session.as_sent(new, mission(simulation1, new).home)
-                await session.run(MissionSender(items, session.station, timers=TIMERS))
+                await session.run(MissionSender(items, session.station, timers=TIMERS.mission))
             restarted_s = fleet.vehicles[1].on_from_s
             assert fleet.vehicles[1] is not before
             assert fleet.vehicles[1].simulated_s(0) == pytest.approx(restarted_s, abs=1e-9)  # its clock began anew

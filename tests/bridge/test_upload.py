@@ -25,6 +25,7 @@ from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
 
+ARDUPILOT = Autopilot.ARDUPILOT
 BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 PARAMETER = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
 
@@ -88,7 +89,7 @@ def test_everything_for_everybody_at_once_and_parameters_back(
                 mission = compare_missions(load.mission.items, held_by(fleet, load.sysid), autopilot=number(autopilot))
                 assert mission == []
                 for kind, items in load.extras:
-                    assert compare_missions(items, held_by(fleet, load.sysid, kind)) == []
+                    assert compare_missions(items, held_by(fleet, load.sysid, kind), autopilot=ARDUPILOT) == []
                 assert parameter(fleet, load.sysid, name) == pytest.approx(dict(load.parameters)[name])
             held.require(simulation1_plan.hash, simulation1_plan.sysids)
             with pytest.raises(FlightError, match="of this plan: all"):
@@ -211,7 +212,9 @@ def test_the_commands(
     assert code == 0
     files = load_missions(sorted((tmp_path / "held").glob("*.plan")))
     loads = loads_for(simulation1_plan, autopilot, timed=True)
-    assert [compare_missions(load.mission.items, f.items) for load, f in zip(loads, files, strict=True)] == [[]] * 6
+    assert [
+        compare_missions(load.mission.items, f.items, autopilot=ARDUPILOT) for load, f in zip(loads, files, strict=True)
+    ] == [[]] * 6
     assert all(f.geofence.polygons and f.rally for f in files)
     code, _ = call("restore", told["record"])
     assert code == 0

@@ -88,7 +88,7 @@ class Air:
         """Until the machine has ended. A vehicle that takes files is known to."""
         learned = round_trip or RttEstimator()
         by_items = VerifiedUpload(items, VEHICLE, self.autopilot, round_trip=learned)
-        as_file = FileUpload(items, VEHICLE, round_trip=learned)
+        as_file = FileUpload(items, VEHICLE, self.autopilot, round_trip=learned)
         machine: Machine = by_items
         if uploads_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
             machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)

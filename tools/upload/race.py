@@ -167,7 +167,8 @@ def _wrongly_believed(port: int, items: Sequence[MissionItem], sysids: Sequence[
         async with Ground.open(f"udpin:127.0.0.1:{port}") as ground:
             sessions = await ground.vehicles(sysids, _FIND_S)
             held = await asyncio.gather(*(s.download() for s in sessions.values()), return_exceptions=True)
-            return sum(not isinstance(h, BaseException) and compare_missions(items[1:], h[1:]) != [] for h in held)
+            read = [(s, h) for s, h in zip(sessions.values(), held, strict=True) if not isinstance(h, BaseException)]
+            return sum(compare_missions(items[1:], h[1:], autopilot=s.autopilot) != [] for s, h in read)
 
     return asyncio.run(look()) if sysids else 0
 

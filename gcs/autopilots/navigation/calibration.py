@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.autopilots.navigation.ardupilot import ArduPilotNavigator
-from gcs.autopilots.navigation.navigator import Navigator
-from gcs.autopilots.navigation.px4 import Px4Navigator
+from gcs.autopilots.navigation.ardupilot_navigator import ArduPilotNavigator
+from gcs.autopilots.navigation.px4_navigator import Px4Navigator
 from gcs.autopilots.navigation.tracking import Following, Loop
 
 # ArduCopter 4.5.6 (its own simulator). PSC_POSXY_P, _VELXY_P, _I, _D; the vertical loop plays no part in arrivals.
@@ -50,16 +49,3 @@ RESIDUALS = (
     Residual("px4", "b", 0.72, -0.44, -1.31, 0.95),
     Residual("px4", "c", 0.38, -0.08, -1.20, 1.76),
 )
-
-# By how much one vehicle may be ahead of or behind another with the same orders, in seconds. ArduPilot leaves at a GNSS
-# time of day and moves its target by its clock alone: a tenth of what its model misses is taken, the autopilot's
-# scheduling and clock; no two vehicles were recorded side by side. PX4 has no common start, and noise in its height
-# decides at which waypoints it brakes: two vehicles differ by twice the square root of two times the largest rms above.
-APART_S: dict[str, float] = {"ardupilot": 0.02, "px4": 2.2}
-
-_ALL: dict[str, Navigator] = {"ardupilot": ARDUPILOT, "px4": PX4}
-
-
-def by_name(name: str) -> Navigator:
-    """The navigator of an autopilot ("ardupilot", "px4"). Raises KeyError for another."""
-    return _ALL[name]

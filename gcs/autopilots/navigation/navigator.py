@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from gcs.physics.quadrotor import Array
+if TYPE_CHECKING:
+    from gcs.physics.quadrotor import Array
 
 Vector = tuple[float, float, float]
 _STILL = (0.0, 0.0, 0.0)

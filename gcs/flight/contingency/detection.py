@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.autopilots.flight_modes import FlightBehaviour
+from gcs.autopilots.columns import FlightBehaviour
 from gcs.link.wire.message import Message
 
 

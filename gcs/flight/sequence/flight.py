@@ -18,7 +18,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
-from gcs.autopilots.flight_modes import flight_behaviour
+from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
@@ -219,8 +220,8 @@ class FlightSequence:
         late = [c.sysid for c in self.crews.values() if not c.behaviour.waits_for_time_of_day]
         if self.options.mode is FlightMode.MISSION and late:
             raise PeerError(
-                f"missions on {self.crews[late[0]].behaviour.firmware.title} (vehicle {late[0]}) cannot start together:"
-                " it knows no time of day.",
+                f"missions on {autopilot_name(self.crews[late[0]].session.autopilot)} (vehicle {late[0]}) cannot start"
+                " together: it cannot wait until a time of day.",
                 hint="fly it with --mode stream",
             )
 
@@ -302,7 +303,7 @@ class FlightSequence:
 
     async def _returns(self) -> ReturnPlan:
         """How everybody would come home: the same heights that the export verified."""
-        firmware = next(iter(self.crews.values())).behaviour.firmware
+        firmware = Autopilot(next(iter(self.crews.values())).session.autopilot)
         return await asyncio.to_thread(plan_returns, self.plan, firmware)
 
     async def _each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.aio import ended
-from gcs.autopilots.flight_modes import FlightBehaviour, flight_behaviour
+from gcs.autopilots.columns import FlightBehaviour
+from gcs.autopilots.flight_modes import flight_behaviour
 from gcs.errors import PeerError
 from gcs.flight.offboard.setpoint_messages import setpoint_message
 from gcs.link.session.vehicle_api import Flyable, Setpoint

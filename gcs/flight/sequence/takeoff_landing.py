@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.aio import LOOK_S, until
-from gcs.autopilots.flight_modes import FlightBehaviour
+from gcs.autopilots.columns import FlightBehaviour
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import PeerError
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.export.mission_files import MissionOrder, make_missions
@@ -67,6 +67,6 @@ def _firmware(autopilots: Mapping[int, int], autopilot: int) -> Autopilot:
     except ValueError:
         who = next(sysid for sysid, number in autopilots.items() if number == autopilot)
         raise PeerError(
-            f"vehicle {who} runs autopilot number {autopilot}; missions are written for ArduPilot and PX4.",
+            f"vehicle {who} runs autopilot number {autopilot}; missions are written for {titles()}.",
             hint="export the missions with `gcs export` and load them with its own ground station",
         ) from None

@@ -9,11 +9,11 @@ asking is what must not be done meanwhile.
 
 from __future__ import annotations
 
+from gcs.autopilots.protocol_timers import FtpTimers
 from gcs.link.ftp.payload import FtpError, FtpOpcode, FtpPayload, FtpRefused, refusal
 from gcs.link.ftp.requests import FtpRequests
 from gcs.link.wire.message import Message
 
-PAUSE_S = 3.4
 _RESETS = frozenset({FtpError.FAIL, FtpError.NO_SESSIONS_AVAILABLE})
 _PASSING = _RESETS | {FtpError.INVALID_SESSION}
 _CLOSED = frozenset({FtpError.FAIL, FtpError.INVALID_SESSION, FtpError.FILE_NOT_FOUND})
@@ -22,7 +22,7 @@ _CLOSED = frozenset({FtpError.FAIL, FtpError.INVALID_SESSION, FtpError.FILE_NOT_
 class FtpOpening:
     """Opens one file with `opcode`, `tries` times in all, however often it is closed in between."""
 
-    def __init__(self, requests: FtpRequests, opcode: FtpOpcode, path: str, tries: int) -> None:
+    def __init__(self, requests: FtpRequests, opcode: FtpOpcode, path: str, tries: int, timers: FtpTimers) -> None:
         self.session: int | None = None  # of the open file
         self.error: FtpRefused | None = None  # why it was not opened
         self.resume_s: float | None = None  # `tick` has nothing to do before
@@ -30,6 +30,7 @@ class FtpOpening:
         self._opcode = opcode
         self._path = path
         self._tries = tries
+        self._reopen_s = timers.reopen_s
         self._resets = False
 
     def open(self, now_s: float) -> list[Message]:
@@ -54,7 +55,7 @@ class FtpOpening:
         self._resets = not self._resets and reply.error in _RESETS
         if self._resets:
             return [self._requests.ask(FtpOpcode.RESET_SESSIONS, now_s, session=reply.session)]
-        self.resume_s = now_s + PAUSE_S
+        self.resume_s = now_s + self._reopen_s
         return []
 
     def tick(self, now_s: float) -> list[Message]:

@@ -22,18 +22,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
+from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
 from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, refusal
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
 from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
 _BURST_MIN = 12 * DATA_MAX  # less than this is asked for piece by piece
-_QUIET_S = 0.3  # that a burst may pause before its rhythm is known
-_SPACINGS = 3.0  # and then
 _SIZE_MAX = 1 << 18
 
 
@@ -59,20 +57,21 @@ class FtpReader:
         head: int,
         *,
         me: Station = GROUND,
-        timers: Timers = GROUND_TIMERS,
+        timers: FtpTimers = STANDARD.ftp,
         round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 4,
     ) -> None:
         self.state = ReaderState.IDLE
         self.error: GcsError | None = None
+        self._timers = timers
         self._path = path
         self._measure = measure
         self._head = head
         self._requests = FtpRequests(
             peer, me, numbers or FtpNumbers(), round_trip or RttEstimator(), give_up_s=timers.give_up_s
         )
-        self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries)
+        self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries, timers)
         self._session = 0
         self._pieces: dict[int, bytes] = {}
         self._size: int | None = None
@@ -174,7 +173,8 @@ class FtpReader:
         if self._piece_s is not None:
             self._spacing_s = max(self._spacing_s, now_s - self._piece_s)
         self._piece_s = now_s
-        rhythm_s = _SPACINGS * self._spacing_s if self._spacing_s else _QUIET_S
+        timers = self._timers
+        rhythm_s = timers.burst_spacings * self._spacing_s if self._spacing_s else timers.burst_pause_s
         self._quiet_s = now_s + max(self._requests.wait_s, rhythm_s)
         if self._take(reply):
             self._requests.progressed(now_s)

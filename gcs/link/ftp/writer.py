@@ -26,12 +26,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
 from gcs.link.ftp.payload import FtpOpcode, FtpPayload, refusal
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
 from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
@@ -59,7 +59,7 @@ class FtpWriter:
         peer: Station,
         *,
         me: Station = GROUND,
-        timers: Timers = GROUND_TIMERS,
+        timers: FtpTimers = STANDARD.ftp,
         round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 5,
@@ -71,7 +71,7 @@ class FtpWriter:
         self._requests = FtpRequests(
             peer, me, numbers or FtpNumbers(), round_trip or RttEstimator(), give_up_s=timers.give_up_s
         )
-        self._opening = FtpOpening(self._requests, FtpOpcode.CREATE_FILE, path, tries)
+        self._opening = FtpOpening(self._requests, FtpOpcode.CREATE_FILE, path, tries, timers)
         self._session = 0
         self._left: list[tuple[int, bytes]] = []
 

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from mavsdk.plugins import action, info, offboard, telemetry
 
 from gcs.autopilots.flight_modes import autopilot_name
+from gcs.autopilots.traits import TRAITS
 from gcs.errors import PeerError, PeerTimeout
 from gcs.link.session.status_report import VehicleReport
 from gcs.link.session.vehicle_api import Setpoint
@@ -25,7 +26,7 @@ T = TypeVar("T")
 Call = Callable[[str, Callable[[], T]], Awaitable[T]]  # what for, and the call that blocks
 _PATIENCE_S = 10.0
 _TOLD_S, _RATE_HZ = 3.0, 5.0
-_STREAM_FIRST_S = 1.5  # PX4 refuses to change before
+_STREAM_FIRST_S = max(row.flight.stream_first_s for row in TRAITS.values())
 _LOOK_S = 0.05
 _VERSION_TYPES = ("?", "-dev", "-alpha", "-beta", "-rc", "")
 

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import mavsdk
 from mavsdk.plugins import mission_raw, param, telemetry
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, link_behaviour
 from gcs.errors import LinkError, PeerError, PeerTimeout
 from gcs.link.endpoints.base import LinkMode, parse_link_spec
 from gcs.link.mavsdk.mavsdk_flight import MavsdkControl, report
@@ -34,7 +34,7 @@ _LOOK_S = 0.05
 _FORGOTTEN_S, _AGAIN_S = 12.0, 0.5
 _BEAT_S = 1.5  # heartbeats come once a second
 _SCHEMES = {LinkMode.LISTEN: "udpin", LinkMode.CALL: "udpout", LinkMode.TCP: "tcpout", LinkMode.SERIAL: "serial"}
-_AUTOPILOTS = {mavsdk.Autopilot.PX4: Autopilot.PX4, mavsdk.Autopilot.ARDUPILOT: Autopilot.ARDUPILOT}
+_AUTOPILOTS = {theirs: Autopilot[theirs.name] for theirs in mavsdk.Autopilot if theirs.name in Autopilot.__members__}
 
 
 class MavsdkVehicle:
@@ -71,7 +71,7 @@ class MavsdkVehicle:
     @property
     def home_is_item_0(self) -> bool:
         """Whether its missions carry home as item 0."""
-        return self.autopilot == Autopilot.ARDUPILOT
+        return link_behaviour(self.autopilot).home_is_item_0
 
     def heartbeat_age_s(self) -> float:
         """0, or infinite once MAVSDK calls it lost."""

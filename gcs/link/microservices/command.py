@@ -22,22 +22,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from gcs.autopilots.protocol_timers import STANDARD, CommandTimers
 from gcs.errors import GcsError, PeerRefusal, PeerTimeout, ProtocolMisuse
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import MavResult, command_name, result_words
-
-
-@dataclass(frozen=True)
-class CommandTimers:
-    """The timers of a command, in seconds."""
-
-    reply_s: float = 1.0
-    retries: int = 4
-    progress_s: float = 10.0  # after an IN_PROGRESS, until the next acknowledgement
-    limit_s: float = 120.0  # from start to end, also while IN_PROGRESS messages arrive
-
-
-GROUND_COMMAND_TIMERS = CommandTimers()
+from gcs.mavlink import MavResult
+from gcs.mavlink_names import command_name, result_words
 
 
 @dataclass(frozen=True)
@@ -86,7 +75,7 @@ class CommandSender:
         *,
         position: Position | None = None,
         me: Station = GROUND,
-        timers: CommandTimers = GROUND_COMMAND_TIMERS,
+        timers: CommandTimers = STANDARD.command,
     ) -> None:
         most = 7 if position is None else 4
         if len(params) > most:

@@ -9,7 +9,6 @@ import math
 import struct
 from dataclasses import dataclass
 
-from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError
 from gcs.link.wire.message import Message, Station
 from gcs.mavlink import ParameterType
@@ -48,11 +47,6 @@ class Parameter:
     def same_value(self, other: Parameter) -> bool:
         """Whether both have the same value, to the precision of the wire."""
         return as_kind(self.name, self.value, other.kind) == other.value
-
-
-def bytewise(autopilot: int) -> bool:
-    """Whether this autopilot copies the bytes of an integer into the float."""
-    return autopilot == Autopilot.PX4
 
 
 def as_kind(name: str, value: int | float, kind: int) -> int | float:

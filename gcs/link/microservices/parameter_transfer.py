@@ -19,14 +19,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from gcs.autopilots.protocol_timers import ParameterTimers
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
-from gcs.link.microservices.parameter import Parameter, as_kind, bytewise, decode, read_request, set_request
+from gcs.link.microservices.parameter import Parameter, as_kind, decode, read_request, set_request
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 6
-_TRIES = 12
-_WAIT_MIN_S = 0.15  # autopilots answer parameter requests from a slow loop
 
 
 class ParameterState(Enum):
@@ -48,6 +48,7 @@ class ParameterMachine:
         autopilot: int,
         *,
         me: Station = GROUND,
+        timers: ParameterTimers | None = None,
         round_trip: RttEstimator | None = None,
     ) -> None:
         self.peer = peer
@@ -55,7 +56,9 @@ class ParameterMachine:
         self.state = ParameterState.IDLE
         self.error: GcsError | None = None
         self.values: dict[str, Parameter] = {}
-        self._in_bytes = bytewise(autopilot)
+        link = link_behaviour(autopilot)
+        self._in_bytes = link.integers_in_bytes
+        self._timers = timers or link.timers.parameter
         self._round_trip = round_trip or RttEstimator()
         self._waiting = list(dict.fromkeys(names))
         self._requested: dict[str, tuple[int, float]] = {}  # number of requests, time of the next
@@ -107,7 +110,7 @@ class ParameterMachine:
         for name, (sent, next_s) in tuple(self._requested.items()):
             if now_s < next_s:
                 continue
-            if sent >= _TRIES:
+            if sent >= self._timers.attempts:
                 self.error = self._timeout_error(name)
                 self.state = ParameterState.FAILED
                 return []
@@ -130,7 +133,7 @@ class ParameterMachine:
         return messages
 
     def _send(self, name: str, sent: int, now_s: float) -> Message:
-        self._requested[name] = (sent + 1, now_s + max(self._round_trip.wait_s(sent), _WAIT_MIN_S))
+        self._requested[name] = (sent + 1, now_s + max(self._round_trip.wait_s(sent), self._timers.reply_min_s))
         return self._request(name)
 
     def _request(self, name: str) -> Message:
@@ -141,7 +144,7 @@ class ParameterMachine:
 
     def _timeout_error(self, name: str) -> GcsError:
         return PeerTimeout(
-            f"{self.peer} does not answer for parameter {name}, requested {_TRIES} times.",
+            f"{self.peer} does not answer for parameter {name}, requested {self._timers.attempts} times.",
             hint="its firmware may not have this parameter, or use another name: check its version with `gcs vehicles`",
         )
 
@@ -169,9 +172,10 @@ class ParameterWriter(ParameterMachine):
         autopilot: int,
         *,
         me: Station = GROUND,
+        timers: ParameterTimers | None = None,
         round_trip: RttEstimator | None = None,
     ) -> None:
-        super().__init__([p.name for p in parameters], peer, autopilot, me=me, round_trip=round_trip)
+        super().__init__([p.name for p in parameters], peer, autopilot, me=me, timers=timers, round_trip=round_trip)
         self._wanted = {p.name: Parameter(p.name, as_kind(p.name, p.value, p.kind), p.kind) for p in parameters}
 
     def _request(self, name: str) -> Message:

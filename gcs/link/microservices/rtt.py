@@ -7,6 +7,8 @@ noise.
 
 from __future__ import annotations
 
+from gcs.autopilots.protocol_timers import STANDARD, RoundTripTimers
+
 _GAIN, _DEVIATION_GAIN = 1 / 8, 1 / 4
 _GROWTH, _MOST_GROWTH = 1.1, 1.3
 
@@ -14,9 +16,9 @@ _GROWTH, _MOST_GROWTH = 1.1, 1.3
 class RttEstimator:
     """The estimate for one vehicle: `first_s` before the first measurement, then between the two bounds."""
 
-    def __init__(self, wait_min_s: float = 0.03, wait_max_s: float = 1.5, first_s: float = 0.5) -> None:
-        self._wait_min_s, self._wait_max_s = wait_min_s, wait_max_s
-        self._wait_s = first_s
+    def __init__(self, timers: RoundTripTimers = STANDARD.round_trip) -> None:
+        self._wait_min_s, self._wait_max_s = timers.least_s, timers.most_s
+        self._wait_s = timers.first_s
         self._mean_s: float | None = None
         self._deviation_s = 0.0
 

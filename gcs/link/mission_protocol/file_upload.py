@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.protocol_timers import FtpTimers
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.ftp.reader import FtpReader
 from gcs.link.ftp.requests import FtpNumbers
@@ -32,7 +33,6 @@ from gcs.link.mission_protocol.mission_dat import (
     write_mission_file,
 )
 from gcs.link.mission_protocol.read_back import compare_missions, read_back_error
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
 from gcs.mission.model import MissionItem
@@ -57,9 +57,10 @@ class FileUpload:
         self,
         items: Sequence[MissionItem],
         peer: Station,
+        autopilot: int,
         *,
         me: Station = GROUND,
-        timers: Timers = GROUND_TIMERS,
+        timers: FtpTimers | None = None,
         round_trip: RttEstimator | None = None,
         numbers: FtpNumbers | None = None,
         tries: int = 2,
@@ -69,7 +70,8 @@ class FileUpload:
         self.state = FileState.IDLE
         self.error: GcsError | None = None
         self.sending_ended_s: float | None = None  # end of the last upload
-        self._me, self._timers = me, timers
+        self._autopilot = autopilot
+        self._me, self._timers = me, timers or link_behaviour(autopilot).timers.ftp
         self._round_trip = round_trip or RttEstimator()
         self._numbers = numbers or FtpNumbers()
         self._tries = tries
@@ -134,7 +136,7 @@ class FileUpload:
             except PeerError as invalid:
                 error = invalid
             else:
-                differences = compare_missions(self.items[1:], on_board[1:], autopilot=Autopilot.ARDUPILOT)
+                differences = compare_missions(self.items[1:], on_board[1:], autopilot=self._autopilot)
                 if not differences:
                     self.state = FileState.DONE
                     return []

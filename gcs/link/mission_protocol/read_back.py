@@ -3,9 +3,7 @@
 Allowed everywhere: float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones
 and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning. Latitude and
 longitude must agree to the last 1e-7 degree.
-Allowed on ArduPilot, which stores an item in 15 bytes: altitudes in whole centimetres; LAND's parameter 4 (0 -> 1); of
-a waypoint only the whole seconds of its hold, of a take-off only its pitch (yaw and radii read back as 0: on ArduPilot
-WP_YAW_BEHAVIOR turns the vehicle). The recordings have no such values; the published sources of ArduPilot do.
+What else one autopilot may change stands in its row (`LinkBehaviour.read_back`).
 """
 
 from __future__ import annotations
@@ -16,26 +14,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.columns import ReadBackRules
+from gcs.autopilots.mission_commands import has_position
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError
 from gcs.link.mission_protocol.item_messages import file_frame
 from gcs.link.wire.message import Station
-from gcs.mavlink import FenceCommand, MavCommand, mission_type_words
-from gcs.mission.model import Command, MissionItem
+from gcs.mavlink import FenceCommand
+from gcs.mavlink_names import mission_type_words
+from gcs.mission.model import MissionItem
 
 _LISTED_MAX = 5
-_ALTITUDE_STEP_M = 0.0101  # ArduPilot cuts altitudes to whole centimetres
-_DO_WITH_POSITION: frozenset[int] = frozenset(  # the only commands above NAV_LAST with a position
-    {
-        MavCommand.DO_SET_HOME,
-        MavCommand.DO_LAND_START,
-        MavCommand.DO_REPOSITION,
-        MavCommand.DO_SET_ROI_LOCATION,
-        MavCommand.DO_SET_ROI,
-    }
-)
-_FENCE_AND_RALLY = range(FenceCommand.RETURN_POINT, FenceCommand.RALLY_POINT + 1)
-_NAV_WITHOUT_POSITION: frozenset[int] = frozenset({MavCommand.NAV_RETURN_TO_LAUNCH, Command.NAV_DELAY})
+_FENCE_AND_RALLY = frozenset(FenceCommand)
 
 
 @dataclass(frozen=True)
@@ -52,19 +42,19 @@ class Difference:
 
 
 def compare_missions(
-    sent: Sequence[MissionItem], read_back: Sequence[MissionItem], *, autopilot: int = Autopilot.ARDUPILOT
+    sent: Sequence[MissionItem], read_back: Sequence[MissionItem], *, autopilot: int
 ) -> list[Difference]:
     """Return all differences in meaning; an empty list means that what was sent is on board.
 
     `autopilot` is MAV_AUTOPILOT. On ArduPilot leave out item 0 on both sides: it always reads back as home.
     """
-    exact = autopilot != Autopilot.ARDUPILOT
+    rules = link_behaviour(autopilot).read_back
     differences = []
     if len(sent) != len(read_back):
         shorter = min(len(sent), len(read_back))
         differences.append(Difference(shorter, "number of items", len(sent), len(read_back)))
     for index, (ours, theirs) in enumerate(zip(sent, read_back, strict=False)):
-        differences += [Difference(index, *d) for d in _item_differences(ours, theirs, exact=exact)]
+        differences += [Difference(index, *d) for d in _item_differences(ours, theirs, rules)]
     return differences
 
 
@@ -78,40 +68,24 @@ def read_back_error(peer: Station, mission_type: int, differences: Sequence[Diff
     )
 
 
-def has_position(command: int) -> bool:
-    """Whether an item of this command has a position. The frame of an item without one has no meaning."""
-    if command > MavCommand.NAV_LAST:
-        return command in _FENCE_AND_RALLY or command in _DO_WITH_POSITION
-    return command not in _NAV_WITHOUT_POSITION
-
-
-def _item_differences(ours: MissionItem, theirs: MissionItem, *, exact: bool) -> list[tuple[str, object, object]]:
+def _item_differences(ours: MissionItem, theirs: MissionItem, rules: ReadBackRules) -> list[tuple[str, object, object]]:
     found: list[tuple[str, object, object]] = []
     if ours.command != theirs.command:
         return [("command", ours.command, theirs.command)]
     if has_position(ours.command) and file_frame(ours.frame) != file_frame(theirs.frame):
         found.append(("frame", ours.frame, theirs.frame))
     for number, (a, b) in enumerate(zip(ours.params, theirs.params, strict=True), start=1):
-        if not (_same_float(a, b) or (not exact and _cut(ours.command, number, a, b))):
+        if not (_same_float(a, b) or rules.allows(ours.command, number, a, b)):
             found.append((f"parameter {number}", a, b))
     if ours.lat_degE7 != theirs.lat_degE7:
         found.append(("latitude (1e-7 deg)", ours.lat_degE7, theirs.lat_degE7))
     if ours.lon_degE7 != theirs.lon_degE7:
         found.append(("longitude (1e-7 deg)", ours.lon_degE7, theirs.lon_degE7))
-    if not _same_float(ours.alt_m, theirs.alt_m, absolute=0.0 if exact else _ALTITUDE_STEP_M):
+    if not _same_float(ours.alt_m, theirs.alt_m, absolute=rules.altitude_m):
         found.append(("altitude (m)", ours.alt_m, theirs.alt_m))
     if ours.autocontinue != theirs.autocontinue and ours.command not in _FENCE_AND_RALLY:
         found.append(("autocontinue", ours.autocontinue, theirs.autocontinue))
     return found
-
-
-def _cut(command: int, number: int, sent: float, read_back: float) -> bool:
-    """Whether ArduPilot makes this of a parameter, and goes by it."""
-    if number == 4 and command == Command.NAV_LAND:
-        return True
-    if command == Command.NAV_WAYPOINT and number == 1:
-        return 0.0 <= sent < 0xFFFF and read_back == math.floor(sent)
-    return command in (Command.NAV_WAYPOINT, Command.NAV_TAKEOFF) and number > 1 and read_back == 0.0
 
 
 def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:

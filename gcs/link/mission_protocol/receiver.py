@@ -27,26 +27,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_from_message
 from gcs.link.mission_protocol.rules import (
     DOUBTFUL,
-    GROUND_TIMERS,
     MissionRefused,
-    Timers,
     doubt_s,
     mission_ack,
     mission_type_of,
 )
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import MissionResult, MissionType, mission_result_words
+from gcs.mavlink import MissionResult, MissionType
+from gcs.mavlink_names import mission_result_words
 from gcs.mission.model import MissionItem
 
 ItemCheck = Callable[[int, MissionItem], MissionResult]
-_WINDOW = 8
-_LATE_S = 0.15  # a copy may be late by up to this
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
@@ -79,7 +77,7 @@ class MissionReceiver:
         *,
         me: Station = GROUND,
         mission_type: int = MissionType.MISSION,
-        timers: Timers = GROUND_TIMERS,
+        timers: MissionTimers = STANDARD.mission,
         capacity: int = 0xFFFF,
         check: ItemCheck = _accept_any,
         int_requests: bool = True,
@@ -255,7 +253,7 @@ class MissionReceiver:
         refusal = MissionRefused(self.peer, result, len(self._items) if self.state is ReceiverState.PULLING else None)
         if self._round_trip is not None and result in DOUBTFUL:
             self._doubt = refusal
-            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip, self._timers))
         else:
             self._fail(refusal)
 
@@ -294,21 +292,20 @@ def reader(
     *,
     me: Station = GROUND,
     mission_type: int = MissionType.MISSION,
-    timers: Timers = GROUND_TIMERS,
+    timers: MissionTimers | None = None,
     round_trip: RttEstimator,
 ) -> MissionReceiver:
-    """Return a receiver with the fastest safe download from this autopilot.
+    """Return a receiver that downloads with as many requests at a time as this autopilot allows.
 
-    ArduPilot answers requests for items in any order. PX4 expects them one by one. It ends the transfer at a request
-    for an item before the last one, so a late copy of a request must be avoided.
+    Its `timers` are those of the autopilot's row unless others are given.
     """
-    by_the_way = autopilot == Autopilot.ARDUPILOT
+    link = link_behaviour(autopilot)
     return MissionReceiver(
         peer,
         me=me,
         mission_type=mission_type,
-        timers=timers,
+        timers=timers or link.timers.mission,
         round_trip=round_trip,
-        window=_WINDOW if by_the_way else 1,
-        wait_min_s=0.0 if by_the_way else _LATE_S,
+        window=link.requests_in_flight,
+        wait_min_s=link.timers.mission.request_again_min_s,
     )

@@ -38,35 +38,19 @@ Rules
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from gcs.autopilots.protocol_timers import MissionTimers
 from gcs.errors import PeerRefusal
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import Message, Station
-from gcs.mavlink import MissionResult, mission_result_words
+from gcs.mavlink import MissionResult
+from gcs.mavlink_names import mission_result_words
 
-
-@dataclass(frozen=True)
-class Timers:
-    """The timers of a transfer, in seconds. The defaults are those of the MAVLink guide."""
-
-    reply_s: float = 1.5  # for an answer to a list, a count, the last item
-    item_s: float = 0.25  # for a requested item
-    retries: int = 5
-    give_up_s: float = 9.0  # without progress; longer than any autopilot's own timeout (8 s)
-
-    def __post_init__(self) -> None:
-        if not (self.reply_s > 0 and self.item_s > 0 and self.give_up_s > 0 and self.retries >= 0):
-            raise ValueError(f"timers must be positive: {self}")
-
-
-GROUND_TIMERS = Timers()
 DOUBTFUL = frozenset({MissionResult.ERROR, MissionResult.DENIED, MissionResult.OPERATION_CANCELLED})
 
 
-def doubt_s(round_trip: RttEstimator) -> float:
+def doubt_s(round_trip: RttEstimator, timers: MissionTimers) -> float:
     """The wait after a refusal that may answer a late copy: ArduPilot repeats its requests once a second."""
-    return max(4.0 * round_trip.wait_s(), 1.2)
+    return max(4.0 * round_trip.wait_s(), timers.doubt_s)
 
 
 class MissionRefused(PeerRefusal):

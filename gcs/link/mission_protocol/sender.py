@@ -14,7 +14,7 @@ It follows the MAVLink mission protocol. Numbers in brackets are the rules in `g
     ALL_SENT   reply_s passed                                ALL_SENT   the last item                   (5)
     ALL_SENT   MISSION_ACK ACCEPTED                          DONE                                       (8)
     ALL_SENT   MISSION_ACK ERROR, last item was repeated     FAILED                                     (8, 11)
-    ALL_SENT   2.5 s without MISSION_ACK, RttEstimator       FAILED                                     (11)
+    ALL_SENT   ack_s without MISSION_ACK, RttEstimator       FAILED                                     (11)
     any        MISSION_ACK of refusal                        FAILED                                     (8)
     any        ... ERROR, DENIED, CANCELLED, RttEstimator    same: doubt, until the next request        (8)
     any        some waits in doubt                           FAILED                                     (8)
@@ -29,14 +29,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.rules import (
     DOUBTFUL,
-    GROUND_TIMERS,
     MissionRefused,
-    Timers,
     doubt_s,
     mission_ack,
     mission_type_of,
@@ -45,7 +44,6 @@ from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
 
-_UNHEARD_S = 2.5  # wait for MISSION_ACK or a repeated request, which ArduPilot sends once a second
 _REQUESTS = ("MISSION_REQUEST_INT", "MISSION_REQUEST")
 
 
@@ -74,7 +72,7 @@ class MissionSender:
         *,
         me: Station = GROUND,
         mission_type: int = MissionType.MISSION,
-        timers: Timers = GROUND_TIMERS,
+        timers: MissionTimers = STANDARD.mission,
         current: int = 0,
         round_trip: RttEstimator | None = None,
         resumes: bool = False,
@@ -205,7 +203,7 @@ class MissionSender:
         for one in repeated:
             self._mark_sent(one)
         if self.all_sent and not before:  # the receiver may have all items, and its MISSION_ACK was lost
-            self._give_up_s = min(self._give_up_s, self._resend_s + _UNHEARD_S)
+            self._give_up_s = min(self._give_up_s, self._resend_s + self._timers.ack_s)
         self.state = SenderState.ALL_SENT if self.all_sent else SenderState.SENDING
         return [self._item(one) for one in repeated]
 
@@ -219,7 +217,7 @@ class MissionSender:
     def _acknowledged(self, result: int, now_s: float) -> None:
         if self._round_trip is not None and result in DOUBTFUL:
             self.doubt = MissionRefused(self.peer, result, self._last_seq)
-            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip))
+            self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip, self._timers))
         elif result == MissionResult.ACCEPTED:
             if self.state is SenderState.ALL_SENT:
                 self.state = SenderState.DONE
@@ -237,7 +235,7 @@ class MissionSender:
         self._repeats = 0
         self._resend_s = now_s + self._wait_s()
         at_the_end = self._last_seq is not None and self._last_seq == len(self.items) - 1
-        timeout_s = min(self._timers.give_up_s, _UNHEARD_S) if self._round_trip and at_the_end else None
+        timeout_s = min(self._timers.give_up_s, self._timers.ack_s) if self._round_trip and at_the_end else None
         self._give_up_s = now_s + (timeout_s or self._timers.give_up_s)
 
     def _fail(self, error: GcsError) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError
 from gcs.link.microservices.machine import Machine
 from gcs.link.wire.message import Message
@@ -22,8 +22,12 @@ class Transfer(StrEnum):
 
 
 def uploads_as_file(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> bool:
-    """Whether to try a file: only flight missions of ArduPilot. Clearing has a message of its own."""
-    if transfer is Transfer.ITEMS or autopilot != Autopilot.ARDUPILOT or mission_type != MissionType.MISSION:
+    """Whether to try a file: only flight missions, and only where the autopilot takes files.
+
+    Clearing has a message of its own.
+    """
+    files = link_behaviour(autopilot).mission_files
+    if transfer is Transfer.ITEMS or not files or mission_type != MissionType.MISSION:
         return False
     return items >= (FILE_ITEMS_MIN if transfer is Transfer.AUTO else 1)
 

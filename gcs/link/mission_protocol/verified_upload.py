@@ -25,18 +25,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.protocol_timers import MissionTimers
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.read_back import Difference, compare_missions, read_back_error
 from gcs.link.mission_protocol.receiver import MissionReceiver, reader
-from gcs.link.mission_protocol.rules import DOUBTFUL, GROUND_TIMERS, MissionRefused, Timers, mission_ack
+from gcs.link.mission_protocol.rules import DOUBTFUL, MissionRefused, mission_ack
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import MissionResult, MissionType, mission_type_words
+from gcs.mavlink import MissionResult, MissionType
+from gcs.mavlink_names import mission_type_words
 from gcs.mission.model import MissionItem
 
-BUSY_S = 6.0  # PX4 forgets an unfinished transfer after 5 s
 _READS = 5  # read-backs of one upload
 
 
@@ -65,7 +66,7 @@ class VerifiedUpload:
         *,
         mission_type: int = MissionType.MISSION,
         me: Station = GROUND,
-        timers: Timers = GROUND_TIMERS,
+        timers: MissionTimers | None = None,
         round_trip: RttEstimator | None = None,
         tries: int = 4,
     ) -> None:
@@ -78,7 +79,8 @@ class VerifiedUpload:
         self.error: GcsError | None = None
         self.sent = 0  # how often the items were sent
         self.sending_ended_s: float | None = None  # end of the last upload
-        self._timers = timers
+        self._link = link_behaviour(autopilot)
+        self._timers = timers or self._link.timers.mission
         self._round_trip = round_trip or RttEstimator()
         self._tries = tries
         self._busy = 0
@@ -175,7 +177,7 @@ class VerifiedUpload:
         return self._cancel_on_board() + self._send(now_s)  # the transfer may still be open on board
 
     def _differences(self, read_back: tuple[MissionItem, ...]) -> list[Difference]:
-        first = int(self.autopilot == Autopilot.ARDUPILOT and self.mission_type == MissionType.MISSION)
+        first = int(self._link.home_is_item_0 and self.mission_type == MissionType.MISSION)
         return compare_missions(self.items[first:], read_back[first:], autopilot=self.autopilot)
 
     def _send(self, now_s: float) -> list[Message]:
@@ -213,7 +215,7 @@ class VerifiedUpload:
     def _wait(self, now_s: float) -> list[Message]:
         self.sent -= 1  # the vehicle refused the whole try
         self.state = UploadState.WAITING
-        self._until_s = now_s + BUSY_S
+        self._until_s = now_s + self._timers.busy_s
         return []
 
     def _cancel_on_board(self) -> list[Message]:

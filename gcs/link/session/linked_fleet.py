@@ -13,10 +13,10 @@ from contextlib import asynccontextmanager, suppress
 from enum import Enum
 from functools import partial
 
+from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse, UsageError
 from gcs.link.endpoints.base import Address, Endpoint
 from gcs.link.endpoints.factory import make_endpoint
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.session.routing import LinkAddress, RoutingTable
 from gcs.link.session.vehicle_session import VehicleSession
@@ -48,7 +48,7 @@ class LinkedFleet:
         *,
         me: Station = GROUND,
         on_frame: FrameHook | None = None,
-        timers: Timers = GROUND_TIMERS,
+        timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
     ) -> None:
@@ -73,15 +73,15 @@ class LinkedFleet:
         *,
         me: Station = GROUND,
         on_frame: FrameHook | None = None,
-        timers: Timers = GROUND_TIMERS,
+        timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
     ) -> AsyncIterator[LinkedFleet]:
         """Opens the endpoints that `specs` name (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` sees every frame in and out; `timers` are those of mission transfers, `transfer` is
-        their way; with `signing` that is on everything is signed, and what is not signed is not believed. Raises
-        `UsageError`, `LinkError`.
+        `on_frame(direction, frame)` sees every frame in and out; `timers` replace those of the vehicles' autopilots,
+        `transfer` chooses how missions are sent. With `signing` that is on, every frame is signed, and unsigned frames
+        are refused. Raises `UsageError`, `LinkError`.
         """
         endpoints = [make_endpoint(spec) for spec in ([specs] if isinstance(specs, str) else specs)]
         fleet = cls(endpoints, me=me, on_frame=on_frame, timers=timers, signing=signing, transfer=transfer)

@@ -11,9 +11,8 @@ import math
 from dataclasses import dataclass
 
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError
-from gcs.link.microservices.command import CommandTimers
 from gcs.link.microservices.timesync import TimeSample, TimeSync
 from gcs.link.session.routing import identity
 from gcs.link.session.vehicle_session import VehicleSession
@@ -21,7 +20,6 @@ from gcs.link.wire.message import Message
 from gcs.mavlink import EkfFlag, MavState, MessageId
 from gcs.mission.model import Home
 
-_TIMERS = CommandTimers(reply_s=0.7, retries=3)
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
@@ -78,8 +76,7 @@ class VehicleReport:
 async def status_report(session: VehicleSession, where: str = "") -> VehicleReport:
     """Ask one vehicle for everything; takes some round trips, and at most a few seconds."""
     clock = asyncio.ensure_future(measure_clock(session))
-    px4 = session.autopilot == Autopilot.PX4
-    filter_id = MessageId.ESTIMATOR_STATUS if px4 else MessageId.EKF_STATUS_REPORT
+    filter_id = link_behaviour(session.autopilot).estimator.message
     wanted = (
         MessageId.AUTOPILOT_VERSION,
         MessageId.SYS_STATUS,
@@ -166,7 +163,8 @@ def version_text(version: int) -> str:
 
 async def _asked(session: VehicleSession, message_id: MessageId) -> Message | None:
     try:
-        return await session.request_message(message_id, message_id.name, _ANSWER_S, timers=_TIMERS)
+        timers = session.timers
+        return await session.request_message(message_id, message_id.name, timers.status_reply_s, timers=timers.status)
     except GcsError:
         return None
 

@@ -13,11 +13,13 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.flight_modes import autopilot_name
+from gcs.autopilots.protocol_timers import CommandTimers, ProtocolTimers
+from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.ftp.requests import FtpNumbers
 from gcs.link.microservices.clock import VehicleClock
-from gcs.link.microservices.command import GROUND_COMMAND_TIMERS, CommandRefused, CommandSender, CommandTimers, Position
+from gcs.link.microservices.command import CommandRefused, CommandSender, Position
 from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
@@ -26,15 +28,12 @@ from gcs.link.microservices.statustext import StatusText, StatusTextJoiner
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.receiver import reader
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.quality import LinkQuality
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
-
-_REASON_S = 0.7  # the reasons for a refusal come up to so much before or after it
 
 
 class VehicleSession:
@@ -46,7 +45,7 @@ class VehicleSession:
         send: Callable[[Message], None],
         *,
         me: Station = GROUND,
-        timers: Timers = GROUND_TIMERS,
+        timers: ProtocolTimers | None = None,
         transfer: Transfer = Transfer.AUTO,
     ) -> None:
         self.station = heartbeat.source
@@ -54,12 +53,13 @@ class VehicleSession:
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
-        self.round_trip = RttEstimator()
+        own = timers or link_behaviour(int(heartbeat.fields["autopilot"])).timers
+        self.round_trip = RttEstimator(own.round_trip)
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
         self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
         self._send = send
-        self._timers = timers
+        self._own_timers = timers
         self._transfer = transfer
         self._numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
         self._offers_files: bool | None = None
@@ -88,8 +88,13 @@ class VehicleSession:
 
     @property
     def home_is_item_0(self) -> bool:
-        """Whether its missions carry home as item 0, as ArduPilot's do."""
-        return self.autopilot == Autopilot.ARDUPILOT
+        """Whether item 0 of its missions is home."""
+        return link_behaviour(self.autopilot).home_is_item_0
+
+    @property
+    def timers(self) -> ProtocolTimers:
+        """The timers of its autopilot, unless the session was given others."""
+        return self._own_timers or link_behaviour(self.autopilot).timers
 
     def heartbeat_age_s(self) -> float:
         """Seconds of local time since its last heartbeat."""
@@ -166,20 +171,21 @@ class VehicleSession:
         command: int,
         *params: float,
         position: Position | None = None,
-        timers: CommandTimers = GROUND_COMMAND_TIMERS,
+        timers: CommandTimers | None = None,
     ) -> Message:
         """Gives a command and returns its COMMAND_ACK.
 
         Raises `CommandRefused` with the vehicle's own words where it gave reasons, or `PeerTimeout`.
         """
         async with self._command_locks.setdefault(command, asyncio.Lock()):
+            timers = timers or self.timers.command
             machine = CommandSender(command, params, self.station, position=position, me=self.me, timers=timers)
             began_s = self._loop.time()
             try:
                 await self.run(machine)
             except CommandRefused as refusal:
-                await asyncio.sleep(_REASON_S)
-                reason = "; ".join(t.text for at_s, t in self.texts if at_s >= began_s - _REASON_S)
+                await asyncio.sleep(timers.reason_s)
+                reason = "; ".join(t.text for at_s, t in self.texts if at_s >= began_s - timers.reason_s)
                 raise (refusal.because(reason) if reason else refusal) from None
             if machine.ack is None:
                 raise ProtocolMisuse("a command ended without acknowledgement and without error.")
@@ -190,7 +196,7 @@ class VehicleSession:
         await self.command(MavCommand.SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
     async def request_message(
-        self, message_id: int, name: str, timeout_s: float = 5.0, *, timers: CommandTimers = GROUND_COMMAND_TIMERS
+        self, message_id: int, name: str, timeout_s: float = 5.0, *, timers: CommandTimers | None = None
     ) -> Message:
         """Asks for one message and returns it: the next that comes, at most `timeout_s` after the acknowledgement.
 
@@ -213,9 +219,9 @@ class VehicleSession:
         `PeerTimeout`.
         """
         wanted = self._transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
-        if wanted and not self.home_is_item_0:
+        if wanted and not link_behaviour(self.autopilot).mission_files:
             raise PeerError(
-                f"vehicle {self.sysid} takes no missions as files: only ArduPilot does.",
+                f"vehicle {self.sysid} takes no missions as files: {autopilot_name(self.autopilot)} does not.",
                 hint="use --transfer auto or items",
             )
         async with self._mission_lock:
@@ -225,7 +231,7 @@ class VehicleSession:
                 self.autopilot,
                 mission_type=mission_type,
                 me=self.me,
-                timers=self._timers,
+                timers=self.timers.mission,
                 round_trip=self.round_trip,
             )
             may_be_file = uploads_as_file(self._transfer, self.autopilot, mission_type, len(items))
@@ -235,8 +241,9 @@ class VehicleSession:
             as_file = FileUpload(
                 items,
                 self.station,
+                self.autopilot,
                 me=self.me,
-                timers=self._timers,
+                timers=self.timers.ftp,
                 round_trip=self.round_trip,
                 numbers=self._numbers,
             )
@@ -263,7 +270,7 @@ class VehicleSession:
                     self.autopilot,
                     me=self.me,
                     mission_type=mission_type,
-                    timers=self._timers,
+                    timers=self.timers.mission,
                     round_trip=self.round_trip,
                 )
                 try:
@@ -277,14 +284,23 @@ class VehicleSession:
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
         """Parameters by name. Raises `PeerTimeout` that names one the vehicle does not answer for."""
-        reader = ParameterReader(names, self.station, self.autopilot, me=self.me, round_trip=self.round_trip)
+        reader = ParameterReader(
+            names, self.station, self.autopilot, me=self.me, timers=self.timers.parameter, round_trip=self.round_trip
+        )
         await self.run(reader)
         return reader.values
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Sets parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
         await self.run(
-            ParameterWriter(parameters, self.station, self.autopilot, me=self.me, round_trip=self.round_trip)
+            ParameterWriter(
+                parameters,
+                self.station,
+                self.autopilot,
+                me=self.me,
+                timers=self.timers.parameter,
+                round_trip=self.round_trip,
+            )
         )
 
     async def home(self) -> Home | None:

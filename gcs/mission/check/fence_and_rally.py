@@ -27,12 +27,13 @@ _SAMPLES = 50  # along a leg that leaves the fence
 def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surroundings) -> Iterator[Finding]:
     """Findings about one vehicle's fence, rally points, home and flight."""
     firmware = mission.firmware
+    support = firmware.traits.missions
     count = mission.geofence.vertices
-    if count > firmware.fence_items_max:
-        message = f"fence of {count} points; {firmware.title} stores at most {firmware.fence_items_max}"
+    if count > support.fence_items_max:
+        message = f"fence of {count} points; {firmware.title} stores at most {support.fence_items_max}"
         yield found(mission, Rule.FENCE, Level.ERROR, message)
-    if len(mission.rally) > firmware.rally_points_max:
-        message = f"{len(mission.rally)} rally points; {firmware.title} stores at most {firmware.rally_points_max}"
+    if len(mission.rally) > support.rally_points_max:
+        message = f"{len(mission.rally)} rally points; {firmware.title} stores at most {support.rally_points_max}"
         yield found(mission, Rule.RALLY, Level.ERROR, message)
     areas = list(_areas(mission, around))
     for number, (area, inclusion) in enumerate(areas, start=1):
@@ -49,7 +50,7 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
                 yield found(mission, Rule.RALLY, Level.ERROR, f"{name} is {ground_m - alt_m:.1f} m below the ground")
     if not sound:
         return
-    allowed = _allowed(sound, firmware.inside_every_inclusion)
+    allowed = _allowed(sound, support.inside_every_inclusion)
     ends = [flight.ned_m[0]]  # no autopilot returns to a rally point outside the fence
     for name, point in (("home", flight.ned_m[0]), *((name, point) for name, point, _ in rally)):
         out_m = allowed.distance(shapely.Point(point[1], point[0]))

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
+from gcs.autopilots.columns import CommandSource
+from gcs.autopilots.mission_commands import command_source, known_position, name_of, refusal
+from gcs.mavlink import MavCommand
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.mission.predicted.planned_flight import ALTITUDE_MAX_M
 
-_LAST_NAV = 95
 _NO_POSITION = frozenset({int(Frame.MISSION)})
-_ENDLESS = frozenset({17})  # NAV_LOITER_UNLIM
-_ENDS = frozenset({int(Command.NAV_LAND), 17, 20})
-_HOLDS = frozenset({16, 19, 82, 93})  # parameter 1 is a time, s
-_JUMPS_MAX = 15  # ArduCopter on boards with little memory
+_ENDLESS = frozenset({MavCommand.NAV_LOITER_UNLIM})
+_ENDS = frozenset({MavCommand.NAV_LAND, MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_RETURN_TO_LAUNCH})
+_HOLDS = frozenset(  # parameter 1 is a time, s
+    {MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT, MavCommand.NAV_DELAY}
+)
 
 
 def check_items(mission: MissionFile) -> Iterator[Finding]:
@@ -50,13 +52,14 @@ def _whole(mission: MissionFile) -> Iterator[Finding]:
         yield found(mission, Rule.ITEMS, Level.ERROR, "the mission has no items")
         return
     jumps = [i for i in items if i.command == Command.DO_JUMP]
-    if firmware.home_is_item_0 and len(jumps) > _JUMPS_MAX:
-        message = f"{len(jumps)} jumps; boards with little memory store {_JUMPS_MAX} and ignore the others"
+    jumps_max = firmware.traits.missions.jumps_max
+    if jumps_max is not None and len(jumps) > jumps_max:
+        message = f"{len(jumps)} jumps; boards with little memory store {jumps_max} and ignore the others"
         yield found(mission, Rule.JUMP, Level.WARNING, message)
-    first = next((n for n, i in enumerate(items) if i.command <= _LAST_NAV), None)
+    first = next((n for n, i in enumerate(items) if i.command <= MavCommand.NAV_LAST), None)
     if first is None or items[first].command != Command.NAV_TAKEOFF:
         yield found(mission, Rule.ORDER, Level.WARNING, "the first navigation command is not a take-off", first or 0)
-    last = [n for n, i in enumerate(items) if i.command <= _LAST_NAV]
+    last = [n for n, i in enumerate(items) if i.command <= MavCommand.NAV_LAST]
     if last and items[last[-1]].command not in _ENDS:
         message = f"the mission ends in the air, with {name_of(items[last[-1]].command)}"
         yield found(mission, Rule.ORDER, Level.WARNING, message, last[-1])
@@ -68,14 +71,13 @@ def _whole(mission: MissionFile) -> Iterator[Finding]:
 def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
     why = refusal(item.command, mission.firmware)
     if why:
-        known = COMMANDS.get(item.command)
-        mild = known is not None and known.source(mission.firmware) is Source.ABSENT and item.command > _LAST_NAV
+        absent = command_source(item.command, mission.firmware) is CommandSource.ABSENT
+        mild = absent and item.command > MavCommand.NAV_LAST
         yield found(mission, Rule.COMMAND, Level.WARNING if mild else Level.ERROR, why, index)
-    known = COMMANDS.get(item.command)
-    if known is None or not known.has_place:
+    if not known_position(item.command):
         return
     if item.frame in _NO_POSITION:
-        message = f"{known.name} has a position, but frame {item.frame} has none"
+        message = f"{name_of(item.command)} has a position, but frame {item.frame} has none"
         yield found(mission, Rule.FRAME, Level.ERROR, message, index)
     elif item.frame not in mission.firmware.frames:
         message = f"{mission.firmware.title} refuses altitudes in frame {item.frame}"
@@ -83,18 +85,17 @@ def _taken(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Find
 
 
 def _values(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Finding]:
-    known = COMMANDS.get(item.command)
-    if known is not None and known.has_place and not abs(item.alt_m) <= ALTITUDE_MAX_M:
+    if known_position(item.command) and not abs(item.alt_m) <= ALTITUDE_MAX_M:
         yield found(mission, Rule.VALUE, Level.ERROR, f"altitude {item.alt_m:g} m; limit {ALTITUDE_MAX_M:g} m", index)
     hold_s = item.params[0]
     if item.command in _HOLDS and math.isnan(hold_s):
         yield found(mission, Rule.VALUE, Level.ERROR, "the hold time is not a number", index)
     if item.command == Command.NAV_DELAY and hold_s < 0:
-        if mission.firmware.home_is_item_0:
+        if mission.firmware.traits.flight.waits_for_time_of_day:
             message = "waits until a time of day; the check assumes that it is the common start"
             yield found(mission, Rule.ASSUMED, Level.NOTE, message, index)
         else:
-            message = "PX4 cannot wait until a time of day, only for seconds"
+            message = f"{mission.firmware.title} cannot wait until a time of day, only for seconds"
             yield found(mission, Rule.VALUE, Level.ERROR, message, index)
     if not item.autocontinue and index + 1 < len(mission.items):
         message = "the mission stops here until an operator continues it (autocontinue is off)"
@@ -140,5 +141,5 @@ def _jump(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Findi
             "jumps back without end; the vehicle never flies the items after this one",
             index,
         )
-    elif not any(i.command <= _LAST_NAV for i in mission.items[min(target, index) : index]) and target < index:
+    elif target < index and not any(i.command <= MavCommand.NAV_LAST for i in mission.items[target:index]):
         yield found(mission, Rule.JUMP, Level.ERROR, "jumps back without a navigation command in between", index)

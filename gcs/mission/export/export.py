@@ -57,7 +57,7 @@ def export(
     """
     wanted = DEFAULT if formats is None else select_formats(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    firmware = firmware or Autopilot.named(plan.scenario.mission.autopilot)
+    firmware = Autopilot.named(plan.scenario.mission.autopilot) if firmware is None else firmware
     order = MissionOrder(firmware, altitude, timed, gates, start_s)
     order.refuse_impossible()
     with replaced(Path(folder)) as files:

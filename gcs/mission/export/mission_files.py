@@ -45,11 +45,11 @@ class MissionOrder:
 
     def refuse_impossible(self) -> None:
         """Raise `UsageError` for gates or starts that this autopilot does not have."""
-        if (self.gates or self.start_s is not None) and self.firmware is Autopilot.PX4:
+        if (self.gates or self.start_s is not None) and not self.firmware.traits.flight.waits_for_time_of_day:
             raise UsageError(
-                "PX4 can wait for some seconds, but not until a time of day: it has neither gates nor a common start, "
-                "and a hold takes no error out.",
-                hint="fly the setpoint stream, which keeps all vehicles in time",
+                f"{self.firmware.title} cannot wait until a time of day, so gates and a common start are not available "
+                "on it.",
+                hint="fly the setpoint stream, which keeps all vehicles on time",
             )
         if self.gates and not self.corrected:
             raise UsageError("gates need speeds that are corrected", hint="leave --untimed and --altitude terrain out")

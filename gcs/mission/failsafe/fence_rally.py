@@ -123,7 +123,7 @@ def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -
     """
     places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
-    above_m = list(altitudes_m) if firmware is Autopilot.ARDUPILOT else ground_m.tolist()
+    above_m = list(altitudes_m) if firmware.traits.returns.rally_at_return_altitude else ground_m.tolist()
     return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
 
 

@@ -121,7 +121,7 @@ def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:
     """Return speeds: a share of the plan's speed limit, in whole cm/s. ArduPilot waits 5 s before it descends."""
     north, east, vertical = plan.scenario.limits.speed_ned_mps
     cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
-    return ReturnSpeeds(vertical, cruise_mps, vertical, 5.0 if firmware is Autopilot.ARDUPILOT else 0.0)
+    return ReturnSpeeds(vertical, cruise_mps, vertical, firmware.traits.returns.wait_s)
 
 
 def _stagger_order(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:

@@ -48,7 +48,7 @@ def return_cases(
     rally = np.broadcast_to(plan.landing_points_ned_m[:, None], start.shape)
     away = [np.linalg.norm(start[..., :2] - end[..., :2], axis=-1) for end in (homes, rally)]
     nearest = np.where((away[0] <= away[1])[..., None], homes, rally)
-    datum = [-homes[..., 2], -(homes if firmware is Autopilot.ARDUPILOT else nearest)[..., 2]]
+    datum = [-homes[..., 2], -(homes if firmware.traits.returns.altitude_above_home else nearest)[..., 2]]
     return [
         Returning(name, t_s, start, end, height, speeds)
         for name, end, height in zip(("home", "nearest"), (homes, nearest), datum, strict=True)

@@ -10,10 +10,10 @@ import math
 import re
 from dataclasses import dataclass
 
+from gcs.autopilots.columns import ParameterFileStyle
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 
-SUFFIX = {Autopilot.ARDUPILOT: ".param", Autopilot.PX4: ".params"}
 _COMPONENT = 1  # the autopilot
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _NAME = re.compile(r"[A-Z0-9_]{1,16}")
@@ -31,7 +31,7 @@ class ParameterFile:
 
 def write_parameters(file: ParameterFile) -> str:
     """The text of a file; `read_parameters` gives back the same values."""
-    if file.firmware is Autopilot.PX4:
+    if file.firmware.traits.parameter_file is ParameterFileStyle.QGROUNDCONTROL:
         lines = [f"# Onboard parameters for Vehicle {file.sysid}", "#", "# Vehicle-Id Component-Id Name Value Type"]
         lines += [f"{file.sysid}\t{_COMPONENT}\t{name}\t{value!r}\t{_type(value)}" for name, value in file.values]
     else:
@@ -54,7 +54,7 @@ def read_parameters(text: str | bytes, source: str, firmware: Autopilot) -> Para
                 sysid = int(found[1])
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            name, value = _qgroundcontrol(line) if firmware is Autopilot.PX4 else _mission_planner(line)
+            name, value = _ROWS[firmware.traits.parameter_file](line)
             if not _NAME.fullmatch(name):
                 raise ValueError(f"'{name[:40]}' is not the name of a parameter")
             if name in values:
@@ -96,3 +96,6 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"'{text[:40]}' is not finite")
     return value
+
+
+_ROWS = {ParameterFileStyle.MISSION_PLANNER: _mission_planner, ParameterFileStyle.QGROUNDCONTROL: _qgroundcontrol}

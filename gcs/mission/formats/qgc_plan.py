@@ -145,7 +145,8 @@ def read_plan_file(text: str | bytes, source: str) -> PlanFile:
         raise _refusal(text, source, first["loc"], first["msg"]) from error
     mission = document.mission
     if mission.firmwareType not in tuple(Autopilot):
-        reason = f"{mission.firmwareType} is neither PX4 (12) nor ArduPilot (3)"
+        known = ", ".join(f"{a.value} ({a.title})" for a in Autopilot)
+        reason = f"{mission.firmwareType} is not an autopilot that missions are written for: {known}"
         raise _refusal(text, source, ("mission", "firmwareType"), reason)
     jumps = any(item.type == "SimpleItem" and item.command == Command.DO_JUMP for item in mission.items)
     items = []
@@ -182,7 +183,14 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     speed_mps = file.hover_speed_mps if file.hover_speed_mps > 0 else None
     text = data.decode("utf-8", errors="replace")
     return MissionFile(
-        source, firmware or file.firmware, file.home, file.items, file.geofence, file.rally, speed_mps, text=text
+        source,
+        file.firmware if firmware is None else firmware,
+        file.home,
+        file.items,
+        file.geofence,
+        file.rally,
+        speed_mps,
+        text=text,
     )
 
 

@@ -105,14 +105,14 @@ def write_mission(file: MissionFile) -> str:
 def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
     """The mission in a file. Raises `FileFormatError` with file, line and reason.
 
-    Without `firmware`, a first row that could be home is home, and the file is ArduPilot's; else it is PX4's.
+    Without `firmware`, a first row that could be home is home. The file is then read as one for the first autopilot of
+    the table that writes home there, or that does not.
     """
     home_first = _begins_with_home(data) if firmware is None else firmware.home_is_item_0
     table = read_waypoints(data, source, home_first=home_first)
-    guessed = Autopilot.ARDUPILOT if home_first else Autopilot.PX4
-    return MissionFile(
-        source, firmware or guessed, table.home, table.items, lines=table.lines, jumps_from=int(home_first)
-    )
+    if firmware is None:
+        firmware = next(known for known in Autopilot if known.home_is_item_0 == home_first)
+    return MissionFile(source, firmware, table.home, table.items, lines=table.lines, jumps_from=int(home_first))
 
 
 def _begins_with_home(table: bytes) -> bool:

@@ -13,7 +13,6 @@ from typing import Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import UsageError
-from gcs.mission.formats.param import SUFFIX as PARAMETER_SUFFIX
 
 ALL = "all"
 FLEET = "formation"  # name, without suffix, of files that hold all vehicles
@@ -63,7 +62,7 @@ class Format:
     @property
     def suffixes(self) -> tuple[str, ...]:
         """Every suffix that files of this format may have."""
-        return (self.suffix,) if isinstance(self.suffix, str) else tuple(self.suffix.values())
+        return (self.suffix,) if isinstance(self.suffix, str) else tuple(dict.fromkeys(self.suffix.values()))
 
     def write(self, value: Any) -> str | bytes:
         """The contents of a file that holds `value`."""
@@ -142,7 +141,7 @@ FORMATS = (
     ),
     Format(
         "param",
-        PARAMETER_SUFFIX,
+        {known: str(known.traits.parameter_file) for known in Autopilot},
         Content.PARAMETERS,
         "Return (RTL) and fence parameters: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl",
         f"{_HERE}.param:write_parameters",

@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.navigator import UNLIMITED, Ability, NavigatorOrders, vector
 from gcs.autopilots.navigation.predict import predict
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
@@ -47,25 +47,25 @@ class AutopilotFlight:
         """For vehicles that can do no more than `ability` and all leave the ground `climb_s` before the hover."""
         self._ability = ability
         self.climb_s = climb_s
-        self._flown: list[tuple[str, NavigatorOrders, _Way]] = []
+        self._flown: list[tuple[Autopilot, NavigatorOrders, _Way]] = []
 
     def __call__(self, mission: MissionFile, around: Surroundings) -> PredictedFlight:
         """The mission as the model of its autopilot flies it, from the start at time 0."""
         return _Modelled(mission, around, modelled=self).run()
 
-    def way(self, name: str, orders: NavigatorOrders) -> _Way:
+    def way(self, firmware: Autopilot, orders: NavigatorOrders) -> _Way:
         """Fly orders. Raises `VerificationError` where they lead nowhere."""
         for known, others, way in self._flown:
-            if known == name and _alike(orders, others):
+            if known is firmware and _alike(orders, others):
                 return way
-        flown = predict(by_name(name).within(self._ability), orders)
+        flown = predict(firmware.navigator.within(self._ability), orders)
         rows = np.append(np.flatnonzero(np.diff(np.floor(flown.t_s / _STEP_S)) > 0) + 1, len(flown.t_s) - 1)
         rows = np.concatenate([[0], rows[rows > 0]])
         stop = np.minimum(np.searchsorted(flown.completed_s, flown.t_s[rows]), orders.count - 1)
         moved = flown.position_ned_m[rows] - np.array(orders.start_ned_m)
         kept = _bends(flown.t_s[rows], moved, stop)
         way = _Way(flown.t_s[rows][kept], moved[kept], stop[kept])
-        self._flown = [*self._flown[-_KEPT:], (name, orders, way)]
+        self._flown = [*self._flown[-_KEPT:], (firmware, orders, way)]
         return way
 
 
@@ -146,7 +146,7 @@ class _Modelled(Flying):
         )
         why = _too_long(orders)
         try:
-            way = None if why else self.modelled.way(self.mission.firmware.key, orders)
+            way = None if why else self.modelled.way(self.mission.firmware, orders)
         except VerificationError as error:
             way, why = None, error.message
         if way is None:

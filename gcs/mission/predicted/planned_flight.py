@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs.autopilots.mission_commands import COMMANDS
+from gcs.autopilots.mission_commands import known_position
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mavlink import MavCommand
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Frame, Home, MissionItem
 from gcs.physics.quadrotor import Array
@@ -22,15 +23,28 @@ from gcs.physics.quadrotor import Array
 Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
 
 ITEMS_FLOWN_MAX = 20_000  # jumps can make a mission endless
-_RETURN_HEIGHT_M = {True: 15.0, False: 60.0}  # RTL_ALT and RTL_RETURN_ALT unless changed; by "is ArduPilot"
 _TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
 ALTITUDE_MAX_M = 1e5  # what is beyond is reported as a mistake, and flown no higher
 _STILL_M = 1e-3
 _DAY_S = 86400.0
-_WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _RTL, _LAND, _TAKEOFF = 16, 17, 18, 19, 20, 21, 22
-_LOITER_TO_ALT, _SPLINE, _DELAY, _JUMP, _SPEED = 31, 82, 93, 177, 178
-_PLACES = frozenset({_WAYPOINT, _LOITER_UNLIM, _LOITER_TURNS, _LOITER_TIME, _LOITER_TO_ALT, _SPLINE})
-_UNMODELLED = frozenset({_LOITER_TURNS, _SPLINE, 30, 84, 85, 92, 94, 179, 600, 601, 42702, 42703})
+_HOLDING = frozenset({MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT})
+_PLACES = _HOLDING | {MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_LOITER_TURNS, MavCommand.NAV_LOITER_TO_ALT}
+_UNMODELLED = frozenset(
+    {
+        MavCommand.NAV_LOITER_TURNS,
+        MavCommand.NAV_SPLINE_WAYPOINT,
+        MavCommand.NAV_CONTINUE_AND_CHANGE_ALT,
+        MavCommand.NAV_VTOL_TAKEOFF,
+        MavCommand.NAV_VTOL_LAND,
+        MavCommand.NAV_GUIDED_ENABLE,
+        MavCommand.NAV_PAYLOAD_PLACE,
+        MavCommand.DO_SET_HOME,
+        MavCommand.JUMP_TAG,
+        MavCommand.DO_JUMP_TAG,
+        MavCommand.NAV_SCRIPT_TIME,
+        MavCommand.NAV_ATTITUDE_TIME,
+    }
+)
 _TERRAIN_FRAMES = frozenset({int(Frame.GLOBAL_TERRAIN_ALT), 11})
 _AMSL_FRAMES = frozenset({int(Frame.GLOBAL), 5})
 
@@ -76,7 +90,7 @@ def surroundings(missions: Sequence[MissionFile]) -> Surroundings:
 def _first_place(missions: Sequence[MissionFile]) -> Home:
     for mission in missions:
         for item in mission.items:
-            if item.command in COMMANDS and COMMANDS[item.command].has_place and (item.lat_degE7 or item.lon_degE7):
+            if known_position(item.command) and (item.lat_degE7 or item.lon_degE7):
                 return Home(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), 0.0)
     return Home(0.0, 0.0, 0.0)
 
@@ -129,8 +143,9 @@ class Flying:
         self.home_ned_m = geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, self.around.origin)
         self.places_ned_m = self._places(home)
         self.here, self.t_s = self.home_ned_m, 0.0
-        self.speed_mps = mission.speed_mps or mission.firmware.default_speed_mps
-        self.climb_mps, self.sink_mps = mission.firmware.climb_mps
+        support = mission.firmware.traits.missions
+        self.speed_mps = mission.speed_mps or support.default_speed_mps
+        self.climb_mps, self.sink_mps = support.climb_mps
         self.up_s: float | None = None
         self.down_s = self.ends_s = math.inf
         self._knot(0)
@@ -152,14 +167,14 @@ class Flying:
             if flown > ITEMS_FLOWN_MAX:
                 self.remarks[index] = f"the mission goes on for ever; looked at for {ITEMS_FLOWN_MAX} items"
                 return
-            if item.command == _JUMP:
+            if item.command == MavCommand.DO_JUMP:
                 target = self._jump(item, index, left)
                 index = index + 1 if target is None else target
                 continue
             if item.command in _UNMODELLED:
                 self.remarks[index] = "what this command does to the flight is not modelled"
             self._do(item, index)
-            if item.command == _LOITER_UNLIM:
+            if item.command == MavCommand.NAV_LOITER_UNLIM:
                 return
             index += 1
 
@@ -178,11 +193,11 @@ class Flying:
     def _do(self, item: MissionItem, index: int) -> None:
         p1, p2 = item.params[:2]
         if item.command in _PLACES:
-            hold_s = p1 if item.command in (_WAYPOINT, _LOITER_TIME, _SPLINE) else 0.0
+            hold_s = p1 if item.command in _HOLDING else 0.0
             self._visit(self._place(index), index, hold_s, along_ground=item.frame in _TERRAIN_FRAMES)
-        elif item.command == _DELAY:
+        elif item.command == MavCommand.NAV_DELAY:
             self._delay(item, index)
-        elif item.command == _SPEED:
+        elif item.command == MavCommand.DO_CHANGE_SPEED:
             if p2 > 0 and math.isfinite(p2):
                 if p1 == 2:
                     self.climb_mps = p2
@@ -190,11 +205,11 @@ class Flying:
                     self.sink_mps = p2
                 else:
                     self.speed_mps = p2
-        elif item.command == _TAKEOFF:
+        elif item.command == MavCommand.NAV_TAKEOFF:
             self._take_off(item, index)
-        elif item.command == _LAND:
+        elif item.command == MavCommand.NAV_LAND:
             self._land(item, index)
-        elif item.command == _RTL:
+        elif item.command == MavCommand.NAV_RETURN_TO_LAUNCH:
             self._return(index)
 
     def _visit(self, place: Array, index: int, hold_s: float, *, along_ground: bool) -> None:
@@ -226,7 +241,7 @@ class Flying:
         """Fly what was put off; nothing is."""
 
     def _take_off(self, item: MissionItem, index: int) -> None:
-        """Straight up; PX4 then flies to the place it names."""
+        """Straight up, then to the place it names where the autopilot does so."""
         self._settle()
         place = self._place(index)
         top = np.array([*self.here[:2], place[2]])
@@ -236,7 +251,7 @@ class Flying:
             self._knot(index)
         if self.up_s is None:
             self.up_s = self.t_s
-        if not self.mission.firmware.home_is_item_0:
+        if self.mission.firmware.traits.missions.takeoff_goes_to_place:
             self._go(place, index)
 
     def _land(self, item: MissionItem, index: int) -> None:
@@ -248,7 +263,7 @@ class Flying:
 
     def _return(self, index: int) -> None:
         self._settle()
-        height_m = _RETURN_HEIGHT_M[self.mission.firmware.home_is_item_0]
+        height_m = self.mission.firmware.traits.returns.default_altitude_m
         top = min(self.here[2], self.home_ned_m[2] - height_m)
         self._go(np.array([*self.here[:2], top]), index)
         self._go(np.array([*self.home_ned_m[:2], top]), index)

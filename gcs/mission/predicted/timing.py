@@ -4,8 +4,8 @@ Knows: flights as they were worked out for the missions as written, a plan. Does
 files.
 
 Whatever a model gets wrong about an autopilot it gets wrong for all vehicles alike, and a formation keeps its shape.
-What each vehicle does for itself is `APART_S`: by so much may one be ahead of or behind another that flies the same
-orders, and the formation is looked at with any two of them moved against each other by that.
+What each vehicle does for itself is `AutopilotTraits.apart_s`: by so much may one be ahead of or behind another that
+flies the same orders, and the formation is looked at with any two of them moved against each other by that.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from gcs.autopilots.navigation.calibration import APART_S
 from gcs.autopilots.navigation.predict import NEAR_M
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
@@ -115,7 +114,7 @@ def predicted(
     return Timing(
         tuple(vehicles),
         _spread_s(late),
-        _nearest(plan, t_s, flown, APART_S[firmware.key]),
+        _nearest(plan, t_s, flown, firmware.traits.apart_s),
         float(max((one[-1] for one in late), key=abs)),
         tuple(np.min(early, axis=0).round(3).tolist()) if legs.gates else (),
     )

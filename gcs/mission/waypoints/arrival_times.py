@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
@@ -51,13 +50,13 @@ _MADE_MAX = 16
 
 def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
     """How this autopilot flies the plan's vehicles."""
-    return by_name(firmware.key).within(ability_of(plan.quadrotor, plan.scenario.limits))
+    return firmware.navigator.within(ability_of(plan.quadrotor, plan.scenario.limits))
 
 
 def climb_s(plan: Plan, firmware: Autopilot) -> float:
     """How long the highest vehicle takes to its hover: autopilots climb at a speed of their own."""
     hover_ned_m = plan.motion(np.array([plan.airborne_s]))[0][:, 0, POSITION]
-    return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.climb_mps[0]
+    return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.traits.missions.climb_mps[0]
 
 
 def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs:

@@ -85,7 +85,7 @@ def build_missions(
     the ground under its pad. Raises `ScenarioError` when a mission has more items than the autopilot stores, or
     altitudes that it refuses.
     """
-    firmware = firmware or Autopilot.named(plan.scenario.mission.autopilot)
+    firmware = Autopilot.named(plan.scenario.mission.autopilot) if firmware is None else firmware
     if altitude.frame not in firmware.frames:
         raise ScenarioError(
             f"{firmware.title} refuses altitudes above the ground in missions.",

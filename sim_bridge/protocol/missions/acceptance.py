@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs.link.mission_protocol.read_back import has_position
+from gcs.autopilots.mission_commands import has_position
 from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import Command, Frame, MissionItem

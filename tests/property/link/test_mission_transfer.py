@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
 from gcs.errors import PeerError
 from gcs.link.mission_protocol.receiver import MissionReceiver
-from gcs.link.mission_protocol.rules import GROUND_TIMERS, Timers
 from gcs.link.mission_protocol.sender import MissionSender
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mission.model import MissionItem
@@ -103,7 +103,7 @@ LINKS = st.builds(
     repeat=st.sampled_from([0.0, 0.2, 0.9]),
     delay_s=st.sampled_from([0.001, 0.1, 0.4, 2.0]),
 )
-TIMERS = st.sampled_from([GROUND_TIMERS, Timers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)])
+TIMERS = st.sampled_from([STANDARD.mission, MissionTimers(reply_s=1.0, item_s=1.0, retries=8, give_up_s=8.0)])
 
 
 def judge(sender, receiver, items):
@@ -139,7 +139,7 @@ def test_download(items, link, timers):
 def test_a_clean_link_always_succeeds(count, delay_s):
     items = tuple(MissionItem(16, 3, (0.0,) * 4, n, n, 1.0) for n in range(count))
     for make in (MissionSender(items, VEHICLE), MissionReceiver(VEHICLE)):
-        machines = Machines(make, GROUND_TIMERS, items)
+        machines = Machines(make, STANDARD.mission, items)
         run(machines, Link(1, 0.0, 0.0, delay_s), GROUND)
         assert machines[GROUND].error is None
         assert machines[VEHICLE].error is None
@@ -149,7 +149,7 @@ def test_a_fifth_lost_is_survived_nearly_always():
     items = tuple(MissionItem(16, 3, (0.0,) * 4, n, n, 1.0) for n in range(10))
     good = 0
     for seed in range(100):
-        machines = Machines(MissionSender(items, VEHICLE), GROUND_TIMERS, items)
+        machines = Machines(MissionSender(items, VEHICLE), STANDARD.mission, items)
         run(machines, Link(seed, 0.2, 0.1, 0.05), GROUND)
         good += machines[GROUND].error is None
     assert good >= 90

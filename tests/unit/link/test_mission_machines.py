@@ -1,9 +1,10 @@
 import pytest
 
+from gcs.autopilots.protocol_timers import MissionTimers
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.mission_protocol.item_messages import item_to_message
 from gcs.link.mission_protocol.receiver import MissionReceiver, ReceiverState
-from gcs.link.mission_protocol.rules import MissionRefused, Timers, mission_ack
+from gcs.link.mission_protocol.rules import MissionRefused, mission_ack
 from gcs.link.mission_protocol.sender import MissionSender, SenderState
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult
@@ -138,7 +139,7 @@ def test_error_after_a_repeated_last_item_says_that_the_acknowledgement_was_lost
 
 
 def test_count_is_repeated_until_the_vehicle_counts_as_silent():
-    sender = MissionSender(ITEMS, VEHICLE, timers=Timers(reply_s=1.0, retries=2, give_up_s=4.0))
+    sender = MissionSender(ITEMS, VEHICLE, timers=MissionTimers(reply_s=1.0, retries=2, give_up_s=4.0))
     sender.start(0.0)
     sent = []
     while not sender.done:

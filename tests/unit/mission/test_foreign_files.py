@@ -30,7 +30,7 @@ READ = {
 REFUSED = {
     "survey.plan": r"line \d+: mission\.items\.2: a complex item \(survey\); only simple items",
     "cut_short.plan": r"line \d+: not JSON",
-    "generic_autopilot.plan": r"line \d+: mission\.firmwareType: 0 is neither PX4 \(12\) nor ArduPilot \(3\)",
+    "generic_autopilot.plan": r"line \d+: mission\.firmwareType: 0 is not an autopilot that missions are written for",
     "nowhere.plan": r"line \d+: mission\.items\.2: the position has a null",
     "flat_home.plan": r"line \d+: mission\.plannedHomePosition\.2: Field required",
     "old_fence.plan": r"line \d+: geoFence\.version: Input should be 2",

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.calibration import by_name as navigator_named
 from gcs.autopilots.navigation.navigator import NavigatorOrders
 from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.autopilots.traits import Autopilot
@@ -34,7 +33,7 @@ def passed_s(flight: Flight, orders: NavigatorOrders) -> np.ndarray:
 def test_a_flight_is_what_the_model_predicts(name: str) -> None:
     orders = NavigatorOrders.through(POINTS, SPEEDS, airborne_s=20.0)
     (flight,) = Fleet(by_name(name), [orders]).fly()
-    predicted = predict(navigator_named(name), orders)
+    predicted = predict(Autopilot.named(name).navigator, orders)
     np.testing.assert_allclose(passed_s(flight, orders), predicted.passed_s, atol=0.5)
     np.testing.assert_allclose(flight.reached_s, predicted.completed_s[: len(flight.reached_s)], atol=0.5)
 

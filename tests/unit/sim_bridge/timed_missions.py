@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
@@ -68,7 +67,7 @@ class Fleet:
         self.bodies = Airframes(
             FIELD.quadrotor, flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1, limits=FIELD.limits
         )
-        navigator = None if ideal else by_name(personality.name).within(LIMITS.ability)
+        navigator = None if ideal else personality.identity.autopilot.navigator.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
             guide = PathGenerator(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)

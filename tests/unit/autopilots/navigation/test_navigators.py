@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4, by_name
+from gcs.autopilots.navigation.calibration import ARDUPILOT, PX4
 from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders
 from gcs.autopilots.navigation.predict import NEAR_M, predict
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 
 BOTH = pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
@@ -31,7 +32,9 @@ ASKED_S = np.cumsum(np.linalg.norm(np.diff(POINTS, axis=0), axis=1) / SPEEDS)
     ],
 )
 def test_arrivals_of_a_small_mission(name, airborne_s, passed_s):
-    prediction = predict(by_name(name), NavigatorOrders.through(POINTS, SPEEDS, airborne_s=airborne_s))
+    prediction = predict(
+        Autopilot.named(name).navigator, NavigatorOrders.through(POINTS, SPEEDS, airborne_s=airborne_s)
+    )
     np.testing.assert_allclose(prediction.passed_s, passed_s, atol=0.15)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.calibration import RESIDUALS, Residual, by_name
+from gcs.autopilots.navigation.calibration import RESIDUALS, Residual
+from gcs.autopilots.traits import Autopilot
 from tools.fit_navigator import MODELS, RECORDINGS, errors_s, read_recording
 
 FOLDERS = {model.name: RECORDINGS / model.folder for model in MODELS}
@@ -17,7 +18,7 @@ def test_arrivals_are_predicted_as_well_as_the_table_says(residual: Residual) ->
     folder = FOLDERS[residual.navigator]
     if not (folder / f"timed_legs_{residual.mission}.jsonl.gz").exists():
         pytest.skip(f"no recording timed_legs_{residual.mission} of {folder.name}")
-    error = errors_s(by_name(residual.navigator), read_recording(folder, residual.mission))
+    error = errors_s(Autopilot.named(residual.navigator).navigator, read_recording(folder, residual.mission))
     assert np.sqrt(np.mean(error**2)) == pytest.approx(residual.rms_s, abs=0.03)
     assert error.mean() == pytest.approx(residual.mean_s, abs=0.03)
     assert error[np.abs(error).argmax()] == pytest.approx(residual.worst_s, abs=0.05)

@@ -88,7 +88,7 @@ def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -
     without_home = "\n".join([text[0], *("\t".join([str(n), *row.split("\t")[1:]]) for n, row in enumerate(text[2:]))])
     path.write_text(without_home)
     assert main.run(["check", str(path), "--autopilot", "px4"]) == FINDINGS
-    assert "PX4 does not carry out CONDITION_YAW" in capsys.readouterr().out
+    assert "PX4 does not execute CONDITION_YAW" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

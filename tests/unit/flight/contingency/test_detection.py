@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from gcs.autopilots.flight_modes import ARDUPILOT
+from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.detection import DetectionLimits, Incident, IncidentKind, VehicleWatch
 from gcs.link.wire.message import Message
 
 PLACE = Message("LOCAL_POSITION_NED", {"time_boot_ms": 1})
+
+ARDUPILOT = Autopilot.ARDUPILOT.traits.flight
 
 
 def watch(unix_s: float = 100.0) -> VehicleWatch:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs.autopilots.flight_modes import ARDUPILOT, PX4, FlightBehaviour
+from gcs.autopilots.columns import FlightBehaviour
+from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
@@ -29,6 +30,7 @@ from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.plan.trajectory.plan import Plan
 
+ARDUPILOT, PX4 = (known.traits.flight for known in (Autopilot.ARDUPILOT, Autopilot.PX4))
 BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
 ON_THE_GROUND = 1  # MAV_LANDED_STATE
 
@@ -68,7 +70,10 @@ class Vehicle:
     session: VehicleSession | None = None
 
     def heartbeat(self) -> Message:
-        fields = {"autopilot": int(self.behaviour.firmware), "base_mode": int(ModeFlag.CUSTOM)}
+        fields = {
+            "autopilot": next(known for known in Autopilot if known.traits.flight is self.behaviour),
+            "base_mode": int(ModeFlag.CUSTOM),
+        }
         fields["base_mode"] |= int(ModeFlag.ARMED) if self.armed else 0
         return Message("HEARTBEAT", {**fields, "type": 2, "custom_mode": self.mode, "system_status": 4}, 1, 1)
 

@@ -392,7 +392,7 @@ def test_machines_live_for_one_file():
     reader, _ = reading(b"")
     with pytest.raises(ProtocolMisuse):
         reader.start(0.0)
-    delivery = FileUpload(ITEMS, VEHICLE)
+    delivery = FileUpload(ITEMS, VEHICLE, Autopilot.ARDUPILOT)
     delivery.start(0.0)
     with pytest.raises(ProtocolMisuse):
         delivery.start(0.0)

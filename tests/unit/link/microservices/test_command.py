@@ -1,11 +1,11 @@
 import pytest
 
+from gcs.autopilots.protocol_timers import CommandTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.command import (
     CommandMemory,
     CommandRefused,
     CommandSender,
-    CommandTimers,
     Position,
     command_ack,
 )

@@ -4,9 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.autopilots.traits import Autopilot
 from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.mission.model import MissionItem
 
+ARDUPILOT = Autopilot.ARDUPILOT
 WAYPOINT = MissionItem(16, 3, (0.1, 2.0, 0.0, math.nan), 473977420, 85455939, 12.34)
 SPEED = MissionItem(178, 2, (1.0, 3.3, -1.0, 0.0), 0, 0, 0.0)
 LAND = MissionItem(21, 3, (0.0, 0.0, 0.0, 0.0), 473977420, 85455939, 0.0)
@@ -33,7 +35,7 @@ def read_back(item, **changes):
     ],
 )
 def test_changes_that_mean_nothing(item, changes):
-    assert compare_missions([item], [read_back(item, **changes)]) == []
+    assert compare_missions([item], [read_back(item, **changes)], autopilot=ARDUPILOT) == []
 
 
 @pytest.mark.parametrize(
@@ -56,14 +58,16 @@ def test_changes_that_mean_nothing(item, changes):
     ],
 )
 def test_changes_that_mean_something(item, changes, what):
-    (difference,) = compare_missions([WAYPOINT, item], [WAYPOINT, read_back(item, **changes)])
+    (difference,) = compare_missions(
+        [WAYPOINT, item], [WAYPOINT, read_back(item, **changes)], autopilot=Autopilot.ARDUPILOT
+    )
     assert difference.item == 1
     assert what in difference.what
     assert "item 1" in str(difference)
 
 
 def test_a_missing_tail_is_a_difference():
-    (difference,) = compare_missions([WAYPOINT, LAND], [WAYPOINT])
+    (difference,) = compare_missions([WAYPOINT, LAND], [WAYPOINT], autopilot=ARDUPILOT)
     assert (difference.item, difference.sent, difference.read_back) == (1, 2, 1)
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilots.protocol_timers import STANDARD, RoundTripTimers
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
@@ -15,7 +16,7 @@ from gcs.link.mission_protocol.read_back import compare_missions
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
-from gcs.link.mission_protocol.verified_upload import BUSY_S, UploadState, VerifiedUpload
+from gcs.link.mission_protocol.verified_upload import UploadState, VerifiedUpload
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import FenceCommand, MissionResult, MissionType
 from gcs.mission.model import MissionItem
@@ -92,7 +93,7 @@ def test_another_station_in_the_way_is_waited_for_and_named_if_it_stays(autopilo
     air.shelf.receive(addressed("MISSION_COUNT", OTHER, count=3), 0.0)
     arrived = air.deliver(ITEMS)  # the other one says no more: the vehicle forgets it after 5 or 8 s
     assert arrived.error is None
-    assert arrived.total_s > BUSY_S / 2
+    assert arrived.total_s > STANDARD.mission.busy_s / 2
     air = Air(autopilot, CALM, 0)
     machine = VerifiedUpload(ITEMS, VEHICLE, autopilot)
     machine.start(0.0)
@@ -133,7 +134,7 @@ def test_a_mixed_mission_after_a_stall_is_found_and_mended():
     assert air.shelf.items()[3] == new[3]
     assert air.shelf.items()[4:] == old[4:]
     assert air.deliver(new).error is None
-    assert compare_missions(new[1:], air.shelf.items()[1:]) == []
+    assert compare_missions(new[1:], air.shelf.items()[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 @BOTH
@@ -239,7 +240,7 @@ def test_a_copy_of_the_count_does_not_begin_a_download_anew():
 
 
 def test_round_trips_are_learned_and_bound():
-    trip = RttEstimator(wait_min_s=0.03, wait_max_s=1.5, first_s=0.5)
+    trip = RttEstimator(RoundTripTimers(least_s=0.03, most_s=1.5, first_s=0.5))
     assert trip.mean_s is None
     assert trip.wait_s() == 0.5
     for _ in range(100):

@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.autopilots.mission_commands import COMMANDS, Source, name_of, refusal
+from gcs.autopilots.columns import CommandSource
+from gcs.autopilots.mission_commands import command_source, name_of, refusal
 from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import MavCommand
 from gcs.mission.check.findings import Finding, Level, Rule, worst
 from gcs.mission.check.item_checks import check_items
 from gcs.mission.formats.any_mission import read_mission
@@ -63,7 +65,7 @@ def with_item(item: MissionItem, index: int = 2) -> list[MissionItem]:
         (with_item(do(9999)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "command 9999: no manual", 3),
         (with_item(at(82, 9, 0, 10)), PX4, Rule.COMMAND, Level.ERROR, "NAV_SPLINE_WAYPOINT: a recorded vehicle", 2),
         (with_item(do(115)), PX4, Rule.COMMAND, Level.ERROR, "CONDITION_YAW: a recorded vehicle refused", 2),
-        (with_item(do(176)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "DO_SET_MODE: it is taken and never", 3),
+        (with_item(do(176)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "DO_SET_MODE: it is accepted and never", 3),
         (with_item(do(211)), PX4, Rule.COMMAND, Level.WARNING, "DO_GRIPPER: its manual does not list it", 2),
         (with_item(at(31, 9, 0, 10)), ARDUPILOT, Rule.COMMAND, Level.ERROR, "NAV_LOITER_TO_ALT", 3),
         (
@@ -114,10 +116,10 @@ def test_nothing_else_is_said_of_a_single_mistake() -> None:
     assert len(findings(with_item(do(9999)))) == 1
 
 
-def test_commands_the_exporter_writes_are_carried_out_by_both() -> None:
+def test_both_execute_the_commands_that_exports_contain() -> None:
     for command in (16, 21, 22, 93, 178):
         for firmware in Autopilot:
-            assert COMMANDS[command].source(firmware) is Source.RECORDED
+            assert command_source(command, firmware) is CommandSource.RECORDED
             assert refusal(command, firmware) == ""
     assert name_of(16) == "NAV_WAYPOINT"
     assert name_of(4711) == "command 4711"
@@ -127,8 +129,9 @@ def test_names_agree_with_the_dialect() -> None:
     from pymavlink.dialects.v20 import ardupilotmega
 
     names = ardupilotmega.enums["MAV_CMD"]
-    for number, command in COMMANDS.items():
-        assert names[number].name == f"MAV_CMD_{command.name}"
+    for command in MavCommand:
+        if command is not MavCommand.NAV_LAST:
+            assert names[command.value].name == f"MAV_CMD_{command.name}"
 
 
 def test_findings_read_like_a_compilers() -> None:

@@ -65,7 +65,7 @@ def unknown(file: MissionFile) -> MissionFile:
         (strayed, r"\[fence\] item \d+: leaves the fence"),
         (raced, r"\[speed\] .* m/s"),
         (gathered, r"\[separation\] .* m from the vehicle of uav\d.plan; at least 0.3 m"),
-        (unknown, r"\[command\] item 2: ArduCopter does not carry out command 9999"),
+        (unknown, r"\[command\] item 2: ArduCopter does not execute command 9999"),
     ],
 )
 def test_a_file_that_does_not_hold_is_not_written(

@@ -122,7 +122,7 @@ def test_everybody_waits_at_gates(field: Plan) -> None:
 @pytest.mark.parametrize(
     ("order", "reason"),
     [
-        (MissionOrder(Autopilot.PX4, gates=1, start_s=0), "not until a time of day"),
+        (MissionOrder(Autopilot.PX4, gates=1, start_s=0), "cannot wait until a time of day"),
         (MissionOrder(Autopilot.ARDUPILOT, gates=1), "say when"),
         (MissionOrder(Autopilot.ARDUPILOT, gates=1, start_s=0, timed=False), "corrected"),
         (MissionOrder(Autopilot.ARDUPILOT, Altitude.TERRAIN, gates=1, start_s=0), "corrected"),

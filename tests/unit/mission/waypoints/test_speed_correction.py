@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.autopilots.navigation.calibration import by_name
 from gcs.autopilots.navigation.predict import predict
+from gcs.autopilots.traits import Autopilot
 from gcs.mission.waypoints.leg_profile import SHARES, leg_profile
 from gcs.mission.waypoints.speed_correction import correct
 
@@ -25,7 +25,7 @@ def bend() -> tuple[np.ndarray, np.ndarray, list[int]]:
 
 
 def late_s(name: str, speeds_mps: np.ndarray, course: object) -> np.ndarray:
-    flown = predict(by_name(name), course.orders(speeds_mps))  # type: ignore[attr-defined]
+    flown = predict(Autopilot.named(name).navigator, course.orders(speeds_mps))  # type: ignore[attr-defined]
     return (course.passed_s(flown) - course.due_s)[:, -1]  # type: ignore[attr-defined,no-any-return]
 
 
@@ -34,7 +34,7 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
     course, legs = leg_profile(*bend(), SPEED_NED_MPS, slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
     assert legs == list(range(8))
     before = late_s(name, course.planned_mps, course)
-    found = correct(by_name(name), course, (0.0, 3.0))
+    found = correct(Autopilot.named(name).navigator, course, (0.0, 3.0))
     assert np.abs(before).max() > 1.0
     assert np.abs(found.late_s).max() < 0.5
     assert np.allclose(late_s(name, found.speeds_mps, course) - found.lead_s, found.late_s)
@@ -46,7 +46,7 @@ def test_late_waypoints_are_passed_in_time(name: str) -> None:
 def test_speeds_keep_to_the_limits_of_every_axis() -> None:
     course, _ = leg_profile(*bend(), np.array([4.0, 4.0, 0.1]), slowest_mps=0.3, fastest_mps=12.0, airborne_s=200.0)
     ways = np.diff(course.points_ned_m, axis=0)
-    found = correct(by_name("ardupilot"), course)
+    found = correct(Autopilot.ARDUPILOT.navigator, course)
     asked = np.abs(ways) / course.lengths_m[:, None] * found.speeds_mps[:, None]
     assert (asked <= np.array([4.0, 4.0, 0.1]) + np.abs(ways) * 0.3 / course.lengths_m[:, None] + 1e-9).all()
     assert found.lead_s == 0.0
@@ -62,5 +62,5 @@ def test_a_rest_is_a_hold_and_not_a_leg() -> None:
     assert legs == [0, 2]
     assert course.holds_s.tolist() == pytest.approx([10.0, 0.0])
     assert course.due_s[0].tolist() == pytest.approx([20.0 * share for share in SHARES])
-    found = correct(by_name("ardupilot"), course)
+    found = correct(Autopilot.ARDUPILOT.navigator, course)
     assert found.flown.completed_s[0] - found.flown.passed_s[0] >= 10.0

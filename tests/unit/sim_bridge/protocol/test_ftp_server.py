@@ -96,7 +96,7 @@ def test_a_file_written_replaces_the_mission_when_it_is_closed():
     assert client.held == before
     assert client.refused(READ, size=10) == FtpError.FAIL
     client.one(END)
-    assert compare_missions(NEW[1:], client.held[1:]) == []
+    assert compare_missions(NEW[1:], client.held[1:], autopilot=Autopilot.ARDUPILOT) == []
     assert client.held[0].alt_m == 400.0  # home is the vehicle's own
 
 
@@ -105,7 +105,7 @@ def test_a_part_is_replaced_where_a_file_says_so():
     before = client.held
     data = HEADER.pack(MAGIC, 0, 1, 4, 2) + write_mission_file(NEW)[HEADER.size :][: 2 * ITEM.size]
     client.write(data, pieces=[(0, data)])
-    assert compare_missions((*before[1:4], *NEW[:2], *before[6:]), client.held[1:]) == []
+    assert compare_missions((*before[1:4], *NEW[:2], *before[6:]), client.held[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_an_item_that_does_not_please_leaves_those_before_it():
     client = Client()
     bad = (*NEW[:7], replace(NEW[7], command=9999), *NEW[8:])
     client.write(write_mission_file(bad))
-    assert compare_missions(NEW[1:7], client.held[1:]) == []
+    assert compare_missions(NEW[1:7], client.held[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 def test_fences_are_taken_whole_and_rally_points_too():
@@ -178,7 +178,7 @@ def test_a_whole_file_is_taken_even_if_somebody_else_closes_it():
     assert first.held == before
     second.one(END, session=9, now_s=4.0)
     first.write(b"", pieces=[*rest, header])
-    assert compare_missions(NEW[1:], first.held[1:]) == []
+    assert compare_missions(NEW[1:], first.held[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 def test_a_repeated_request_gets_the_same_answer_once_more():
@@ -251,7 +251,7 @@ def test_hostile_bytes_change_nothing_and_the_next_honest_file_is_taken(attacks)
     for offset, piece in pieces_of(write_mission_file(NEW)):
         client.one(WRITE, offset=offset, data=piece, now_s=now_s + 20.0)
     client.one(END, now_s=now_s + 20.0)
-    assert compare_missions(NEW[1:], client.held[1:]) == []
+    assert compare_missions(NEW[1:], client.held[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
 def test_only_ardupilot_claims_and_has_it():

@@ -1,0 +1,179 @@
+"""The row of ArduPilot: ArduCopter 4.5 and 4.7.
+
+Sources: Copter's manual (the page "Mission Commands" among others), its published source code, and uploads to
+ArduCopter 4.5.6 and 4.7-dev that were recorded frame by frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gcs.autopilots.columns import (
+    ABOVE_GROUND,
+    ABOVE_HOME,
+    AMSL,
+    AutopilotTraits,
+    CommandSource,
+    EstimatorReport,
+    FlightBehaviour,
+    LinkBehaviour,
+    MissionSupport,
+    ParameterFileStyle,
+    ReadBackRules,
+    ReturnBehaviour,
+    ReturnParameters,
+    ReturnSettings,
+    StoredAs,
+)
+from gcs.autopilots.navigation import calibration
+from gcs.autopilots.protocol_timers import STANDARD
+from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MessageId
+
+_CM = 100
+_ALTITUDE_AND_AREAS = 5  # FENCE_TYPE: not the circle around home, which is on by default and ends 300 m away
+# The PREARM bit of SYS_STATUS turns true before GUIDED can be armed, so readiness is read from these flags.
+_ESTIMATOR = EstimatorReport(MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE)
+
+
+def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
+    """The parameters up to 4.6, in cm and cm/s.
+
+    Copter 4.7 renames them and counts in m and m/s (RTL_ALT_M, RTL_SPEED_MS, ...). It converts stored values, but does
+    not accept the old names.
+    """
+    return (
+        ("RTL_ALT", round(wanted.altitude_m * _CM)),
+        ("RTL_ALT_FINAL", 0),
+        ("RTL_CLIMB_MIN", 0),
+        ("RTL_CONE_SLOPE", 0.0),
+        ("RTL_SPEED", round(wanted.cruise_mps * _CM)),
+        ("RTL_LOIT_TIME", round(wanted.wait_s * 1000)),
+        ("WPNAV_SPEED_UP", float(round(wanted.climb_mps * _CM))),
+        ("WPNAV_SPEED_DN", float(round(wanted.sink_mps * _CM))),
+        ("FENCE_ENABLE", 1),
+        ("FENCE_TYPE", _ALTITUDE_AND_AREAS),
+        ("FENCE_ALT_MAX", wanted.fence_top_m),
+    )
+
+
+_COMMANDS: dict[int, CommandSource] = {
+    **dict.fromkeys(
+        (
+            MavCommand.NAV_LOITER_UNLIM,
+            MavCommand.NAV_LOITER_TURNS,
+            MavCommand.NAV_LOITER_TIME,
+            MavCommand.NAV_RETURN_TO_LAUNCH,
+            MavCommand.NAV_SPLINE_WAYPOINT,
+            MavCommand.NAV_GUIDED_ENABLE,
+            MavCommand.NAV_PAYLOAD_PLACE,
+            MavCommand.CONDITION_DELAY,
+            MavCommand.CONDITION_DISTANCE,
+            MavCommand.CONDITION_YAW,
+            MavCommand.DO_JUMP,
+            MavCommand.DO_SET_HOME,
+            MavCommand.DO_SET_RELAY,
+            MavCommand.DO_REPEAT_RELAY,
+            MavCommand.DO_SET_SERVO,
+            MavCommand.DO_REPEAT_SERVO,
+            MavCommand.DO_SET_ROI,
+            MavCommand.DO_DIGICAM_CONFIGURE,
+            MavCommand.DO_DIGICAM_CONTROL,
+            MavCommand.DO_MOUNT_CONTROL,
+            MavCommand.DO_SET_CAM_TRIGG_DIST,
+            MavCommand.DO_FENCE_ENABLE,
+            MavCommand.DO_PARACHUTE,
+            MavCommand.DO_GRIPPER,
+            MavCommand.DO_SET_RESUME_REPEAT_DIST,
+            MavCommand.DO_AUX_FUNCTION,
+            MavCommand.DO_GUIDED_LIMITS,
+            MavCommand.JUMP_TAG,
+            MavCommand.DO_JUMP_TAG,
+            MavCommand.DO_GIMBAL_MANAGER_PITCHYAW,
+            MavCommand.DO_WINCH,
+            MavCommand.NAV_SCRIPT_TIME,
+            MavCommand.NAV_ATTITUDE_TIME,
+        ),
+        CommandSource.MANUAL,
+    ),
+    **dict.fromkeys(
+        (
+            MavCommand.NAV_WAYPOINT,
+            MavCommand.NAV_LAND,
+            MavCommand.NAV_TAKEOFF,
+            MavCommand.NAV_DELAY,
+            MavCommand.DO_CHANGE_SPEED,
+        ),
+        CommandSource.RECORDED,
+    ),
+    MavCommand.DO_SET_MODE: CommandSource.IGNORED,
+}
+
+ARDUPILOT = AutopilotTraits(
+    title="ArduCopter",
+    missions=MissionSupport(
+        frames=AMSL | ABOVE_HOME | ABOVE_GROUND,
+        items_max=650,  # 4.5 and 4.7 answer NO_SPACE to the 651st
+        fence_items_max=70,  # the manual's limit
+        rally_points_max=10,  # or more
+        jumps_max=15,  # boards with little memory ignore the others
+        inside_every_inclusion=True,
+        altitude_decimals=2,
+        speed_mps=(0.2, 20.0),  # WPNAV_WP_SPEED_MIN: less is ignored; the upper limit of WPNAV_SPEED
+        default_speed_mps=10.0,  # WPNAV_SPEED
+        climb_mps=(2.5, 1.5),  # WPNAV_SPEED_UP, WPNAV_SPEED_DN
+        takeoff_goes_to_place=False,
+        commands=_COMMANDS,
+    ),
+    returns=ReturnBehaviour(
+        altitude_above_home=True,
+        # It returns to a rally point at the point's altitude or at RTL_ALT, whichever is higher: here both are equal.
+        rally_at_return_altitude=True,
+        wait_s=5.0,
+        default_altitude_m=15.0,  # RTL_ALT
+        parameters=_return_parameters,
+    ),
+    flight=FlightBehaviour(
+        guided=CopterMode.GUIDED,
+        mission=CopterMode.AUTO,
+        hold=CopterMode.LOITER,
+        land=CopterMode.LAND,
+        returning=CopterMode.RTL,
+        armed_in=CopterMode.GUIDED,
+        two_part_modes=False,
+        mode_names={int(mode): mode.name for mode in CopterMode},
+        takeoff_above_sea=False,
+        stream_first_s=0.0,
+        lag_s=0.0,  # setpoints that came 0.1 s early put it 0.43 m ahead
+        waits_for_time_of_day=True,
+        estimator=_ESTIMATOR,
+        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
+    ),
+    link=LinkBehaviour(
+        home_is_item_0=True,
+        mission_files=True,  # 4.1 and newer
+        requests_in_flight=8,  # it answers requests for items in any order
+        integers_in_bytes=False,
+        # It stores an item in 15 bytes: of a waypoint whole seconds of the hold, of a take-off the pitch. The
+        # item does not turn the vehicle, WP_YAW_BEHAVIOR does. The published sources show this; the recordings have no
+        # such values.
+        read_back=ReadBackRules(
+            altitude_m=0.0101,  # cut to whole centimetres
+            parameters={
+                (MavCommand.NAV_LAND, 4): StoredAs.ANYTHING,  # 0 becomes 1
+                (MavCommand.NAV_WAYPOINT, 1): StoredAs.WHOLE,
+                **{
+                    (command, number): StoredAs.ZERO
+                    for command in (MavCommand.NAV_WAYPOINT, MavCommand.NAV_TAKEOFF)
+                    for number in (2, 3, 4)
+                },
+            },
+        ),
+        estimator=_ESTIMATOR,
+        timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
+    ),
+    parameter_file=ParameterFileStyle.MISSION_PLANNER,
+    navigator=calibration.ARDUPILOT,
+    # Vehicles leave at a GNSS time of day, and the target moves by their clock alone. This is a tenth of the model's
+    # error, for scheduling and clocks; no two vehicles were recorded side by side.
+    apart_s=0.02,
+)

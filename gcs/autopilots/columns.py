@@ -1,0 +1,211 @@
+"""The columns of the table of autopilots: everything that may differ between two of them, with its unit.
+
+The values are rows: `gcs.autopilots.ardupilot`, `gcs.autopilots.px4`. Code elsewhere reads a column; it never asks
+which autopilot it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum
+from typing import Any
+
+from gcs.autopilots.navigation.navigator import Navigator
+from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers
+from gcs.mavlink import EkfFlag, MessageId, ModeFlag
+
+# MAV_FRAME of items that name a position, as files and as links write it: altitude above mean sea level, above home,
+# above the ground
+AMSL, ABOVE_HOME, ABOVE_GROUND = frozenset({0, 5}), frozenset({3, 6}), frozenset({10, 11})
+
+
+class CommandSource(StrEnum):
+    """How it is known whether an autopilot executes a mission command."""
+
+    MANUAL = "its manual lists it"
+    RECORDED = "a recorded vehicle accepted it"
+    ABSENT = "its manual does not list it"
+    REFUSED = "a recorded vehicle refused it"
+    IGNORED = "it is accepted and never executed"
+
+
+@dataclass(frozen=True)
+class MissionSupport:
+    """What an autopilot stores, accepts and flies of a mission."""
+
+    frames: frozenset[int]  # MAV_FRAME of items that name a position
+    items_max: int  # home included where it is item 0
+    fence_items_max: int  # vertices and circles
+    rally_points_max: int
+    jumps_max: int | None  # DO_JUMP items that small boards execute; None: no limit is known
+    inside_every_inclusion: bool  # a vehicle must be inside all inclusion areas; else inside one of them
+    altitude_decimals: int | None  # of a stored altitude in m, others are cut off; None: single precision
+    speed_mps: tuple[float, float]  # slowest and fastest ground speed accepted from DO_CHANGE_SPEED
+    default_speed_mps: float  # ground speed of a mission without DO_CHANGE_SPEED
+    climb_mps: tuple[float, float]  # default speeds up and down
+    takeoff_goes_to_place: bool  # after the climb NAV_TAKEOFF flies to the position of its item
+    commands: Mapping[int, CommandSource]  # MAV_CMD; commands that are not listed: ABSENT
+
+
+@dataclass(frozen=True)
+class ReturnSettings:
+    """One vehicle's return (RTL), from which an autopilot's parameters follow. Altitudes are above its home, m."""
+
+    altitude_m: float
+    cruise_mps: float
+    climb_mps: float
+    sink_mps: float
+    wait_s: float  # above the landing point
+    fence_top_m: float
+    takeoff_m: float  # height of its hover
+
+
+ReturnParameters = tuple[tuple[str, int | float], ...]
+
+
+@dataclass(frozen=True)
+class ReturnBehaviour:
+    """How an autopilot returns (RTL)."""
+
+    altitude_above_home: bool  # the return altitude counts from home; else from the landing point it flies to
+    rally_at_return_altitude: bool  # a rally point holds the return altitude; else the ground, and RTL adds to it
+    wait_s: float  # above the landing point before the descent
+    default_altitude_m: float
+    parameters: Callable[[ReturnSettings], ReturnParameters]  # ints for whole-number parameters
+
+
+@dataclass(frozen=True)
+class EstimatorReport:
+    """The message whose flags show that the position estimate is ready, and these flags."""
+
+    message: MessageId
+    required: int
+    forbidden: int
+
+    def is_ready(self, name: str, fields: Mapping[str, Any]) -> bool:
+        """Return whether a message of this name with these fields reports a position estimate that is ready."""
+        if name != self.message.name:
+            return False
+        flags = fields["flags"]
+        return flags & self.required == self.required and not flags & self.forbidden
+
+
+@dataclass(frozen=True)
+class FlightBehaviour:
+    """How an autopilot is flown. Modes are values of HEARTBEAT.custom_mode."""
+
+    guided: int  # follows setpoints
+    mission: int
+    hold: int
+    land: int
+    returning: int
+    armed_in: int  # the mode in which it arms and takes off
+    two_part_modes: bool  # DO_SET_MODE takes main mode and sub mode apart
+    mode_names: Mapping[int, str]
+    takeoff_above_sea: bool  # NAV_TAKEOFF's altitude is above mean sea level; else above home
+    stream_first_s: float  # a setpoint stream of this length must precede guided mode, and must not stop in it
+    lag_s: float  # delay with which it follows setpoints that arrive on time
+    waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
+    estimator: EstimatorReport
+    health_ids: tuple[int, ...]  # messages that report failures in flight
+
+    @property
+    def estimator_id(self) -> int:
+        """The number of the message that shows whether the position estimate is ready."""
+        return self.estimator.message
+
+    def mode_parameters(self, mode: int) -> tuple[float, ...]:
+        """Return the parameters of DO_SET_MODE."""
+        if self.two_part_modes:
+            return float(ModeFlag.CUSTOM), *map(float, _parts(mode))
+        return float(ModeFlag.CUSTOM), float(mode)
+
+    def mode_name(self, mode: int) -> str:
+        """Return the name of a mode; a mode that is not known keeps its number.
+
+        A mode in two parts with an unknown sub mode has the name of its main mode.
+        """
+        if not self.two_part_modes:
+            return self.mode_names.get(mode, f"mode {mode}")
+        main, sub = _parts(mode)
+        of_main = self.mode_names.get(main << 16, f"mode {main}.{sub}")
+        return self.mode_names.get(main << 16 | sub << 24, of_main)
+
+    def position_is_known(self, name: str, fields: Mapping[str, Any]) -> bool:
+        """Return whether this message shows a position estimate that is ready for flight."""
+        return self.estimator.is_ready(name, fields)
+
+    def takeoff_parameters(self, height_m: float, home_amsl_m: float) -> tuple[float, ...]:
+        """Return the parameters of NAV_TAKEOFF for a vertical climb of `height_m`."""
+        top_m = home_amsl_m + height_m if self.takeoff_above_sea else height_m
+        place = math.nan if self.takeoff_above_sea else 0.0
+        return 0.0, 0.0, 0.0, math.nan, place, place, top_m
+
+
+class StoredAs(Enum):
+    """What an autopilot may make of a parameter of a mission item without changing what it flies."""
+
+    ANYTHING = "any value"
+    WHOLE = "cut to a whole number below 65535"
+    ZERO = "0"
+
+
+@dataclass(frozen=True)
+class ReadBackRules:
+    """Differences between sent and stored items that do not count, beyond those of the wire format."""
+
+    altitude_m: float = 0.0
+    parameters: Mapping[tuple[int, int], StoredAs] = field(default_factory=dict)  # by MAV_CMD and number (1 to 4)
+
+    def allows(self, command: int, number: int, sent: float, stored: float) -> bool:
+        """Return whether the autopilot stores `sent` as `stored` and flies the same."""
+        match self.parameters.get((command, number)):
+            case StoredAs.ANYTHING:
+                return True
+            case StoredAs.WHOLE:
+                return 0.0 <= sent < 0xFFFF and stored == math.floor(sent)
+            case StoredAs.ZERO:
+                return stored == 0.0
+        return False
+
+
+@dataclass(frozen=True)
+class LinkBehaviour:
+    """How an autopilot talks. The defaults are for a vehicle whose autopilot is not in the table."""
+
+    home_is_item_0: bool = False  # a mission on the wire, and in a .waypoints file, begins with home
+    mission_files: bool = False  # it takes a mission as a file (MAVLink FTP, @MISSION)
+    requests_in_flight: int = 1  # at a download; more only where items may be requested in any order
+    integers_in_bytes: bool = False  # PARAM_VALUE holds the bytes of an integer; else its value as a float
+    read_back: ReadBackRules = ReadBackRules()
+    estimator: EstimatorReport = EstimatorReport(
+        MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE
+    )
+    timers: ProtocolTimers = STANDARD
+
+
+class ParameterFileStyle(StrEnum):
+    """The format of a parameter file, by its suffix."""
+
+    MISSION_PLANNER = ".param"
+    QGROUNDCONTROL = ".params"
+
+
+@dataclass(frozen=True)
+class AutopilotTraits:
+    """One autopilot: a row of the table."""
+
+    title: str
+    missions: MissionSupport
+    returns: ReturnBehaviour
+    flight: FlightBehaviour
+    link: LinkBehaviour
+    parameter_file: ParameterFileStyle
+    navigator: Navigator  # the model that predicts its flight of waypoints
+    apart_s: float  # two vehicles with the same mission may differ by so much in time
+
+
+def _parts(mode: int) -> tuple[int, int]:
+    return mode >> 16 & 0xFF, mode >> 24 & 0xFF

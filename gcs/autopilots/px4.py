@@ -1,0 +1,177 @@
+"""The row of PX4: 1.17.
+
+Sources: PX4's manual (the page "Mission Mode (Multicopter)" among others) and uploads to PX4 1.17-dev that were
+recorded frame by frame.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcs.autopilots.columns import (
+    ABOVE_HOME,
+    AMSL,
+    AutopilotTraits,
+    CommandSource,
+    EstimatorReport,
+    FlightBehaviour,
+    LinkBehaviour,
+    MissionSupport,
+    ParameterFileStyle,
+    ReturnBehaviour,
+    ReturnParameters,
+    ReturnSettings,
+)
+from gcs.autopilots.navigation import calibration
+from gcs.autopilots.protocol_timers import STANDARD
+from gcs.mavlink import (
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_MISSION,
+    PX4_OFFBOARD,
+    PX4_RTL,
+    EkfFlag,
+    MavCommand,
+    MessageId,
+    px4_mode,
+)
+
+_TAKEOFF_M = 2.5  # MIS_TAKEOFF_ALT: it climbs so far before anything else
+_DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
+# Once it is ready it sets all ten flags, CONST_POS_MODE among them: on PX4 that one means nothing.
+_ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
+
+
+def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
+    return (
+        ("RTL_TYPE", 0),
+        ("RTL_RETURN_ALT", wanted.altitude_m),
+        ("RTL_DESCEND_ALT", min(_DESCEND_M, wanted.altitude_m)),
+        ("RTL_CONE_ANG", 0),
+        ("RTL_LAND_DELAY", wanted.wait_s),
+        ("MPC_XY_CRUISE", wanted.cruise_mps),
+        ("MPC_Z_V_AUTO_UP", wanted.climb_mps),
+        ("MPC_Z_V_AUTO_DN", wanted.sink_mps),
+        ("MIS_TAKEOFF_ALT", min(_TAKEOFF_M, math.floor(wanted.takeoff_m * 10) / 10)),
+        ("GF_MAX_VER_DIST", wanted.fence_top_m),
+    )
+
+
+_COMMANDS: dict[int, CommandSource] = {
+    **dict.fromkeys(
+        (
+            MavCommand.NAV_LOITER_UNLIM,
+            MavCommand.NAV_LOITER_TIME,
+            MavCommand.NAV_RETURN_TO_LAUNCH,
+            MavCommand.NAV_LOITER_TO_ALT,
+            MavCommand.NAV_ROI,
+            MavCommand.NAV_VTOL_TAKEOFF,
+            MavCommand.DO_JUMP,
+            MavCommand.DO_SET_HOME,
+            MavCommand.DO_SET_SERVO,
+            MavCommand.DO_LAND_START,
+            MavCommand.DO_SET_ROI_LOCATION,
+            MavCommand.DO_SET_ROI_WPNEXT_OFFSET,
+            MavCommand.DO_SET_ROI_NONE,
+            MavCommand.DO_CONTROL_VIDEO,
+            MavCommand.DO_SET_ROI,
+            MavCommand.DO_DIGICAM_CONTROL,
+            MavCommand.DO_MOUNT_CONFIGURE,
+            MavCommand.DO_MOUNT_CONTROL,
+            MavCommand.DO_SET_CAM_TRIGG_DIST,
+            MavCommand.DO_AUTOTUNE_ENABLE,
+            MavCommand.DO_SET_CAM_TRIGG_INTERVAL,
+            MavCommand.OBLIQUE_SURVEY,
+            MavCommand.SET_CAMERA_MODE,
+            MavCommand.SET_CAMERA_ZOOM,
+            MavCommand.SET_CAMERA_FOCUS,
+            MavCommand.DO_GIMBAL_MANAGER_PITCHYAW,
+            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE,
+            MavCommand.IMAGE_START_CAPTURE,
+            MavCommand.IMAGE_STOP_CAPTURE,
+            MavCommand.DO_TRIGGER_CONTROL,
+            MavCommand.VIDEO_START_CAPTURE,
+            MavCommand.VIDEO_STOP_CAPTURE,
+        ),
+        CommandSource.MANUAL,
+    ),
+    **dict.fromkeys(
+        (
+            MavCommand.NAV_WAYPOINT,
+            MavCommand.NAV_LAND,
+            MavCommand.NAV_TAKEOFF,
+            MavCommand.NAV_DELAY,
+            MavCommand.DO_CHANGE_SPEED,
+        ),
+        CommandSource.RECORDED,
+    ),
+    MavCommand.NAV_SPLINE_WAYPOINT: CommandSource.REFUSED,
+    MavCommand.CONDITION_YAW: CommandSource.REFUSED,
+}
+
+_MAIN_MODES = {
+    **{1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 4: "AUTO", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED", 8: "RATTITUDE"},
+    **{9: "SIMPLE", 10: "TERMINATION", 11: "ALTITUDE_CRUISE"},
+}
+_AUTO = 4  # the main mode of these
+_AUTO_MODES = {
+    **{1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RTL", 6: "LAND", 8: "FOLLOW_TARGET", 9: "PRECLAND"},
+    **{10: "VTOL_TAKEOFF"},
+}
+
+PX4 = AutopilotTraits(
+    title="PX4",
+    missions=MissionSupport(
+        frames=AMSL | ABOVE_HOME,  # MISSION_UNSUPPORTED_FRAME to altitudes above the ground
+        items_max=500,  # on its smaller boards; more with more memory (NUM_MISSIONS_SUPPORTED)
+        fence_items_max=63,  # 64 less one (DM_KEY_FENCE_POINTS)
+        rally_points_max=7,  # its oldest versions store 8 less one
+        jumps_max=None,
+        inside_every_inclusion=False,
+        altitude_decimals=None,
+        speed_mps=(0.1, 12.0),  # MPC_XY_VEL_MAX unless changed
+        default_speed_mps=5.0,  # MPC_XY_CRUISE
+        climb_mps=(3.0, 1.5),  # MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN
+        takeoff_goes_to_place=True,
+        commands=_COMMANDS,
+    ),
+    returns=ReturnBehaviour(
+        altitude_above_home=False,
+        rally_at_return_altitude=False,  # it adds RTL_RETURN_ALT to the rally point
+        wait_s=0.0,
+        default_altitude_m=60.0,  # RTL_RETURN_ALT
+        parameters=_return_parameters,
+    ),
+    flight=FlightBehaviour(
+        guided=PX4_OFFBOARD,
+        mission=PX4_MISSION,
+        hold=PX4_HOLD,
+        land=PX4_LAND,
+        returning=PX4_RTL,
+        armed_in=PX4_HOLD,
+        two_part_modes=True,
+        mode_names={px4_mode(main): name for main, name in _MAIN_MODES.items()}
+        | {px4_mode(_AUTO, sub): name for sub, name in _AUTO_MODES.items()},
+        takeoff_above_sea=True,
+        stream_first_s=1.5,
+        lag_s=0.1,  # 0.13 s at 20 Hz, less half a period of waiting for the next setpoint
+        waits_for_time_of_day=False,
+        estimator=_ESTIMATOR,
+        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
+    ),
+    link=LinkBehaviour(
+        home_is_item_0=False,
+        mission_files=False,
+        # It follows requests one by one, and ends the transfer at a request for the item before the last: a late copy
+        # does harm.
+        requests_in_flight=1,
+        integers_in_bytes=True,
+        estimator=_ESTIMATOR,
+        timers=STANDARD,
+    ),
+    parameter_file=ParameterFileStyle.QGROUNDCONTROL,
+    navigator=calibration.PX4,
+    # Vehicles have no common start, and noise in height decides at which waypoints each brakes. Two vehicles differ by
+    # twice the square root of two times the largest RMS of `calibration.RESIDUALS`.
+    apart_s=2.2,
+)
