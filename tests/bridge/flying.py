@@ -59,6 +59,11 @@ def hop_scenario(field_scenario: Scenario) -> Scenario:
     return Scenario.model_validate(data)
 
 
+def is_order(event: Event) -> bool:
+    """Whether an event is an order, not an incident."""
+    return event.what == "released" or event.what.startswith("ordered to ")
+
+
 @dataclass
 class Flown:
     """What became of a flight. Positions are true ones."""
@@ -71,13 +76,13 @@ class Flown:
     stopped: bool = False
     events: list[Event] = field(default_factory=list)
 
-    def told(self, sysid: int) -> list[str]:
-        """What a vehicle was told, in order."""
-        return [e.what.removeprefix("told to ") for e in self.events if e.sysid == sysid and e.what.startswith("told")]
+    def orders(self, sysid: int) -> list[str]:
+        """The orders to a vehicle, oldest first; "released" where it is left to its own autopilot."""
+        return [e.what.removeprefix("ordered to ") for e in self.events if e.sysid == sysid and is_order(e)]
 
     def happened(self, sysid: int) -> list[str]:
-        """What happened to it."""
-        return [e.what for e in self.events if e.sysid == sysid and not e.what.startswith("told")]
+        """The incidents of a vehicle, oldest first."""
+        return [e.what for e in self.events if e.sysid == sysid and not is_order(e)]
 
     def at_s(self, sysid: int, what: str) -> float:
         """Plan time of an event."""

@@ -71,7 +71,7 @@ def test_it_is_found_shown_and_flown_to_its_end(left_alone: tuple[World, Path]) 
 
 
 @pytest.mark.slow
-def test_it_is_called_home(left_alone: tuple[World, Path]) -> None:
+def test_it_returns(left_alone: tuple[World, Path]) -> None:
     world, flights = left_alone
     attach("--to", str(flights), "--return")
     assert world.airframes.landed.all()

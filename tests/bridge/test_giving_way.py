@@ -54,17 +54,17 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
     pilot = modes_at(1, (12.0, CopterMode.LOITER), (24.0, CopterMode.LAND))
     flown = fly(column, during=pilot, speedup=CALMLY)
     assert isinstance(flown.error, FlightError)
-    assert flown.told(1) == ["leave alone"]
+    assert flown.orders(1) == ["released"]
     assert "mode left" in flown.happened(1)
-    assert flown.told(2) == ["spread vertically", "land"]  # 2 m more are still less than 3.6 m
-    spread_s, land_s = flown.at_s(2, "told to spread vertically"), flown.at_s(2, "told to land")
+    assert flown.orders(2) == ["climb", "land"]  # 2 m more are still less than 3.6 m
+    spread_s, land_s = flown.at_s(2, "ordered to climb"), flown.at_s(2, "ordered to land")
     climbing = (flown.t_s > spread_s) & (flown.t_s < land_s)
     heights = -flown.places[1, climbing, 2]
     assert heights.max() - heights[0] == pytest.approx(2.0, abs=0.4)
-    assert flown.told(3) == ["hold", "return"]
-    held = (flown.t_s > flown.at_s(3, "told to hold") + 4.0) & (flown.t_s < flown.at_s(3, "told to return"))
+    assert flown.orders(3) == ["hold", "return"]
+    held = (flown.t_s > flown.at_s(3, "ordered to hold") + 4.0) & (flown.t_s < flown.at_s(3, "ordered to return"))
     assert np.ptp(flown.places[2, held, :2], axis=0).max() < 1.0  # it stands
-    assert flown.at_s(3, "told to return") - flown.at_s(3, "told to hold") > 5.0
+    assert flown.at_s(3, "ordered to return") - flown.at_s(3, "ordered to hold") > 5.0
     came_home(flown, 3)
     aloft = (flown.t_s > 0.0) & (flown.places[:, :, 2] < -1.0).all(axis=0)
     least = [
@@ -75,7 +75,7 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
     assert flown.world.airframes.landed.all()
 
 
-def test_who_is_blown_over_the_fence_goes_home(hop: Plan) -> None:
+def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
     """Twice: vehicle 3 only tells of it, as it was set, and is called home; vehicle 2 turns back by itself."""
 
     def only_tell(world: World, flight: FlightSequence) -> None:
@@ -87,15 +87,15 @@ def test_who_is_blown_over_the_fence_goes_home(hop: Plan) -> None:
     flown = fly(hop, "3:push=-2,7@28..30.5", "2:push=2,-7@28..30.5", safety=True, during=only_tell)
     assert isinstance(flown.error, FlightError)
     assert flown.happened(3) == ["fence breached"]
-    assert flown.told(3) == ["return"]
+    assert flown.orders(3) == ["return"]
     assert {"mode left", "fence breached"} >= set(flown.happened(2)) != set()
-    assert flown.told(2)[0] in ("leave alone", "return")
+    assert flown.orders(2)[0] in ("released", "return")
     came_home(flown, 2)
     came_home(flown, 3)
     flew_on(flown, 1)
 
 
-def test_all_fall_silent_and_are_told_to_land(hop: Plan) -> None:
+def test_all_fall_silent_and_land(hop: Plan) -> None:
     """They hear, and are not heard; whatever their autopilots are set to, they land because they are told."""
     flown = fly(
         hop,

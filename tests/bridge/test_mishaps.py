@@ -50,19 +50,19 @@ def test_a_vehicle_is_lost_the_others_land(hop: Plan) -> None:
     assert isinstance(flown.error, FlightError)
     assert "vehicle 2 was lost" in flown.error.message
     assert flown.happened(2) == ["link lost", "vehicle lost"]
-    assert flown.told(1) == flown.told(3) == ["land"]
+    assert flown.orders(1) == flown.orders(3) == ["land"]
     assert flown.world.airframes.landed.all()
 
 
 @pytest.mark.slow
-def test_a_vehicle_is_lost_the_others_go_home_staggered(hop: Plan) -> None:
+def test_a_vehicle_is_lost_the_others_return_staggered(hop: Plan) -> None:
     flown = fly(hop, "2:die@30", on_loss=OnLoss.RETURN)
-    assert flown.told(1) == flown.told(3) == ["return"]
+    assert flown.orders(1) == flown.orders(3) == ["return"]
     came_home(flown, 1)
     came_home(flown, 3)
-    homewards = flown.t_s > flown.at_s(1, "told to return")
+    homewards = flown.t_s > flown.at_s(1, "ordered to return")
     tops = [-flown.places[row, homewards, 2].min() for row in (0, 2)]
-    returns = flown.flight.crisis.returns
+    returns = flown.flight.contingency.returns
     assert tops == pytest.approx([returns.altitudes_m[0], returns.altitudes_m[2]], abs=0.5)
     apart = np.linalg.norm(flown.places[0, homewards] - flown.places[2, homewards], axis=-1)
     assert apart.min() > flown.plan.scenario.judge.separation_min_m
@@ -80,7 +80,7 @@ def test_a_link_that_comes_back_soon(hop: Plan) -> None:
     flown = fly(hop, "3:silent@30..33.5")
     assert flown.error is None
     assert flown.happened(3) == ["link lost", "link back"]
-    assert flown.told(3) == ["go on from where it is"]
+    assert flown.orders(3) == ["rejoin"]
     row, late = 2, (flown.t_s > 25.0) & (flown.t_s < 30.0)
     assert np.linalg.norm(flown.places[row, late] - flown.planned[row, late], axis=-1).max() < 0.5
 
@@ -88,7 +88,7 @@ def test_a_link_that_comes_back_soon(hop: Plan) -> None:
 @pytest.mark.slow
 def test_a_link_that_comes_back_late(hop: Plan) -> None:
     flown = fly(hop, "3:silent@30..37")
-    assert flown.told(3) == ["return"]
+    assert flown.orders(3) == ["return"]
     came_home(flown, 3)
     flew_on(flown, 1)
     flew_on(flown, 2)
@@ -100,20 +100,20 @@ def test_a_short_outage_of_gnss(hop: Plan) -> None:
     flown = fly(hop, "2:gnss-outage@30..34")
     assert flown.error is None
     assert flown.happened(2) == ["GNSS lost", "GNSS back"]
-    assert flown.told(2) == []
+    assert flown.orders(2) == []
 
 
 def test_a_long_outage_of_gnss(hop: Plan) -> None:
     flown = fly(hop, "2:gnss-outage@25..60")
-    assert flown.told(2)[-1] == "land"
+    assert flown.orders(2)[-1] == "land"
     flew_on(flown, 1)
     assert flown.world.airframes.landed.all()
 
 
 @pytest.mark.slow
-def test_a_low_battery_goes_home(hop: Plan) -> None:
+def test_a_low_battery_returns(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.18@30")
-    assert flown.told(3) == ["return"]
+    assert flown.orders(3) == ["return"]
     came_home(flown, 3)
     flew_on(flown, 1)
     flew_on(flown, 2)
@@ -122,7 +122,7 @@ def test_a_low_battery_goes_home(hop: Plan) -> None:
 
 def test_a_critical_battery_lands_at_once(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.07@30")
-    assert flown.told(3)[-1] == "land"
+    assert flown.orders(3)[-1] == "land"
     down = flown.places[2, -1]
     assert 5.0 < down[0] < 50.0  # neither at home nor at the end
     flew_on(flown, 1)
@@ -130,8 +130,8 @@ def test_a_critical_battery_lands_at_once(hop: Plan) -> None:
 
 def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
     flown = fly(hop, "1:die@30", follow=True)
-    assert flown.told(2) == ["lead"]
-    assert flown.told(3) == []
+    assert flown.orders(2) == ["lead"]
+    assert flown.orders(3) == []
     flew_on(flown, 2)
     flew_on(flown, 3)
 
@@ -139,6 +139,6 @@ def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
 @pytest.mark.slow
 def test_on_board_missions_are_watched_as_well(hop: Plan) -> None:
     flown = fly(hop, "3:battery=0.18@75", mode=FlightMode.MISSION)
-    assert flown.told(3) == ["return"]
+    assert flown.orders(3) == ["return"]
     came_home(flown, 3)
     assert flown.error is not None

@@ -201,12 +201,12 @@ def test_a_flight_is_shown_beside_its_plan(
     book = FlightState("simulation1", plan.hash, (), {}, "stream", False, "flying", t0_unix_s, os.getpid())
     write_flight_state(tmp_path, book)
     with EventLog(tmp_path / "events.jsonl") as events:
-        events.write(Event(t0_unix_s, plan.t_start_s + 5.0, 2, "battery low", "a low battery goes home"))
+        events.write(Event(t0_unix_s, plan.t_start_s + 5.0, 2, "battery low", "A vehicle with a low battery returns"))
     with (tmp_path / "events.jsonl").open("a") as file:
         file.write('{"unix_s": 17')  # its writer was killed
     assert run(["replay", str(tmp_path), "--speed", "max"]) == 0
     text = capsys.readouterr().out
-    assert "vehicle 2 battery low. a low battery goes home" in text
+    assert "vehicle 2 battery low. A vehicle with a low battery returns" in text
     assert "2 of 6 vehicles heard" in text
     assert "off the plan by at most" in text
     recording = load_recording(tmp_path).recording

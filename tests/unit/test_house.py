@@ -33,6 +33,7 @@ ONLY_IN = {"casadi": "gcs/plan", "pymavlink": "gcs/link/wire/codec.py", "mavsdk"
 SANS_IO = (
     "gcs/autopilots",
     "gcs/flight/contingency/conflict_prediction.py",
+    "gcs/flight/contingency/decisions.py",
     "gcs/flight/contingency/detection.py",
     "gcs/flight/contingency/manoeuvres.py",
     "gcs/flight/contingency/policy.py",

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gcs.flight.contingency.policy import KEEPS, POLICY
+
 MISHAPS = "tests/bridge/test_mishaps.py"
 NEAR = "tests/bridge/test_giving_way.py"
 DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
@@ -15,28 +17,42 @@ PARAMETERS = "tests/unit/link/test_parameters.py"
 PROLOGUE = "tests/unit/flight/sequence/test_takeoff_landing.py"
 STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
 
-# Each row of docs/flying.md, "When things fail", and the flight that proves it.
-FLOWN = {
-    "link lost": [(MISHAPS, "test_a_link_that_comes_back_soon")],
-    "link back in time": [(MISHAPS, "test_a_link_that_comes_back_soon")],
-    "link back, elsewhere": [(MISHAPS, "test_a_link_that_comes_back_late")],
-    "vehicle lost": [
-        (MISHAPS, "test_a_vehicle_is_lost_the_others_land"),
-        (MISHAPS, "test_a_vehicle_is_lost_the_others_go_home_staggered"),
-        (MISHAPS, "test_a_vehicle_is_lost_the_others_go_on"),
+RULES = "tests/unit/flight/contingency/test_policy.py"
+YIELDING = (NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")
+
+# Each rule of the contingency policy, and the flight or test that proves it.
+POLICY_PROOFS = {
+    "The setpoint stream continues": [(MISHAPS, "test_a_link_that_comes_back_soon")],
+    "A vehicle heard again in its place rejoins; its deviation fades in 8 s": [
+        (MISHAPS, "test_a_link_that_comes_back_soon")
     ],
-    "leader lost or leaves, with `--follow`": [(MISHAPS, "test_a_leader_is_lost_and_another_leads")],
-    "GNSS outage": [(MISHAPS, "test_a_short_outage_of_gnss")],
-    "GNSS gone": [(MISHAPS, "test_a_long_outage_of_gnss")],
-    "battery low": [(MISHAPS, "test_a_low_battery_goes_home")],
-    "battery critical": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
-    "fence breached": [(NEAR, "test_who_is_blown_over_the_fence_goes_home")],
-    "its autopilot or a pilot takes over": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
-    "too near, seen 1.5 s ahead or more": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
-    "too near, no time to brake, or still": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
-    "too near, still": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
-    "out of conflict for 5 s": [(NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")],
-    "all silent": [(NEAR, "test_all_fall_silent_and_are_told_to_land")],
+    "A vehicle heard again too late, off its place or in another mode returns": [
+        (MISHAPS, "test_a_link_that_comes_back_late")
+    ],
+    "A lost vehicle gets no order until it is heard again": [(MISHAPS, "test_a_vehicle_is_lost_the_others_land")],
+    "The vehicle flies on by its own estimate": [(MISHAPS, "test_a_short_outage_of_gnss")],
+    "The vehicle flies on": [(MISHAPS, "test_a_short_outage_of_gnss")],
+    "A vehicle without a position lands at once": [(MISHAPS, "test_a_long_outage_of_gnss")],
+    "A vehicle with a low battery returns": [(MISHAPS, "test_a_low_battery_returns")],
+    "A vehicle with a critical battery lands at once": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
+    "A vehicle outside the fence returns": [(NEAR, "test_a_vehicle_blown_over_the_fence_returns")],
+    "A vehicle in a mode that was not ordered is left to its autopilot or pilot": [YIELDING],
+    "The yielding vehicle brakes and holds": [YIELDING],
+    "The upper vehicle climbs by 2 m": [YIELDING],
+    "The yielding vehicle lands": [YIELDING],
+    "An earlier order gets time to act, or no vehicle can yield": [(RULES, "test_conflicts_escalate_hold_spread_land")],
+    "A vehicle that yielded returns after 5 s without a conflict": [YIELDING],
+    "A vehicle was lost: all others land": [(MISHAPS, "test_a_vehicle_is_lost_the_others_land")],
+    "A vehicle was lost: all others return": [(MISHAPS, "test_a_vehicle_is_lost_the_others_return_staggered")],
+    "All others continue": [(MISHAPS, "test_a_vehicle_is_lost_the_others_go_on")],
+    "The next vehicle leads": [(MISHAPS, "test_a_leader_is_lost_and_another_leads")],
+    "The formation has no leader: all vehicles return": [(RULES, "test_without_a_leader_all_may_return")],
+    "The operator ordered all vehicles to return": [("tests/bridge/test_attach.py", "test_it_returns")],
+}
+
+# Each row of docs/flying.md on the ground station itself.
+FLOWN = {
+    "all vehicles silent": [(NEAR, "test_all_fall_silent_and_land")],
     "ground station stopped (Ctrl-C, at any step, once or often)": [
         ("tests/bridge/test_stopped.py", "test_a_flight_may_be_stopped_at_any_time"),
         ("tests/bridge/test_fly.py", "test_ctrl_c_lands_vehicles_that_are_not_ours"),
@@ -139,12 +155,21 @@ def rows(text: str, header: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("document", "header", "proofs"), [("docs/flying.md", "what", FLOWN), ("docs/autopilots.md", "habit", HABITS)]
+    ("document", "header", "proofs"), [("docs/flying.md", "event", FLOWN), ("docs/autopilots.md", "habit", HABITS)]
 )
 def test_every_row_has_a_test(
     repo_root: Path, document: str, header: str, proofs: dict[str, list[tuple[str, str]]]
 ) -> None:
     assert rows((repo_root / document).read_text(), header) == list(proofs)
+    assert_tests_exist(repo_root, proofs)
+
+
+def test_every_rule_has_a_test(repo_root: Path) -> None:
+    assert {row.rule for row in POLICY} - {KEEPS} == set(POLICY_PROOFS)
+    assert_tests_exist(repo_root, POLICY_PROOFS)
+
+
+def assert_tests_exist(repo_root: Path, proofs: dict[str, list[tuple[str, str]]]) -> None:
     for tests in proofs.values():
         assert tests
         for path, name in tests:

@@ -54,6 +54,22 @@ class DetectionLimits:
     battery_critical_pct: int = 10
 
 
+LIMITS = DetectionLimits()
+DETECTED = {  # how each incident is detected, for the documents
+    IncidentKind.LINK_LOST: f"no message for {LIMITS.link_lost_s:g} s",
+    IncidentKind.LINK_BACK: "a position after a silence",
+    IncidentKind.VEHICLE_LOST: f"no message for {LIMITS.vehicle_lost_s:g} s",
+    IncidentKind.GNSS_LOST: "GPS_RAW_INT: a fix below 3D",
+    IncidentKind.GNSS_BACK: "GPS_RAW_INT: a 3D fix again",
+    IncidentKind.GNSS_GONE: f"no 3D fix for {LIMITS.gnss_gone_s:g} s",
+    IncidentKind.BATTERY_LOW: f"SYS_STATUS: {LIMITS.battery_low_pct} % or less left",
+    IncidentKind.BATTERY_CRITICAL: f"SYS_STATUS: {LIMITS.battery_critical_pct} % or less left",
+    IncidentKind.FENCE: "FENCE_STATUS, or PX4's STATUSTEXT",
+    IncidentKind.MODE_LEFT: "HEARTBEAT: a mode that was not ordered",
+    IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
+}
+
+
 class VehicleWatch:
     """One vehicle. `obeys` are the modes it was told: any other one means that somebody else has taken over."""
 

@@ -18,9 +18,10 @@ import numpy as np
 from gcs.aio import ended
 from gcs.errors import GcsError
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
 from gcs.flight.contingency.manoeuvres import LegsReference, hold_reference, return_reference, spread_reference
-from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, Action, Choices, ContingencyPolicy, Order, State
+from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, USABLE_M, Action, Choices, Order, State
 from gcs.flight.monitor import Monitor, VehicleView
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
@@ -33,7 +34,6 @@ from gcs.plan.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # of fleet time between two looks
 _SLEEP_S = 0.005
-_USABLE_M = 1.5  # further off, a vehicle that is heard again would have to catch up, with others in its way
 _REJOIN_S = 8.0
 _TRIES = 3
 _HOVER_M = 1.0  # over home, before the landing
@@ -53,7 +53,7 @@ class ContingencyExecutor:
         options: FlightOptions,
         on_event: Callable[[Event], None],
     ) -> None:
-        self.director = ContingencyPolicy(
+        self.policy = ContingencyPolicy(
             plan.sysids,
             plan.sysids[plan.leader],
             Choices(options.on_loss, options.on_leader_loss, options.follow),
@@ -71,7 +71,7 @@ class ContingencyExecutor:
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
         self._watches = {sysid: self._watch(crew) for sysid, crew in crews.items()}
         self._now_s = -math.inf  # of the fleet; worked out once for many messages
-        self._going_home: dict[int, LegsReference] = {}
+        self._returning: dict[int, LegsReference] = {}
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
     def _watch(self, crew: FlightVehicle) -> VehicleWatch:
@@ -100,10 +100,10 @@ class ContingencyExecutor:
             for task in self._tasks.values():
                 await ended(task)
 
-    def call_home(self) -> None:
+    def return_all(self) -> None:
         """Everybody returns now, because somebody says so."""
         t_s = self._time.sure_s() - (self._monitor.t0_unix_s or 0.0)
-        for order in self.director.call_home(self._time.sure_s()):
+        for order in self.policy.return_all(self._time.sure_s()):
             self._carry_out(order, t_s)
 
     def landing(self) -> None:
@@ -139,23 +139,23 @@ class ContingencyExecutor:
             if not self._crews[sysid].session.armed:
                 continue  # who stands on the ground has no troubles
             error_m = self._monitor.views[sysid].error_m
-            watch.usable = not error_m > _USABLE_M
+            watch.usable = not error_m > USABLE_M
             for incident in watch.look(now_s):
                 self._decide(incident, t_s)
         self._look_apart(now_s, t_s)
-        for order in self.director.clear(now_s):
+        for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
-        for sysid, course in list(self._going_home.items()):
+        for sysid, course in list(self._returning.items()):
             if t_s > course.end_s:
-                del self._going_home[sysid]
+                del self._returning[sysid]
                 self._start(sysid, partial(self._change_mode, self._crews[sysid], self._crews[sysid].behaviour.land))
-        formation = self.director.in_formation
-        self._monitor.in_formation = [i for i in formation if self.director.states[i] is State.FLYING]
+        formation = self.policy.in_formation
+        self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
         if not formation:
             self.over.set()
 
     def _look_apart(self, now_s: float, t_s: float) -> None:
-        states = self.director.states
+        states = self.policy.states
         aloft = [i for i, s in states.items() if s is not State.LOST and self._crews[i].session.armed]
         self._monitor.aloft = aloft
         on_plan = [i for i in aloft if states[i] in IN_FORMATION]
@@ -168,7 +168,7 @@ class ContingencyExecutor:
             self._decide(incident, t_s, higher=higher)
 
     def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
-        orders = self.director.take(incident, higher=higher)
+        orders = self.policy.take(incident, higher=higher)
         if incident.kind is not IncidentKind.CONFLICT or orders:
             self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail)
         for order in orders:
@@ -180,10 +180,10 @@ class ContingencyExecutor:
         self._on_event(event)
 
     def _carry_out(self, order: Order, t_s: float) -> None:
-        self._note(self._time.sure_s(), t_s, order.sysid, f"told to {order.action.value}", order.rule)
+        self._note(self._time.sure_s(), t_s, order.sysid, _said(order.action), order.rule)
         crew = self._crews[order.sysid]
         watch, m, view = self._watches[order.sysid], crew.behaviour, crew.view
-        self._going_home.pop(order.sysid, None)
+        self._returning.pop(order.sysid, None)
         begin_s = t_s + self._options.lead_s
         match order.action:
             case Action.LEAVE:
@@ -200,7 +200,7 @@ class ContingencyExecutor:
                 watch.obeys = frozenset({*watch.obeys, m.guided, m.land, m.returning})
                 course = self._course(order, view, crew.row, begin_s)
                 if order.action is Action.RETURN:
-                    self._going_home[order.sysid] = course
+                    self._returning[order.sysid] = course
                 self._start(order.sysid, partial(self._pilot.take_over, crew, course))
 
     def _course(self, order: Order, view: VehicleView, row: int, begin_s: float) -> LegsReference:
@@ -242,3 +242,8 @@ class ContingencyExecutor:
                     return
 
         self._tasks[sysid] = asyncio.ensure_future(guarded())
+
+
+def _said(action: Action) -> str:
+    """The words of an event: a released vehicle gets no order."""
+    return "released" if action is Action.LEAVE else f"ordered to {action.value}"

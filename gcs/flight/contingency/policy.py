@@ -1,30 +1,21 @@
-"""What is done when things go wrong in flight: a state machine from incidents to orders.
+"""The contingency policy as one table: incident, state of the vehicle and choice -> new state, order and rule.
 
-Knows: who is where in its flight, the choices of whoever flies. Does not know: messages, clocks, courses, how orders
-are carried out (`crisis`). `docs/flying.md` has the same as a table; its tests are the rows.
-
-    state      meaning                                 leaves by
-    FLYING     on the plan                             any order, silence
-    SILENT     not heard, its stream goes on           link back -> FLYING or RETURNING; lost -> LOST
-    HOLDING    gave way, stands                        clear for a while -> RETURNING; conflict -> SPREAD
-    SPREAD     gave way in height                      clear for a while -> RETURNING; conflict -> LANDING
-    RETURNING  on its own way home                     landed; battery critical, conflict -> LANDING
-    LANDING    coming down where it is
-    LEFT       its own autopilot or a pilot flies it
-    LOST       silent for too long                     link back -> RETURNING
+`gcs.flight.contingency.decisions` executes `POLICY`; tools/policy_table.py prints it into docs/flying.md. The first row
+that applies counts. Values computed from several vehicles (which of two yields, who is left) are the functions below
+that rows name.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.flight.contingency.detection import Incident, IncidentKind
+from gcs.flight.contingency.detection import IncidentKind
 
 
 class State(StrEnum):
-    """See the table above."""
+    """The state of one vehicle; `MEANING` says what each one means."""
 
     FLYING = "flying"
     SILENT = "silent"
@@ -36,20 +27,41 @@ class State(StrEnum):
     LOST = "lost"
 
 
+MEANING = {
+    State.FLYING: "flies the plan",
+    State.SILENT: "is not heard; its setpoint stream continues",
+    State.HOLDING: "yielded in a conflict; holds its position",
+    State.SPREAD: "yielded in a conflict; holds 2 m higher",
+    State.RETURNING: "returns (RTL)",
+    State.LANDING: "lands at its position",
+    State.LEFT: "is flown by its own autopilot or by a pilot; gets no order",
+    State.LOST: "was silent for too long; gets no order",
+}
+
+
 class Action(StrEnum):
-    """What a vehicle is told to do."""
+    """What a vehicle is ordered to do."""
 
     HOLD = "hold"
-    SPREAD = "spread vertically"
+    SPREAD = "climb"
     RETURN = "return"
     LAND = "land"
-    LEAVE = "leave alone"
+    LEAVE = "release"
     PROMOTE = "lead"
-    REJOIN = "go on from where it is"
+    REJOIN = "rejoin"
+
+
+class Trigger(StrEnum):
+    """What the policy answers besides incidents: the operator, the passing of time, and the loss of a vehicle."""
+
+    RETURN_ALL = "return requested"
+    CLEAR = "conflict over"
+    VEHICLE_OUT = "vehicle lost from the formation"
+    LEADER_OUT = "leader lost or left, with `--follow`"
 
 
 class OnLoss(StrEnum):
-    """What the others do when a vehicle is lost."""
+    """What the other vehicles do when a vehicle is lost."""
 
     CONTINUE = "continue"
     RETURN = "return"
@@ -57,7 +69,7 @@ class OnLoss(StrEnum):
 
 
 class OnLeaderLoss(StrEnum):
-    """What followers do when their leader is."""
+    """What the followers do when their leader is lost or leaves the formation."""
 
     PROMOTE = "promote"
     RETURN = "return"
@@ -65,180 +77,247 @@ class OnLeaderLoss(StrEnum):
 
 @dataclass(frozen=True)
 class Choices:
-    """Left to whoever flies."""
+    """The operator's choices."""
 
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
     follow: bool = False
 
 
+IN_FORMATION = frozenset({State.FLYING, State.SILENT})
+YIELDS = frozenset({State.FLYING, State.HOLDING, State.SPREAD, State.RETURNING})
+AIRBORNE = YIELDS | {State.SILENT}  # can still get an order
+YIELDED = frozenset({State.HOLDING, State.SPREAD})
+ALL = frozenset(State)
+USABLE_M = 1.5  # heard again further off, a vehicle would have to catch up, with others on its track
+BRAKE_S = 1.5  # a conflict nearer than this leaves no time to brake
+CLEAR_S = 5.0
+AGAIN_S = 2.0  # an order gets this long to act before the next, stronger one
+SPREAD_M = 2.0  # upwards: what is below is not known
+SPREAD_AGAIN_S = 4.0  # that climb takes more than three seconds
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the choice of a row may depend on."""
+
+    states: Mapping[int, State]  # by system id, in the plan's order
+    choices: Choices
+    leader: int
+    sysid: int = 0  # of the incident
+    other: int = 0  # of a conflict: its second vehicle
+    in_s: float = 0.0  # time to a conflict
+    usable: bool = True  # of a link that is back: position and mode are as ordered
+    first_is_upper: bool = True  # of a conflict: its first vehicle is not below the other one
+    acting: frozenset[int] = frozenset()  # vehicles whose last order may still take effect
+    clear: tuple[int, ...] = ()  # vehicles without a conflict for `CLEAR_S`
+
+
+def reporting_vehicle(now: Situation) -> tuple[int, ...]:
+    """The vehicle of the incident."""
+    return (now.sysid,)
+
+
+def every_vehicle(now: Situation) -> tuple[int, ...]:
+    """All vehicles; the row's states select among them."""
+    return tuple(now.states)
+
+
+def clear_vehicles(now: Situation) -> tuple[int, ...]:
+    """The vehicles without a conflict for `CLEAR_S`."""
+    return now.clear
+
+
+def next_leader(now: Situation) -> tuple[int, ...]:
+    """The first vehicle in the plan's order that flies the plan and is heard."""
+    return tuple(i for i, state in now.states.items() if state is State.FLYING)[:1]
+
+
+def yielding_vehicle(now: Situation) -> tuple[int, ...]:
+    """The vehicle of a conflict that yields; none while an earlier order to either may still take effect.
+
+    A vehicle out of the formation yields to one in it, a follower to the leader. Of two alike the conflict's first
+    vehicle yields: it is further off its planned position.
+    """
+
+    def rank(sysid: int) -> tuple[bool, bool, bool]:
+        return now.states[sysid] in IN_FORMATION, sysid == now.leader, sysid != now.sysid
+
+    able = [i for i in sorted((now.sysid, now.other), key=rank) if now.states[i] in YIELDS]
+    return () if _order_acts(now) else tuple(able[:1])
+
+
+def upper_vehicle(now: Situation) -> tuple[int, ...]:
+    """The higher vehicle of a conflict; none while an earlier order to either may still take effect."""
+    upper = now.sysid if now.first_is_upper else now.other
+    return () if _order_acts(now) else (upper,)
+
+
+def _order_acts(now: Situation) -> bool:
+    return not now.acting.isdisjoint((now.sysid, now.other))
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition in words, for the document, and as a function."""
+
+    words: str
+    true: Callable[[Situation], bool]
+
+
+ALWAYS = Condition("", lambda now: True)
+IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
+TIME_TO_BRAKE = Condition(f"{BRAKE_S:g} s ahead or more", lambda now: now.in_s >= BRAKE_S)
+LAND_ON_LOSS = Condition("`--on-loss land`", lambda now: now.choices.on_loss is OnLoss.LAND)
+RETURN_ON_LOSS = Condition("`--on-loss return`", lambda now: now.choices.on_loss is OnLoss.RETURN)
+CONTINUE_ON_LOSS = Condition("`--on-loss continue`", lambda now: now.choices.on_loss is OnLoss.CONTINUE)
+PROMOTE = Condition("`--on-leader-loss promote`", lambda now: now.choices.on_leader_loss is OnLeaderLoss.PROMOTE)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One transition. It orders those `vehicles` that are in one of `states`; without one it does not apply."""
+
+    trigger: IncidentKind | Trigger
+    states: frozenset[State]
+    when: Condition
+    to: State | None  # None: the state stays
+    action: Action | None  # None: no order
+    rule: str
+    vehicles: Callable[[Situation], tuple[int, ...]] = reporting_vehicle
+
+
+KEEPS = "The vehicle keeps its order"
+_K, _S, _A, _T = IncidentKind, State, Action, Trigger
+POLICY = (
+    Row(_K.LINK_LOST, frozenset({_S.FLYING}), ALWAYS, _S.SILENT, None, "The setpoint stream continues"),
+    Row(_K.LINK_LOST, ALL - {_S.FLYING}, ALWAYS, None, None, KEEPS),
+    Row(
+        _K.LINK_BACK,
+        frozenset({_S.SILENT}),
+        IN_PLACE,
+        _S.FLYING,
+        _A.REJOIN,
+        "A vehicle heard again in its place rejoins; its deviation fades in 8 s",
+    ),
+    Row(
+        _K.LINK_BACK,
+        frozenset({_S.SILENT, _S.LOST}),
+        ALWAYS,
+        _S.RETURNING,
+        _A.RETURN,
+        "A vehicle heard again too late, off its place or in another mode returns",
+    ),
+    Row(_K.LINK_BACK, ALL - {_S.SILENT, _S.LOST}, ALWAYS, None, None, KEEPS),
+    Row(_K.VEHICLE_LOST, ALL, ALWAYS, _S.LOST, None, "A lost vehicle gets no order until it is heard again"),
+    Row(_K.GNSS_LOST, ALL, ALWAYS, None, None, "The vehicle flies on by its own estimate"),
+    Row(_K.GNSS_BACK, ALL, ALWAYS, None, None, "The vehicle flies on"),
+    Row(_K.GNSS_GONE, AIRBORNE, ALWAYS, _S.LANDING, _A.LAND, "A vehicle without a position lands at once"),
+    Row(_K.GNSS_GONE, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
+    Row(_K.BATTERY_LOW, IN_FORMATION, ALWAYS, _S.RETURNING, _A.RETURN, "A vehicle with a low battery returns"),
+    Row(_K.BATTERY_LOW, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
+    Row(
+        _K.BATTERY_CRITICAL,
+        AIRBORNE,
+        ALWAYS,
+        _S.LANDING,
+        _A.LAND,
+        "A vehicle with a critical battery lands at once",
+    ),
+    Row(_K.BATTERY_CRITICAL, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
+    Row(_K.FENCE, IN_FORMATION, ALWAYS, _S.RETURNING, _A.RETURN, "A vehicle outside the fence returns"),
+    Row(_K.FENCE, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
+    Row(
+        _K.MODE_LEFT,
+        AIRBORNE,
+        ALWAYS,
+        _S.LEFT,
+        _A.LEAVE,
+        "A vehicle in a mode that was not ordered is left to its autopilot or pilot",
+    ),
+    Row(_K.MODE_LEFT, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
+    Row(
+        _K.CONFLICT,
+        frozenset({_S.FLYING}),
+        TIME_TO_BRAKE,
+        _S.HOLDING,
+        _A.HOLD,
+        "The yielding vehicle brakes and holds",
+        yielding_vehicle,
+    ),
+    Row(
+        _K.CONFLICT,
+        frozenset({_S.FLYING, _S.HOLDING}),
+        ALWAYS,
+        _S.SPREAD,
+        _A.SPREAD,
+        f"The upper vehicle climbs by {SPREAD_M:g} m",
+        upper_vehicle,
+    ),
+    Row(
+        _K.CONFLICT,
+        YIELDS,
+        ALWAYS,
+        _S.LANDING,
+        _A.LAND,
+        "The yielding vehicle lands",
+        yielding_vehicle,
+    ),
+    Row(_K.CONFLICT, ALL, ALWAYS, None, None, "An earlier order gets time to act, or no vehicle can yield"),
+    Row(
+        _T.CLEAR,
+        YIELDED,
+        ALWAYS,
+        _S.RETURNING,
+        _A.RETURN,
+        f"A vehicle that yielded returns after {CLEAR_S:g} s without a conflict",
+        clear_vehicles,
+    ),
+    Row(
+        _T.VEHICLE_OUT,
+        IN_FORMATION,
+        LAND_ON_LOSS,
+        _S.LANDING,
+        _A.LAND,
+        "A vehicle was lost: all others land",
+        every_vehicle,
+    ),
+    Row(
+        _T.VEHICLE_OUT,
+        IN_FORMATION,
+        RETURN_ON_LOSS,
+        _S.RETURNING,
+        _A.RETURN,
+        "A vehicle was lost: all others return",
+        every_vehicle,
+    ),
+    Row(_T.VEHICLE_OUT, IN_FORMATION, CONTINUE_ON_LOSS, None, None, "All others continue", every_vehicle),
+    Row(_T.LEADER_OUT, frozenset({_S.FLYING}), PROMOTE, None, _A.PROMOTE, "The next vehicle leads", next_leader),
+    Row(
+        _T.LEADER_OUT,
+        IN_FORMATION,
+        ALWAYS,
+        _S.RETURNING,
+        _A.RETURN,
+        "The formation has no leader: all vehicles return",
+        every_vehicle,
+    ),
+    Row(
+        _T.RETURN_ALL,
+        IN_FORMATION,
+        ALWAYS,
+        _S.RETURNING,
+        _A.RETURN,
+        "The operator ordered all vehicles to return",
+        every_vehicle,
+    ),
+)
+
+
 @dataclass(frozen=True)
 class Order:
-    """One vehicle, one action, the rule that says so."""
+    """One vehicle, one action, and the rule it follows from."""
 
     sysid: int
     action: Action
     rule: str
-
-
-IN_FORMATION = frozenset({State.FLYING, State.SILENT})
-_GIVES_WAY = frozenset({State.FLYING, State.HOLDING, State.SPREAD, State.RETURNING})
-BRAKE_S = 1.5  # less time than this is not enough to stop in
-CLEAR_S = 5.0
-AGAIN_S = 2.0  # an order gets so long to work before the next, harder one
-SPREAD_M = 2.0  # up: what is below is not known
-SPREAD_AGAIN_S = 4.0  # that climb takes more than three seconds
-
-
-@dataclass
-class ContingencyPolicy:
-    """Decides. `states` by system id; `leader` is whom the others follow, if they do."""
-
-    sysids: tuple[int, ...]
-    leader: int
-    choices: Choices = Choices()
-    states: dict[int, State] = field(default_factory=dict)
-    troubles: list[Incident] = field(default_factory=list)  # those that took somebody out of the formation
-    _ordered_s: dict[int, float] = field(default_factory=dict)
-    _conflict_s: dict[int, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.states = dict.fromkeys(self.sysids, State.FLYING)
-
-    @property
-    def in_formation(self) -> tuple[int, ...]:
-        """Those who fly the plan, heard or not."""
-        return tuple(i for i, state in self.states.items() if state in IN_FORMATION)
-
-    def take(self, incident: Incident, *, higher: bool = True) -> list[Order]:
-        """Orders for an incident. `higher`: of a conflict, whether its first vehicle is not below the other."""
-        state = self.states[incident.sysid]
-        match incident.kind:
-            case IncidentKind.LINK_LOST:
-                if state is State.FLYING:
-                    self.states[incident.sysid] = State.SILENT
-                return []
-            case IncidentKind.LINK_BACK:
-                return self._back(incident, state)
-            case IncidentKind.CONFLICT:
-                return self._conflict(incident, higher)
-            case IncidentKind.GNSS_LOST | IncidentKind.GNSS_BACK:
-                return []
-            case IncidentKind.VEHICLE_LOST:
-                return self._lost(incident, state)
-            case IncidentKind.MODE_LEFT:
-                if state in (State.LANDING, State.LEFT, State.LOST):
-                    return []
-                return self._out(incident, State.LEFT, Action.LEAVE, "a mode that nobody here asked for is obeyed")
-            case IncidentKind.BATTERY_LOW:
-                if state not in IN_FORMATION:
-                    return []
-                return self._out(incident, State.RETURNING, Action.RETURN, "a low battery goes home")
-            case IncidentKind.FENCE:
-                if state not in IN_FORMATION:
-                    return []
-                return self._out(incident, State.RETURNING, Action.RETURN, "who leaves the fence goes home")
-            case IncidentKind.BATTERY_CRITICAL | IncidentKind.GNSS_GONE:
-                if state in (State.LANDING, State.LEFT, State.LOST):
-                    return []
-                what = (
-                    "a critical battery"
-                    if incident.kind is IncidentKind.BATTERY_CRITICAL
-                    else "who does not know its place"
-                )
-                return self._out(incident, State.LANDING, Action.LAND, f"{what} lands where it is")
-
-    def call_home(self, unix_s: float) -> list[Order]:
-        """Whoever flies calls everybody home."""
-        rule = "all were called home"
-        return [self._order(i, State.RETURNING, Action.RETURN, rule, unix_s) for i in self.in_formation]
-
-    def clear(self, unix_s: float) -> list[Order]:
-        """Who gave way and has been out of conflict for a while goes home."""
-        orders = []
-        for sysid, state in self.states.items():
-            waits = state in (State.HOLDING, State.SPREAD)
-            if waits and unix_s - max(self._conflict_s[sysid], self._ordered_s[sysid]) > CLEAR_S:
-                orders.append(self._order(sysid, State.RETURNING, Action.RETURN, "who gave way goes home", unix_s))
-        return orders
-
-    def _back(self, incident: Incident, state: State) -> list[Order]:
-        if state is State.SILENT and incident.usable:
-            self.states[incident.sysid] = State.FLYING
-            return [Order(incident.sysid, Action.REJOIN, "who is heard again, near its place, flies on")]
-        if state in (State.SILENT, State.LOST):
-            rule = "who was away for too long, or is no more where it should be, goes home"
-            return self._out(incident, State.RETURNING, Action.RETURN, rule)
-        return []
-
-    def _lost(self, incident: Incident, state: State) -> list[Order]:
-        self.states[incident.sysid] = State.LOST
-        self.troubles.append(incident)
-        if state not in IN_FORMATION:
-            return []
-        if self._leads(incident.sysid):
-            return self._leaderless(incident)
-        return self._others(incident, self.choices.on_loss, "a vehicle was lost")
-
-    def _out(self, incident: Incident, state: State, action: Action, rule: str) -> list[Order]:
-        """One leaves the formation; if it led, so that somebody else must."""
-        before = self.states[incident.sysid]
-        if before in IN_FORMATION:
-            self.troubles.append(incident)
-        orders = [self._order(incident.sysid, state, action, rule, incident.unix_s)]
-        if before in IN_FORMATION and self._leads(incident.sysid):
-            orders += self._leaderless(incident)
-        return orders
-
-    def _leads(self, sysid: int) -> bool:
-        return self.choices.follow and sysid == self.leader
-
-    def _leaderless(self, incident: Incident) -> list[Order]:
-        heard = [i for i in self.sysids if self.states[i] is State.FLYING]
-        if self.choices.on_leader_loss is OnLeaderLoss.PROMOTE and heard:
-            self.leader = heard[0]
-            return [Order(heard[0], Action.PROMOTE, "the leader is out: the next in the plan's order leads")]
-        return self._others(incident, OnLoss.RETURN, "the leader is out")
-
-    def _others(self, incident: Incident, choice: OnLoss, why: str) -> list[Order]:
-        if choice is OnLoss.CONTINUE:
-            return []
-        landing = choice is OnLoss.LAND
-        state, action = (State.LANDING, Action.LAND) if landing else (State.RETURNING, Action.RETURN)
-        rule = f"{why}: all {'land' if landing else 'go home'}"
-        return [self._order(i, state, action, rule, incident.unix_s) for i in self.in_formation]
-
-    def _conflict(self, incident: Incident, higher: bool) -> list[Order]:
-        assert incident.other is not None
-        pair = (incident.sysid, incident.other)
-        self._conflict_s.update(dict.fromkeys(pair, incident.unix_s))
-        # The leader and whoever flies the plan go on; of two alike, the first one named is further off.
-        order = sorted(pair, key=lambda i: (self.states[i] in IN_FORMATION, i == self.leader, i != incident.sysid))
-        yielding = next((i for i in order if self.states[i] in _GIVES_WAY), None)
-        upper = incident.sysid if higher else incident.other
-        if yielding is None or any(self._has_time(i, incident.unix_s) for i in pair):
-            return []
-        named = f"vehicles {pair[0]} and {pair[1]} will be {incident.detail} apart in {incident.in_s:.1f} s"
-        if self.states[yielding] is State.FLYING and incident.in_s >= BRAKE_S:
-            return self._out(_of(incident, yielding, named), State.HOLDING, Action.HOLD, f"{named}: one holds")
-        if self.states[upper] in (State.FLYING, State.HOLDING):
-            rule = f"{named}: the upper one makes room in height"
-            return self._out(_of(incident, upper, named), State.SPREAD, Action.SPREAD, rule)
-        rule = f"{named}: room in height did not help, one lands"
-        return self._out(_of(incident, yielding, named), State.LANDING, Action.LAND, rule)
-
-    def _has_time(self, sysid: int, unix_s: float) -> bool:
-        """Whether what it was told last may still work."""
-        again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
-        return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
-
-    def _order(self, sysid: int, state: State, action: Action, rule: str, unix_s: float) -> Order:
-        self.states[sysid] = state
-        self._ordered_s[sysid] = unix_s
-        self._conflict_s.setdefault(sysid, unix_s)
-        return Order(sysid, action, rule)
-
-
-def _of(conflict: Incident, sysid: int, named: str) -> Incident:
-    """The conflict as the trouble of the one who gives way."""
-    return replace(conflict, sysid=sysid, detail=named)

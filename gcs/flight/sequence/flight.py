@@ -157,7 +157,7 @@ class FlightSequence:
         loads = [replace(load, mission=self.missions[load.sysid]) for load in self.loads]
         self.held = await upload_fleet(self.sessions, loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
-        self.crisis = await self._crisis()
+        self.contingency = await self._contingency()
         self._enter(Step.TAKEOFF)
         await self._each(take_off)
         await self._each(until_hovering)
@@ -174,7 +174,7 @@ class FlightSequence:
         await self._each(ask_for_telemetry)
         await self._each(until_ready)
         await until(self._everybody_told, self.options.find_timeout_s, "a position of every vehicle")
-        self.crisis = await self._crisis()
+        self.contingency = await self._contingency()
         if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in self.sessions.values())):
             self._enter(Step.LAND)
             await self._each(self._land)
@@ -210,7 +210,7 @@ class FlightSequence:
         self.step = step
         self._on_step(step, self.monitor.t0_unix_s)
 
-    async def _crisis(self) -> ContingencyExecutor:
+    async def _contingency(self) -> ContingencyExecutor:
         returns = await self._returns()
         return ContingencyExecutor(
             self.plan, self.crews, self.monitor, self.pilot, self.time, returns, self.options, self._on_event
@@ -236,10 +236,10 @@ class FlightSequence:
         """From T0 known to everybody down, with eyes open; the pilot goes on beside it."""
         self.monitor.t0_unix_s = t0_unix_s
         self._enter(self.step)
-        async with alongside(self.crisis.run()):
+        async with alongside(self.contingency.run()):
             if everybody_home:
-                self.crisis.call_home()
-            over = asyncio.ensure_future(self.crisis.over.wait())
+                self.contingency.return_all()
+            over = asyncio.ensure_future(self.contingency.over.wait())
             planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
             try:
                 await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
@@ -247,8 +247,8 @@ class FlightSequence:
                 await ended(over)
                 await ended(planned)
             self._enter(Step.LAND)
-            self.crisis.landing()
-            landing = [c for c in self.crews.values() if self.crisis.director.states[c.sysid] is State.FLYING]
+            self.contingency.landing()
+            landing = [c for c in self.crews.values() if self.contingency.policy.states[c.sysid] is State.FLYING]
             if self.options.mode is FlightMode.STREAM:
                 await each(landing, self._land)
             await each(landing, until_landed)
@@ -260,9 +260,9 @@ class FlightSequence:
 
     async def _until_all_are_down(self) -> None:
         """Wait for those who left the formation as well, as long as they are heard and a return may take."""
-        end_unix_s = self.time.sure_s() + self.crisis.longest_return_s()
+        end_unix_s = self.time.sure_s() + self.contingency.longest_return_s()
         while any(
-            c.session.armed and self.crisis.director.states[c.sysid] not in (State.LOST, State.SILENT)
+            c.session.armed and self.contingency.policy.states[c.sysid] not in (State.LOST, State.SILENT)
             for c in self.crews.values()
         ):
             if self.time.sure_s() > end_unix_s:
@@ -271,9 +271,9 @@ class FlightSequence:
 
     def _tell_troubles(self) -> None:
         """Raises FlightError when somebody did not fly the plan to its end."""
-        troubles = self.crisis.director.troubles
+        troubles = self.contingency.policy.troubles
         if troubles:
-            words = "; ".join(self.crisis.words(incident) for incident in troubles)
+            words = "; ".join(self.contingency.words(incident) for incident in troubles)
             raise FlightError(
                 f"not everybody flew the plan to its end: {words}.",
                 hint="events.jsonl in the flight's folder says what was done",

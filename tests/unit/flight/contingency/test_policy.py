@@ -1,54 +1,129 @@
-"""The table of docs/flying.md, row by row: what happened, and what everybody is told."""
+"""The contingency policy: every row of its table, every pair of state and incident, and what follows from them."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.flight.contingency.detection import Incident, IncidentKind
+from gcs.flight.contingency.decisions import ContingencyPolicy, applying_row
+from gcs.flight.contingency.detection import DETECTED, Incident, IncidentKind
 from gcs.flight.contingency.policy import (
     AGAIN_S,
     CLEAR_S,
+    IN_FORMATION,
+    MEANING,
+    POLICY,
     Action,
     Choices,
-    ContingencyPolicy,
     OnLeaderLoss,
     OnLoss,
     Order,
+    Row,
+    Situation,
     State,
+    Trigger,
 )
+from tools.policy_table import policy_tables, with_policy_tables
 
 FOUR = (1, 2, 3, 4)
+FINAL = frozenset({State.LANDING, State.LEFT, State.LOST})
 
 
-def director(**choices: object) -> ContingencyPolicy:
+def fleet(**choices: object) -> ContingencyPolicy:
     return ContingencyPolicy(FOUR, 1, Choices(**choices))  # type: ignore[arg-type]
 
 
-def told(orders: list[Order]) -> dict[int, Action]:
+def ordered(orders: list[Order]) -> dict[int, Action]:
     return {order.sysid: order.action for order in orders}
 
 
+def situations() -> list[Situation]:
+    """A vehicle and another one in every state, with every choice and every value that a condition looks at."""
+    choices = [Choices(a, b, follow=True) for a, b in product(OnLoss, OnLeaderLoss)]
+    return [
+        Situation(
+            {2: mine, 3: other}, choice, 2, 2, 3, in_s, usable, acting=frozenset({3} if acting else ()), clear=(2, 3)
+        )
+        for mine, other in product(State, State)
+        for choice, in_s, usable, acting in product(choices, (0.5, 2.5), (False, True), (False, True))
+    ]
+
+
+SITUATIONS = situations()
+
+
+@pytest.mark.parametrize("row", POLICY, ids=lambda row: f"{row.trigger}: {row.rule}")
+def test_every_row_is_reached_and_done(row: Row) -> None:
+    found = [(now, applying_row(row.trigger, now)) for now in SITUATIONS]
+    reached = [(now, vehicles) for now, (first, vehicles) in found if first is row]
+    assert reached, "an earlier row always applies"
+    for now, vehicles in reached:
+        assert row.when.true(now)
+        assert {now.states[i] for i in vehicles} <= row.states
+    if isinstance(row.trigger, IncidentKind):
+        now, (sysid,) = reached[0]
+        ours = ContingencyPolicy((2, 3), 2, replace(now.choices, on_loss=OnLoss.CONTINUE, follow=False))
+        ours.states.update(now.states)
+        ours._ordered_s.update({2: 0.0, 3: 0.0} | dict.fromkeys(now.acting, 100.0))
+        ours._conflict_s.update({2: 0.0, 3: 0.0})
+        incident = Incident(row.trigger, 2, 100.0, "1 m", other=3, in_s=now.in_s, usable=now.usable)
+        orders = ours.take(incident)
+        assert ours.states[sysid] == (row.to or now.states[sysid])
+        assert ordered(orders) == ({} if row.action is None else {sysid: row.action})
+        assert all(order.rule.startswith(row.rule) for order in orders)
+
+
+@pytest.mark.parametrize(("kind", "state"), list(product(IncidentKind, State)))
+def test_every_incident_in_every_state_has_an_outcome(kind: IncidentKind, state: State) -> None:
+    for now in SITUATIONS:
+        if now.states[2] is state:
+            row, _ = applying_row(kind, now)
+            assert row is not None
+
+
+def test_every_state_and_incident_is_explained() -> None:
+    assert list(MEANING) == list(State)
+    assert list(DETECTED) == list(IncidentKind)
+    assert {row.trigger for row in POLICY} == {*IncidentKind, *Trigger}
+
+
+def test_a_vehicle_that_landed_left_or_is_lost_gets_one_order_alone() -> None:
+    (row,) = (row for row in POLICY if row.action is not None and row.states & FINAL)
+    assert row.trigger is IncidentKind.LINK_BACK
+    assert row.states & FINAL == {State.LOST}
+    assert row.action is Action.RETURN
+
+
+def test_the_page_is_up_to_date(repo_root: Path) -> None:
+    page = (repo_root / "docs" / "flying.md").read_text(encoding="utf-8")
+    assert policy_tables() in page
+    assert page == with_policy_tables(page), "run ./tools/run python tools/policy_table.py"
+
+
 def test_a_lost_link_changes_nothing_yet() -> None:
-    ours = director()
+    ours = fleet()
     assert ours.take(Incident(IncidentKind.LINK_LOST, 2, 10.0)) == []
     assert ours.states[2] is State.SILENT
     assert ours.in_formation == FOUR
 
 
-def test_who_is_heard_again_in_its_place_flies_on() -> None:
-    ours = director()
+def test_a_vehicle_heard_again_in_its_place_rejoins() -> None:
+    ours = fleet()
     ours.take(Incident(IncidentKind.LINK_LOST, 2, 10.0))
-    assert told(ours.take(Incident(IncidentKind.LINK_BACK, 2, 12.0))) == {2: Action.REJOIN}
+    assert ordered(ours.take(Incident(IncidentKind.LINK_BACK, 2, 12.0))) == {2: Action.REJOIN}
     assert ours.states[2] is State.FLYING
     assert ours.troubles == []
 
 
-def test_who_is_heard_again_elsewhere_goes_home() -> None:
-    ours = director()
+def test_a_vehicle_heard_again_elsewhere_returns() -> None:
+    ours = fleet()
     ours.take(Incident(IncidentKind.LINK_LOST, 2, 10.0))
-    assert told(ours.take(Incident(IncidentKind.LINK_BACK, 2, 12.0, usable=False))) == {2: Action.RETURN}
+    assert ordered(ours.take(Incident(IncidentKind.LINK_BACK, 2, 12.0, usable=False))) == {2: Action.RETURN}
     assert ours.in_formation == (1, 3, 4)
 
 
@@ -56,35 +131,35 @@ def test_who_is_heard_again_elsewhere_goes_home() -> None:
     ("choice", "action"), [(OnLoss.LAND, Action.LAND), (OnLoss.RETURN, Action.RETURN), (OnLoss.CONTINUE, None)]
 )
 def test_a_lost_vehicle(choice: OnLoss, action: Action | None) -> None:
-    ours = director(on_loss=choice)
+    ours = fleet(on_loss=choice)
     ours.take(Incident(IncidentKind.LINK_LOST, 2, 10.0))
     orders = ours.take(Incident(IncidentKind.VEHICLE_LOST, 2, 17.0))
-    assert told(orders) == ({} if action is None else dict.fromkeys((1, 3, 4), action))
+    assert ordered(orders) == ({} if action is None else dict.fromkeys((1, 3, 4), action))
     assert ours.states[2] is State.LOST
     assert [t.sysid for t in ours.troubles] == [2]
-    assert told(ours.take(Incident(IncidentKind.LINK_BACK, 2, 40.0))) == {2: Action.RETURN}
+    assert ordered(ours.take(Incident(IncidentKind.LINK_BACK, 2, 40.0))) == {2: Action.RETURN}
 
 
 def test_a_lost_leader_is_replaced_by_the_next() -> None:
-    ours = director(follow=True)
+    ours = fleet(follow=True)
     ours.take(Incident(IncidentKind.LINK_LOST, 2, 9.0))
-    assert told(ours.take(Incident(IncidentKind.VEHICLE_LOST, 1, 17.0))) == {3: Action.PROMOTE}  # 2 is not heard
+    assert ordered(ours.take(Incident(IncidentKind.VEHICLE_LOST, 1, 17.0))) == {3: Action.PROMOTE}  # 2 is not heard
     assert ours.leader == 3
     assert ours.in_formation == (2, 3, 4)
 
 
-def test_without_a_leader_all_may_go_home() -> None:
-    ours = director(follow=True, on_leader_loss=OnLeaderLoss.RETURN)
-    assert told(ours.take(Incident(IncidentKind.VEHICLE_LOST, 1, 17.0))) == dict.fromkeys((2, 3, 4), Action.RETURN)
+def test_without_a_leader_all_may_return() -> None:
+    ours = fleet(follow=True, on_leader_loss=OnLeaderLoss.RETURN)
+    assert ordered(ours.take(Incident(IncidentKind.VEHICLE_LOST, 1, 17.0))) == dict.fromkeys((2, 3, 4), Action.RETURN)
 
 
-def test_nobody_leads_where_nobody_follows() -> None:
-    ours = director(on_loss=OnLoss.CONTINUE)
+def test_no_vehicle_leads_without_followers() -> None:
+    ours = fleet(on_loss=OnLoss.CONTINUE)
     assert ours.take(Incident(IncidentKind.VEHICLE_LOST, 1, 17.0)) == []
 
 
-def test_a_leader_with_a_low_battery_goes_home_and_another_leads() -> None:
-    ours = director(follow=True)
+def test_a_leader_with_a_low_battery_returns_and_another_leads() -> None:
+    ours = fleet(follow=True)
     orders = ours.take(Incident(IncidentKind.BATTERY_LOW, 1, 5.0))
     assert [(o.sysid, o.action) for o in orders] == [(1, Action.RETURN), (2, Action.PROMOTE)]
 
@@ -100,7 +175,7 @@ def test_a_leader_with_a_low_battery_goes_home_and_another_leads() -> None:
     ],
 )
 def test_one_leaves_the_others_fly_on(kind: IncidentKind, action: Action) -> None:
-    ours = director()
+    ours = fleet()
     (order,) = ours.take(Incident(kind, 3, 5.0))
     assert (order.sysid, order.action) == (3, action)
     assert ours.in_formation == (1, 2, 4)
@@ -108,16 +183,16 @@ def test_one_leaves_the_others_fly_on(kind: IncidentKind, action: Action) -> Non
 
 
 def test_a_short_outage_of_gnss_is_flown_through() -> None:
-    ours = director()
+    ours = fleet()
     assert ours.take(Incident(IncidentKind.GNSS_LOST, 3, 5.0)) == []
     assert ours.take(Incident(IncidentKind.GNSS_BACK, 3, 9.0)) == []
     assert ours.states[3] is State.FLYING
 
 
 def test_a_critical_battery_ends_a_return() -> None:
-    ours = director()
+    ours = fleet()
     ours.take(Incident(IncidentKind.BATTERY_LOW, 3, 5.0))
-    assert told(ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 50.0))) == {3: Action.LAND}
+    assert ordered(ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 50.0))) == {3: Action.LAND}
     assert ours.take(Incident(IncidentKind.MODE_LEFT, 3, 51.0)) == []
 
 
@@ -126,36 +201,36 @@ def conflict(at_s: float, in_s: float, pair: tuple[int, int] = (3, 2)) -> Incide
 
 
 def test_conflicts_escalate_hold_spread_land() -> None:
-    ours = director()
-    assert told(ours.take(conflict(10.0, 2.5))) == {3: Action.HOLD}
-    assert ours.take(conflict(10.0 + AGAIN_S / 2, 2.0)) == []  # it gets time to work
-    assert told(ours.take(conflict(12.5, 1.0))) == {3: Action.SPREAD}
+    ours = fleet()
+    assert ordered(ours.take(conflict(10.0, 2.5))) == {3: Action.HOLD}
+    assert ours.take(conflict(10.0 + AGAIN_S / 2, 2.0)) == []  # the order gets time to act
+    assert ordered(ours.take(conflict(12.5, 1.0))) == {3: Action.SPREAD}
     assert ours.take(conflict(15.0, 0.5)) == []  # it is still climbing
-    assert told(ours.take(conflict(16.6, 0.5))) == {3: Action.LAND}
+    assert ordered(ours.take(conflict(16.6, 0.5))) == {3: Action.LAND}
     assert ours.in_formation == (1, 2, 4)
 
 
 def test_with_no_time_to_brake_the_upper_one_climbs() -> None:
-    assert told(director().take(conflict(10.0, 0.5), higher=True)) == {3: Action.SPREAD}
-    assert told(director().take(conflict(10.0, 0.5), higher=False)) == {2: Action.SPREAD}
+    assert ordered(fleet().take(conflict(10.0, 0.5), higher=True)) == {3: Action.SPREAD}
+    assert ordered(fleet().take(conflict(10.0, 0.5), higher=False)) == {2: Action.SPREAD}
 
 
-def test_who_has_left_gives_way_to_the_formation() -> None:
-    ours = director()
+def test_a_vehicle_out_of_the_formation_yields_to_it() -> None:
+    ours = fleet()
     ours.take(Incident(IncidentKind.BATTERY_LOW, 2, 5.0))
     orders = ours.take(conflict(10.0, 2.5), higher=False)
-    assert told(orders) == {2: Action.LAND}  # it is on its way home already, below others, and there is no other way
+    assert ordered(orders) == {2: Action.LAND}  # it returns already, below others: nothing else is left
 
 
-def test_the_leader_gives_way_last() -> None:
-    assert told(director().take(conflict(10.0, 2.5, pair=(1, 4)))) == {4: Action.HOLD}
+def test_the_leader_yields_last() -> None:
+    assert ordered(fleet().take(conflict(10.0, 2.5, pair=(1, 4)))) == {4: Action.HOLD}
 
 
-def test_who_gave_way_goes_home_when_it_is_clear() -> None:
-    ours = director()
+def test_a_vehicle_that_yielded_returns_when_the_conflict_is_over() -> None:
+    ours = fleet()
     ours.take(conflict(10.0, 2.5))
     assert ours.clear(10.0 + CLEAR_S - 0.1) == []
-    assert told(ours.clear(10.0 + CLEAR_S + 0.1)) == {3: Action.RETURN}
+    assert ordered(ours.clear(10.0 + CLEAR_S + 0.1)) == {3: Action.RETURN}
     assert ours.clear(99.0) == []
 
 
@@ -173,19 +248,25 @@ incidents = st.builds(
     st.lists(incidents, max_size=25), st.booleans(), st.sampled_from(list(OnLoss)), st.sampled_from(list(OnLeaderLoss))
 )
 def test_whatever_happens(story: list[Incident], follow: bool, loss: OnLoss, leader_loss: OnLeaderLoss) -> None:
-    """Nobody returns to the formation who was ordered out of it; whoever leads flies; who was lost is not ordered."""
+    """A vehicle ordered out of the formation stays out; the leader flies; an order is one of a row for that state."""
     ours = ContingencyPolicy(FOUR, 1, Choices(loss, leader_loss, follow))
     out: set[int] = set()
     for n, event in enumerate(story):
         other = event.sysid % 4 + 1
         incident = Incident(event.kind, event.sysid, float(n), other=other, in_s=event.in_s, usable=event.usable)
-        orders = ours.take(incident) + ours.clear(float(n))
-        for order in orders:
-            if order.action not in (Action.PROMOTE, Action.REJOIN):
-                out.add(order.sysid)
-            assert ours.states[order.sysid] is not State.LOST
-        assert not out & set(ours.in_formation)
-        for order in orders:
-            if order.action is Action.PROMOTE:
-                assert order.sysid == ours.leader
-                assert order.sysid in ours.in_formation
+        for step in ("take", "clear"):
+            before = dict(ours.states)
+            orders = ours.take(incident) if step == "take" else ours.clear(float(n))
+            for order in orders:
+                rows = [row for row in POLICY if row.action is order.action and order.rule.startswith(row.rule)]
+                assert any(before[order.sysid] in row.states for row in rows)
+                if before[order.sysid] in FINAL:
+                    assert incident.kind is IncidentKind.LINK_BACK
+                if order.action not in (Action.PROMOTE, Action.REJOIN):
+                    out.add(order.sysid)
+                assert ours.states[order.sysid] is not State.LOST
+            assert not out & set(ours.in_formation)
+            for order in orders:
+                if order.action is Action.PROMOTE:
+                    assert order.sysid == ours.leader
+                    assert ours.states[order.sysid] in IN_FORMATION

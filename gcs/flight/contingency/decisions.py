@@ -1,0 +1,127 @@
+"""Executes the contingency policy: incidents in, orders out, one state per vehicle. Time is an argument."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from gcs.flight.contingency.detection import Incident, IncidentKind
+from gcs.flight.contingency.policy import (
+    AGAIN_S,
+    CLEAR_S,
+    IN_FORMATION,
+    POLICY,
+    SPREAD_AGAIN_S,
+    YIELDED,
+    Action,
+    Choices,
+    Order,
+    Row,
+    Situation,
+    State,
+    Trigger,
+)
+
+
+def applying_row(trigger: IncidentKind | Trigger, now: Situation) -> tuple[Row | None, tuple[int, ...]]:
+    """Return the first row of `POLICY` that applies, and the vehicles that it orders; None and none without one."""
+    for row in POLICY:
+        if row.trigger is trigger and row.when.true(now):
+            ordered = tuple(i for i in row.vehicles(now) if now.states[i] in row.states)
+            if ordered:
+                return row, ordered
+    return None, ()
+
+
+@dataclass
+class ContingencyPolicy:
+    """The states of a fleet, by system id. `leader` is the vehicle that the others follow, if they do."""
+
+    sysids: tuple[int, ...]
+    leader: int
+    choices: Choices = field(default_factory=Choices)
+    states: dict[int, State] = field(default_factory=dict)
+    troubles: list[Incident] = field(default_factory=list)  # the incidents that took a vehicle out of the formation
+    _ordered_s: dict[int, float] = field(default_factory=dict)
+    _conflict_s: dict[int, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.states = dict.fromkeys(self.sysids, State.FLYING)
+
+    @property
+    def in_formation(self) -> tuple[int, ...]:
+        """The vehicles that fly the plan, heard or not."""
+        return tuple(i for i, state in self.states.items() if state in IN_FORMATION)
+
+    def take(self, incident: Incident, *, higher: bool = True) -> list[Order]:
+        """Return the orders for an incident. `higher`: a conflict's first vehicle is not below the other one."""
+        now = self._now(incident.unix_s, incident, higher=higher)
+        because = ""
+        if incident.kind is IncidentKind.CONFLICT:
+            self._conflict_s.update(dict.fromkeys((now.sysid, now.other), incident.unix_s))
+            because = f"vehicles {now.sysid} and {now.other} will be {incident.detail} apart in {incident.in_s:.1f} s"
+        row, ordered = applying_row(incident.kind, now)
+        if row is None:
+            return []
+        (sysid,) = ordered
+        before = self.states[sysid]
+        orders = self._apply(row, ordered, incident.unix_s, because)
+        left = before in IN_FORMATION and self.states[sysid] not in IN_FORMATION
+        if left or row.to is State.LOST:
+            self.troubles.append(replace(incident, sysid=sysid, detail=because or incident.detail))
+        if left and self.choices.follow and sysid == self.leader:
+            orders += self._trigger(Trigger.LEADER_OUT, incident.unix_s)
+        elif left and row.to is State.LOST:
+            orders += self._trigger(Trigger.VEHICLE_OUT, incident.unix_s)
+        return orders
+
+    def return_all(self, unix_s: float) -> list[Order]:
+        """Return the orders that bring the formation back, as the operator requested."""
+        return self._trigger(Trigger.RETURN_ALL, unix_s)
+
+    def clear(self, unix_s: float) -> list[Order]:
+        """Return the orders to vehicles that yielded and had no conflict for `CLEAR_S` since."""
+        return self._trigger(Trigger.CLEAR, unix_s)
+
+    def _now(self, unix_s: float, incident: Incident | None = None, *, higher: bool = True) -> Situation:
+        waiting = [i for i, state in self.states.items() if state in YIELDED]
+        now = Situation(
+            self.states,
+            self.choices,
+            self.leader,
+            acting=frozenset(i for i in self.sysids if self._acts(i, unix_s)),
+            clear=tuple(i for i in waiting if unix_s - max(self._conflict_s[i], self._ordered_s[i]) > CLEAR_S),
+        )
+        if incident is None:
+            return now
+        return replace(
+            now,
+            sysid=incident.sysid,
+            other=incident.other or 0,
+            in_s=incident.in_s,
+            usable=incident.usable,
+            first_is_upper=higher,
+        )
+
+    def _acts(self, sysid: int, unix_s: float) -> bool:
+        """Whether a vehicle's last order may still take effect."""
+        again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
+        return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
+
+    def _trigger(self, trigger: Trigger, unix_s: float) -> list[Order]:
+        row, ordered = applying_row(trigger, self._now(unix_s))
+        if row is None:
+            return []
+        if row.action is Action.PROMOTE:
+            (self.leader,) = ordered
+        return self._apply(row, ordered, unix_s)
+
+    def _apply(self, row: Row, ordered: tuple[int, ...], unix_s: float, because: str = "") -> list[Order]:
+        for sysid in ordered:
+            self.states[sysid] = row.to or self.states[sysid]
+            if row.action is not None and self.states[sysid] not in IN_FORMATION:
+                self._ordered_s[sysid] = unix_s
+                self._conflict_s.setdefault(sysid, unix_s)
+        if row.action is None:
+            return []
+        return [Order(i, row.action, f"{row.rule}: {because}" if because else row.rule) for i in ordered]
