@@ -1,9 +1,6 @@
-"""MAVLink FTP: what a FILE_TRANSFER_PROTOCOL payload says, and what a vehicle's no means.
+"""The payload of FILE_TRANSFER_PROTOCOL and the meaning of its error codes (https://mavlink.io/en/services/ftp.html).
 
-Knows: opcodes, error codes and the payload's layout (https://mavlink.io/en/services/ftp.html). Does not know:
-conversations (`ftp_requests`, `ftp_writer`, `ftp_reader`), what files contain (`mission_file`).
-
-    seq uint16 | session | opcode | size | req_opcode | burst_complete | padding (uint8 each) | offset uint32 | data
+seq uint16 | session | opcode | size | req_opcode | burst_complete | padding (uint8 each) | offset uint32 | data
 """
 
 from __future__ import annotations
@@ -88,7 +85,7 @@ class FtpPayload:
     data: bytes = b""
     req_opcode: int = 0
     burst_complete: bool = False
-    size: int | None = None  # of what a read asks for; None is the length of `data`
+    size: int | None = None  # the requested size of a read; None means the length of `data`
 
     def packed(self) -> bytes:
         """The 251 bytes of the payload."""
@@ -98,21 +95,20 @@ class FtpPayload:
         )
         return (head + self.data).ljust(_PAYLOAD, b"\0")
 
-    def message(self, target: Station) -> Message:
-        """FILE_TRANSFER_PROTOCOL to `target`."""
-        fields = {"target_network": 0, "target_system": target.sysid, "target_component": target.compid}
-        return Message(NAME, {**fields, "payload": list(self.packed())})
+    def message(self, peer: Station) -> Message:
+        """Return FILE_TRANSFER_PROTOCOL to `peer`."""
+        return Message(NAME, {**peer.target, "target_network": 0, "payload": list(self.packed())})
 
     @property
     def error(self) -> int:
-        """Of a NAK: MAV_FTP_ERR."""
+        """The MAV_FTP_ERR of a NAK."""
         return self.data[0] if self.data else FtpError.FAIL
 
 
 def read_payload(message: Message) -> FtpPayload | None:
-    """What the message says; None where its sizes are impossible.
+    """Return the payload of a message; None if its sizes are invalid.
 
-    Of a request without data, a read, `size` is what it asks for; `data` has as many bytes all the same.
+    For a read request `size` is the requested size; `data` is padded to this size.
     """
     raw = bytes(message.fields["payload"])
     if len(raw) < _HEAD.size:
@@ -125,32 +121,28 @@ def read_payload(message: Message) -> FtpPayload | None:
 
 
 class FtpRefused(PeerRefusal):
-    """The vehicle answered NAK to `opcode`; `code` is the MAV_FTP_ERR, `number` its file system's own."""
+    """The vehicle answered NAK. `code` is the MAV_FTP_ERR, `number` the errno of its file system."""
 
-    def __init__(self, peer: Station, path: str, opcode: int, code: int, number: int = 0) -> None:
+    def __init__(self, peer: Station, path: str, reply: FtpPayload) -> None:
+        code, number = reply.error, reply.data[1] if len(reply.data) > 1 else 0
         known = code in tuple(FtpError)
         words = f"{_WORDS[FtpError(code)]} (MAV_FTP_ERR_{FtpError(code).name})" if known else f"MAV_FTP_ERR {code}"
-        errno = f", number {number}" if number else ""
+        errno = f", errno {number}" if number else ""
         super().__init__(
-            f"{peer} refused {_asked(opcode)} of {path}: {words}{errno}.",
-            hint="nothing was armed; send the mission item by item (--transfer items)",
+            f"{peer} refused {_opcode_words(reply.req_opcode)} of {path}: {words}{errno}.",
+            hint="send the mission item by item (--transfer items); no vehicle was armed",
         )
-        self.opcode = opcode
+        self.opcode = reply.req_opcode
         self.code = code
         self.number = number
 
 
-def refusal(peer: Station, path: str, reply: FtpPayload) -> FtpRefused:
-    """The error of a NAK."""
-    return FtpRefused(peer, path, reply.req_opcode, reply.error, reply.data[1] if len(reply.data) > 1 else 0)
-
-
 def crc32(data: bytes) -> int:
-    """The checksum of CalcFileCRC32: the usual polynomial from 0, and not inverted at the end."""
+    """Return the checksum of CalcFileCRC32: the usual polynomial, with initial value 0 and no final inversion."""
     return zlib.crc32(data, _ALL_BITS) ^ _ALL_BITS
 
 
-def _asked(opcode: int) -> str:
+def _opcode_words(opcode: int) -> str:
     try:
         return FtpOpcode(opcode).name.replace("_", " ").lower()
     except ValueError:

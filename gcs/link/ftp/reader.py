@@ -1,20 +1,20 @@
-"""FtpReader: a file comes from a vehicle by MAVLink FTP, as a burst, then piece by piece what got lost of it.
+"""FtpReader: reads a file of a vehicle by MAVLink FTP, as a burst, then the lost pieces one by one.
 
-Knows and does not know: see `ftp_requests`.
+It follows https://mavlink.io/en/services/ftp.html.
 
     state     event                                        next      sends
     IDLE      start                                        OPENING   OpenFileRO
     OPENING   ACK                                          READING   BurstReadFile
-    OPENING   NAK: a file, a session in the way            OPENING   see `ftp_opening`
+    OPENING   NAK: another file or session is open         OPENING   see `FtpOpening`
     READING   pieces of the burst                          READING
-    READING   ... its end, or nothing more for a while     READING   ReadFile of what is missing, some at a time
-    READING   everything is here                           CHECKING  CalcFileCRC32, TerminateSession
+    READING   ... its end, or a pause after it             READING   ReadFile of missing pieces, 4 at a time
+    READING   the file is complete                         CHECKING  CalcFileCRC32, TerminateSession
     READING   NAK: the file is not open any more           OPENING   OpenFileRO, `tries` in all
-    CHECKING  both answered, the checksum is ours          DONE
-    any       no answer in time                            same      the same again
-    any       another NAK, another checksum, or silence    FAILED    TerminateSession
+    CHECKING  both answered, the checksum is correct       DONE
+    any       no answer in time                            same      the same request
+    any       another NAK, wrong checksum, or timeout      FAILED    TerminateSession
 
-How long the file is says `measure`, from its first bytes: ArduPilot tells 1 MiB of all files that it makes up.
+`measure` returns the length of the file from its first bytes: ArduPilot reports 1 MiB for all generated files.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from enum import Enum, auto
 from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
-from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, refusal
+from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, crc32
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
 
 _WINDOW = 4  # ArduPilot queues five requests
-_BURST_MIN = 12 * DATA_MAX  # less than this is asked for piece by piece
+_BURST_MIN = 12 * DATA_MAX  # less than this is read piece by piece
 _SIZE_MAX = 1 << 18
 
 
 class ReaderState(Enum):
-    """See the table above."""
+    """The states of the table above."""
 
     IDLE = auto()
     OPENING = auto()
@@ -47,7 +47,7 @@ class ReaderState(Enum):
 
 
 class FtpReader:
-    """One file. `measure` makes its length, at most 256 KiB, of its first `head` bytes, or raises `PeerError`."""
+    """One file. `measure` returns its length, at most 256 KiB, from its first `head` bytes, or raises `PeerError`."""
 
     def __init__(
         self,
@@ -69,81 +69,85 @@ class FtpReader:
         self._measure = measure
         self._head = head
         self._requests = FtpRequests(
-            peer, me, numbers or FtpNumbers(), round_trip or RttEstimator(), give_up_s=timers.give_up_s
+            peer,
+            me=me,
+            numbers=numbers or FtpNumbers(),
+            round_trip=round_trip or RttEstimator(),
+            timeout_s=timers.give_up_s,
         )
         self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries, timers)
         self._session = 0
         self._pieces: dict[int, bytes] = {}
         self._size: int | None = None
-        self._quiet_s: float | None = None  # when a burst that says no more is over
+        self._burst_end_s: float | None = None  # when a burst counts as over if no more arrives
         self._piece_s: float | None = None
         self._spacing_s = 0.0
         self._checked = False
 
     @property
     def done(self) -> bool:
-        """Whether it ended, well (`error` is None: `data` is the file) or badly."""
+        """Whether it has ended: with success (`data` is the file) if `error` is None."""
         return self.state in (ReaderState.DONE, ReaderState.FAILED)
 
     @property
     def data(self) -> bytes:
         """The whole file. Raises `ProtocolMisuse` before it is complete."""
         if self.state is not ReaderState.DONE:
-            raise ProtocolMisuse("an FtpReader was asked for its file before it had all of it.")
+            raise ProtocolMisuse("the file of an FtpReader was read before it was complete.")
         return self._joined()
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no timer runs."""
         if self.done:
             return None
         if self._opening.resume_s is not None:
             return self._opening.resume_s
-        both = [at_s for at_s in (self._quiet_s, self._requests.deadline_s) if at_s is not None]
+        both = [at_s for at_s in (self._burst_end_s, self._requests.deadline_s) if at_s is not None]
         return min(both) if both else None
 
     def start(self, now_s: float) -> list[Message]:
-        """Asks for the file. Raises `ProtocolMisuse` when called twice."""
+        """Return the request for the file. Raises `ProtocolMisuse` if called twice."""
         if self.state is not ReaderState.IDLE:
-            raise ProtocolMisuse("an FtpReader was started twice; make a new one for a new file.")
+            raise ProtocolMisuse("an FtpReader was started twice: create a new one.")
         return self._open(now_s)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """What the message calls for; nothing for messages of other conversations."""
+        """Return the messages to send after a received message; none if it belongs to another conversation."""
         if self.done:
             return []
         reply = self._requests.reply(message)
         if reply is None:
             return []
-        taken = self._requests.take(message, now_s)
+        matched = self._requests.match(message, now_s)
         if reply.req_opcode == FtpOpcode.BURST_READ_FILE:
             in_burst = self.state is ReaderState.READING and reply.session == self._session
             return self._burst(reply, now_s) if in_burst else []
-        if taken is None:
+        if matched is None:
             return []
         return self._answered(reply, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """What the passing of time calls for."""
+        """Return the messages to send after a timer expired."""
         if self.done:
             return []
         if self._opening.resume_s is not None:
             return self._opening.tick(now_s)
-        error = self._requests.gave_up(self._path, now_s)
+        error = self._requests.timed_out(self._path, now_s)
         if error is not None:
             return self._finish(None if self._checked else error)
         messages = self._requests.tick(now_s)
-        if self._quiet_s is not None and now_s >= self._quiet_s:
-            self._quiet_s = None
-            messages += self._fill(now_s)
+        if self._burst_end_s is not None and now_s >= self._burst_end_s:
+            self._burst_end_s = None
+            messages += self._request_missing(now_s)
         return messages
 
     def cancel(self) -> list[Message]:
-        """Ends it from our side."""
-        return [] if self.done else self._finish(PeerError(f"the transfer of {self._path} was cancelled half way."))
+        """End the transfer."""
+        return [] if self.done else self._finish(PeerError(f"the transfer of {self._path} was cancelled."))
 
     def _open(self, now_s: float) -> list[Message]:
-        self._quiet_s = self._piece_s = self._size = None
+        self._burst_end_s = self._piece_s = self._size = None
         self._pieces.clear()
         self.state = ReaderState.OPENING
         return self._opening.open(now_s)
@@ -157,76 +161,76 @@ class FtpReader:
                 return messages
             self._session = self._opening.session
             self.state = ReaderState.READING
-            return [self._ask_burst(0, now_s)]
+            return [self._request_burst(0, now_s)]
         if self.state is ReaderState.CHECKING:
             return self._check(reply)
         if reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
-        self._take(reply)
-        return self._go_on(now_s)
+        self._store(reply)
+        return self._advance(now_s)
 
     def _burst(self, reply: FtpPayload, now_s: float) -> list[Message]:
         self._requests.drop(FtpOpcode.BURST_READ_FILE)
         if reply.opcode == FtpOpcode.NAK:
-            self._quiet_s = None
-            return self._fill(now_s) if reply.error == FtpError.END_OF_FILE else self._refused(reply, now_s)
+            self._burst_end_s = None
+            return self._request_missing(now_s) if reply.error == FtpError.END_OF_FILE else self._refused(reply, now_s)
         if self._piece_s is not None:
             self._spacing_s = max(self._spacing_s, now_s - self._piece_s)
         self._piece_s = now_s
         timers = self._timers
-        rhythm_s = timers.burst_spacings * self._spacing_s if self._spacing_s else timers.burst_pause_s
-        self._quiet_s = now_s + max(self._requests.wait_s, rhythm_s)
-        if self._take(reply):
+        pause_s = timers.burst_spacings * self._spacing_s if self._spacing_s else timers.burst_pause_s
+        self._burst_end_s = now_s + max(self._requests.wait_s, pause_s)
+        if self._store(reply):
             self._requests.progressed(now_s)
         last = self._size is not None and reply.offset + len(reply.data) >= self._size
         if reply.burst_complete or last:
-            self._quiet_s = None
-        return self._go_on(now_s)
+            self._burst_end_s = None
+        return self._advance(now_s)
 
-    def _take(self, reply: FtpPayload) -> bool:
-        """Whether it brought something new."""
+    def _store(self, reply: FtpPayload) -> bool:
+        """Store a piece; return whether it was new."""
         fits = reply.offset + len(reply.data) <= _SIZE_MAX
         if not fits or len(reply.data) <= len(self._pieces.get(reply.offset, b"")):
             return False
         self._pieces[reply.offset] = reply.data
         return True
 
-    def _go_on(self, now_s: float) -> list[Message]:
+    def _advance(self, now_s: float) -> list[Message]:
         if self._size is None and len(self._pieces.get(0, b"")) >= self._head:
             try:
                 self._size = self._measure(self._pieces[0][: self._head])
             except GcsError as error:
                 return self._finish(error)
         if self._size is not None and not self._gaps():
-            self._quiet_s = None
+            self._burst_end_s = None
             self._requests.drop()
             self.state = ReaderState.CHECKING
-            checksum = self._requests.ask(
+            checksum = self._requests.request(
                 FtpOpcode.CALC_FILE_CRC32, now_s, session=self._session, data=self._path.encode()
             )
-            return [checksum, self._requests.ask(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
-        return [] if self._quiet_s is not None else self._fill(now_s)
+            return [checksum, self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
+        return [] if self._burst_end_s is not None else self._request_missing(now_s)
 
-    def _fill(self, now_s: float) -> list[Message]:
-        """Asks for what is missing: a burst where it is much, else some pieces at a time."""
+    def _request_missing(self, now_s: float) -> list[Message]:
+        """Requests for what is missing: a burst if it is much, else some pieces at a time."""
         gaps = self._gaps()
-        asked = {one.offset for one in self._requests.awaits(FtpOpcode.READ_FILE)}
-        if self._requests.awaits(FtpOpcode.BURST_READ_FILE):
+        requested = {one.offset for one in self._requests.open_requests(FtpOpcode.READ_FILE)}
+        if self._requests.open_requests(FtpOpcode.BURST_READ_FILE):
             return []
-        if not asked and sum(length for _, length in gaps) >= _BURST_MIN:
-            return [self._ask_burst(gaps[0][0], now_s)]
+        if not requested and sum(length for _, length in gaps) >= _BURST_MIN:
+            return [self._request_burst(gaps[0][0], now_s)]
         pieces = [
             (at, min(DATA_MAX, start + length - at))
             for start, length in gaps
             for at in range(start, start + length, DATA_MAX)
         ]
         return [
-            self._requests.ask(FtpOpcode.READ_FILE, now_s, session=self._session, offset=at, size=size)
-            for at, size in [piece for piece in pieces if piece[0] not in asked][: max(_WINDOW - len(asked), 0)]
+            self._requests.request(FtpOpcode.READ_FILE, now_s, session=self._session, offset=at, size=size)
+            for at, size in [piece for piece in pieces if piece[0] not in requested][: max(_WINDOW - len(requested), 0)]
         ]
 
     def _gaps(self) -> list[tuple[int, int]]:
-        """Offset and length of all that is missing; without a header, as much as one piece holds."""
+        """The (offset, length) of all gaps; without a header, of one piece."""
         size = DATA_MAX if self._size is None else self._size
         gaps, here = [], 0
         for offset, piece in sorted(self._pieces.items()):
@@ -237,9 +241,9 @@ class FtpReader:
                 return gaps
         return [*gaps, (here, size - here)]
 
-    def _ask_burst(self, offset: int, now_s: float) -> Message:
+    def _request_burst(self, offset: int, now_s: float) -> Message:
         self._piece_s = None
-        message = self._requests.ask(
+        message = self._requests.request(
             FtpOpcode.BURST_READ_FILE, now_s, session=self._session, offset=offset, size=DATA_MAX
         )
         self._requests.numbers.skip()
@@ -247,7 +251,7 @@ class FtpReader:
 
     def _check(self, reply: FtpPayload) -> list[Message]:
         if reply.req_opcode == FtpOpcode.CALC_FILE_CRC32:
-            self._checked = True  # who does not know how to is not asked again
+            self._checked = True  # a vehicle without CalcFileCRC32 gets no second request
             if reply.opcode == FtpOpcode.ACK and int.from_bytes(reply.data[:4], "little") != crc32(self._joined()):
                 return self._finish(PeerError(f"{self._path} of {self._requests.peer} changed while it was read."))
         return [] if len(self._requests) else self._finish(None)
@@ -262,7 +266,7 @@ class FtpReader:
     def _refused(self, reply: FtpPayload, now_s: float) -> list[Message]:
         if self._opening.reopens(reply):
             return self._open(now_s)
-        return self._finish(refusal(self._requests.peer, self._path, reply))
+        return self._finish(FtpRefused(self._requests.peer, self._path, reply))
 
     def _finish(self, error: GcsError | None) -> list[Message]:
         opened = self.state is ReaderState.READING

@@ -1,11 +1,8 @@
-"""Requests of MAVLink FTP under way to one vehicle: numbered, repeated until answered, matched with their answers.
+"""FtpRequests: the open requests of MAVLink FTP to one vehicle; numbered, repeated until answered, matched to answers.
 
-Knows: sequence and session numbers, when to ask again. Does not know: what the requests are for, clocks (time is an
-argument).
-
-A reply carries its request's number plus one, and a repeated request the number it had: a server that has answered it
-already says the same again (https://mavlink.io/en/services/ftp.html). Numbers go on from one transfer to the next, so
-that what comes late, or twice, fits no question.
+A reply carries the number of its request plus one. A repeated request keeps its number, so that a server that has
+answered it sends the same answer again (https://mavlink.io/en/services/ftp.html). Numbers continue from one transfer to
+the next, so that a late or repeated answer matches no request.
 """
 
 from __future__ import annotations
@@ -22,65 +19,65 @@ _BURST_MAX = 4096
 
 
 class FtpNumbers:
-    """The numbers given out so far to one vehicle."""
+    """The last sequence and session numbers of the requests to one vehicle."""
 
     def __init__(self, seq: int = 0, session: int = 0) -> None:
         self._seq, self._session = seq % _SEQS, session % _SESSIONS
 
     def next_seq(self) -> int:
-        """Of the next request."""
+        """Return the number of the next request."""
         self._seq = (self._seq + 1) % _SEQS
         return self._seq
 
     def skip(self) -> None:
-        """Leave out what a burst's replies may use: ArduPilot tells repeated requests by its last reply's number."""
+        """Skip the numbers of a burst: ArduPilot detects repeated requests by the number of its last reply."""
         self._seq = (self._seq + _BURST_MAX) % _SEQS
 
     def next_session(self) -> int:
-        """For the next file, 1 to 255: servers take the client's number, or answer with one of their own."""
+        """Return the session of the next file, 1 to 255. Servers use it, or answer with a number of their own."""
         self._session = self._session % _SESSIONS + 1
         return self._session
 
 
 @dataclass
-class _Asked:
+class _Request:
     payload: FtpPayload
-    asked_s: float
+    sent_s: float
     resend_s: float
     repeats: int = 0
 
 
 class FtpRequests:
-    """What is awaited from one vehicle."""
+    """The open requests to one vehicle. They time out after `timeout_s` without any progress."""
 
     def __init__(
-        self, peer: Station, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, give_up_s: float
+        self, peer: Station, *, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, timeout_s: float
     ) -> None:
         self.peer = peer
         self.me = me
         self.numbers = numbers
-        self.heard = False  # it knows MAVLink FTP
+        self.heard = False  # the vehicle answers to MAVLink FTP
         self._round_trip = round_trip
-        self._patience_s = give_up_s
+        self._timeout_s = timeout_s
         self._give_up_s: float | None = None
-        self._asked: dict[int, _Asked] = {}
+        self._open: dict[int, _Request] = {}
 
     def __len__(self) -> int:
-        return len(self._asked)
+        return len(self._open)
 
     @property
     def deadline_s(self) -> float | None:
-        """When `tick` next has something to do."""
+        """The time of the next `tick`; None if no timer runs."""
         if self._give_up_s is None:
             return None
-        return min([self._give_up_s, *(one.resend_s for one in self._asked.values())])
+        return min([self._give_up_s, *(one.resend_s for one in self._open.values())])
 
     @property
     def wait_s(self) -> float:
-        """How long an answer may take."""
+        """The wait for an answer before a request is repeated."""
         return self._round_trip.wait_s()
 
-    def ask(
+    def request(
         self,
         opcode: FtpOpcode,
         now_s: float,
@@ -90,29 +87,29 @@ class FtpRequests:
         data: bytes = b"",
         size: int | None = None,
     ) -> Message:
-        """A new request."""
+        """Return a new request, which is open until it is answered."""
         payload = FtpPayload(self.numbers.next_seq(), session, opcode, offset, data, size=size)
-        self._asked[payload.seq] = _Asked(payload, now_s, now_s + self._round_trip.wait_s())
+        self._open[payload.seq] = _Request(payload, now_s, now_s + self._round_trip.wait_s())
         if self._give_up_s is None:
             self.progressed(now_s)
         return payload.message(self.peer)
 
-    def take(self, message: Message, now_s: float) -> tuple[FtpPayload, FtpPayload] | None:
-        """A request and its reply, which is no longer awaited then; None for anything else."""
+    def match(self, message: Message, now_s: float) -> tuple[FtpPayload, FtpPayload] | None:
+        """Return a request and its reply, and close the request; None for any other message."""
         reply = self.reply(message)
         if reply is None:
             return None
-        asked = self._asked.get((reply.seq - 1) % _SEQS)
-        if asked is None or reply.req_opcode != asked.payload.opcode:
+        request = self._open.get((reply.seq - 1) % _SEQS)
+        if request is None or reply.req_opcode != request.payload.opcode:
             return None
-        del self._asked[asked.payload.seq]
-        if not asked.repeats:
-            self._round_trip.learn(now_s - asked.asked_s)
+        del self._open[request.payload.seq]
+        if not request.repeats:
+            self._round_trip.learn(now_s - request.sent_s)
         self.progressed(now_s)
-        return asked.payload, reply
+        return request.payload, reply
 
     def reply(self, message: Message) -> FtpPayload | None:
-        """What a message of the peer's to us answers, whatever was asked."""
+        """Return the reply in a message of the vehicle to us, to whichever request; None for any other message."""
         if message.name != NAME or not message.comes_from(self.peer) or not message.is_for(self.me):
             return None
         reply = read_payload(message)
@@ -122,35 +119,35 @@ class FtpRequests:
         return reply
 
     def progressed(self, now_s: float) -> None:
-        """Something came of it: patience begins anew."""
-        self._give_up_s = now_s + self._patience_s
+        """Restart the timeout."""
+        self._give_up_s = now_s + self._timeout_s
 
     def drop(self, opcode: int | None = None) -> None:
-        """Nothing is awaited any more, or nothing that asked for `opcode`."""
-        self._asked = {
-            seq: one for seq, one in self._asked.items() if opcode is not None and one.payload.opcode != opcode
+        """Close all requests, or those of `opcode`."""
+        self._open = {
+            seq: one for seq, one in self._open.items() if opcode is not None and one.payload.opcode != opcode
         }
 
-    def awaits(self, opcode: int) -> list[FtpPayload]:
-        """What has been asked with `opcode` and not been answered."""
-        return [one.payload for one in self._asked.values() if one.payload.opcode == opcode]
+    def open_requests(self, opcode: int) -> list[FtpPayload]:
+        """Return the open requests of `opcode`."""
+        return [one.payload for one in self._open.values() if one.payload.opcode == opcode]
 
     def tick(self, now_s: float) -> list[Message]:
-        """What has to be asked again."""
-        again = []
-        for one in self._asked.values():
+        """Return the requests to repeat."""
+        repeated = []
+        for one in self._open.values():
             if now_s >= one.resend_s:
                 one.repeats += 1
                 one.resend_s = now_s + self._round_trip.wait_s(one.repeats)
-                again.append(one.payload.message(self.peer))
-        return again
+                repeated.append(one.payload.message(self.peer))
+        return repeated
 
-    def gave_up(self, path: str, now_s: float) -> PeerTimeout | None:
-        """The error, once patience has ended."""
+    def timed_out(self, path: str, now_s: float) -> PeerTimeout | None:
+        """Return the error once `timeout_s` has passed without progress."""
         if self._give_up_s is None or now_s < self._give_up_s:
             return None
-        said = "stopped answering about" if self.heard else "does not answer to MAVLink FTP, asked for"
+        silence = "stopped answering" if self.heard else "does not answer to MAVLink FTP"
         return PeerTimeout(
-            f"{self.peer} {said} {path}.",
+            f"{self.peer} {silence}: no answer about {path} within {self._timeout_s:g} s.",
             hint="check the link, or send the mission item by item (--transfer items)",
         )

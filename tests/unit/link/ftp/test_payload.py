@@ -280,9 +280,12 @@ def test_every_no_ends_it_or_leads_to_another_try(code):
         assert now_s < 30.0
 
 
-def test_an_unknown_no_is_told_by_its_number():
-    assert "MAV_FTP_ERR 99" in FtpRefused(VEHICLE, PATH, FtpOpcode.CREATE_FILE, 99).message
-    assert "command 77" in FtpRefused(VEHICLE, PATH, 77, 1).message
+def test_an_unknown_refusal_is_named_by_its_number():
+    def refused(opcode, code):
+        return FtpRefused(VEHICLE, PATH, FtpPayload(1, 1, FtpOpcode.NAK, data=bytes([code]), req_opcode=opcode))
+
+    assert "MAV_FTP_ERR 99" in refused(FtpOpcode.CREATE_FILE, 99).message
+    assert "command 77" in refused(77, 1).message
 
 
 def test_what_got_no_answer_is_said_again_under_the_same_number():
