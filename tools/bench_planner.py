@@ -1,8 +1,8 @@
 """Skein's planner beside its peers on one problem, in one run:  ./tools/run python tools/bench_planner.py [--quick]
 
-Simulation 1's leader alone, with the same objective, bounds, scaling, guess and tolerance for every contender. What every
-solver calls a solution is then looked at between its nodes by Skein's verifier. Peers are installed on first use, each
-into an environment of its own under .bench/; one that does not install or solve is named and left out.
+Simulation 1's leader alone, with the same objective, bounds, scaling, guess and tolerance for every contender. What
+every solver calls a solution is then looked at between its nodes by Skein's verifier. Peers are installed on first
+use, each into an environment of its own under .bench/; one that does not install or solve is named and left out.
 """
 
 from __future__ import annotations

@@ -59,7 +59,8 @@ def page(record: dict[str, Any]) -> str:
         "",
         "This page is written by `./tools/run python tools/paper.py` from the scenarios in `missions/`; no "
         "number is typed by hand. All numbers stand in [paper.json](paper.json). Sentences of the paper are given "
-        "in our words, each with what was measured on our flights. Values the paper leaves out are marked in the scenarios.",
+        "in our words, each with what was measured on our flights. Values the paper leaves out are marked "
+        "in the scenarios.",
         "",
     ]
     for name, section in record.items():
