@@ -1,11 +1,9 @@
-"""What a scenario's vehicle can do at most, whatever its autopilot is set to.
-
-Knows: thrust surplus, tilt, roll torque. Does not know: autopilots, manoeuvres.
-"""
+"""The accelerations that a scenario's vehicle can reach at most, whatever its autopilot is set to."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from gcs.autopilots.navigation.navigator import Ability
 from gcs.physics.quadrotor import Quadrotor
@@ -14,23 +12,42 @@ from gcs.scenario.schema.scenario import LimitsTable
 _SHARE = 0.6  # of what physics allows: feedback needs the rest
 
 
-def ability_of(vehicle: Quadrotor, limits: LimitsTable) -> Ability:
-    """Upwards counts the thrust beyond the weight, sideways the horizontal part of full thrust at constant height.
+class PhysicalLimits(NamedTuple):
+    """What thrust, tilt and rotors allow: the bounds of every manoeuvre."""
 
-    A quadrotor accelerates sideways by tilting, so its jerk and snap are bounded by its roll rate and by the roll
-    acceleration its rotors can produce: snap <= g * arm * U2 / I.
+    sideways_mps2: float  # the horizontal part of full thrust at constant height, or of the tilt limit
+    upwards_mps2: float  # thrust beyond the weight
+    tilt_rate_radps: float
+    tilt_accel_radps2: float
+
+
+def physical_limits(vehicle: Quadrotor, limits: LimitsTable) -> PhysicalLimits:
+    """The limits of one type of vehicle.
+
+    A quadrotor accelerates sideways by tilting: its jerk is at most g times the tilt rate, its snap g times the tilt
+    acceleration that its rotors produce, arm * U2 / I.
     """
     g = vehicle.gravity_mps2
     surplus = limits.thrust_N[1] / vehicle.weight_N
     sideways = g * math.sqrt(max(surplus * surplus - 1.0, 0.01))
     tilt = g * math.tan(math.radians(min(limits.roll_pitch_yaw_deg[:2])))
-    roll_radps2 = min(
-        vehicle.arm_m * limits.torque[0] / vehicle.inertia_kgm2[0],
-        vehicle.arm_m * limits.torque[1] / vehicle.inertia_kgm2[1],
+    return PhysicalLimits(
+        sideways_mps2=min(sideways, tilt),
+        upwards_mps2=g * (surplus - 1.0),
+        tilt_rate_radps=math.radians(min(limits.rates_degps[:2])),
+        tilt_accel_radps2=min(
+            vehicle.arm_m * limits.torque[0] / vehicle.inertia_kgm2[0],
+            vehicle.arm_m * limits.torque[1] / vehicle.inertia_kgm2[1],
+        ),
     )
+
+
+def ability_of(vehicle: Quadrotor, limits: LimitsTable) -> Ability:
+    """The share of the physical limits that navigation models may use."""
+    g, most = vehicle.gravity_mps2, physical_limits(vehicle, limits)
     return Ability(
-        horizontal_mps2=_SHARE * min(sideways, tilt),
-        vertical_mps2=_SHARE * max(g * (surplus - 1.0), 0.1),
-        horizontal_mps3=g * math.radians(min(limits.rates_degps[:2])),
-        horizontal_mps4=_SHARE * g * roll_radps2,
+        horizontal_mps2=_SHARE * most.sideways_mps2,
+        vertical_mps2=_SHARE * max(most.upwards_mps2, 0.1),
+        horizontal_mps3=g * most.tilt_rate_radps,
+        horizontal_mps4=_SHARE * g * most.tilt_accel_radps2,
     )
