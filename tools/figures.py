@@ -18,6 +18,7 @@ from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.scenery import save
+from tools.pictures.tutorial import write_pictures
 from tools.pictures.view import camera_near, draw_view
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -60,19 +61,29 @@ PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "changes": changes,
     "gap": gap,
 }
+TUTORIAL = "tutorial"
+NAMES = (*PICTURES, TUTORIAL)
 
 
 def main(
-    missions: Annotated[list[str] | None, typer.Argument(help=f"Of {', '.join(PICTURES)}; all when left out.")] = None,
+    missions: Annotated[list[str] | None, typer.Argument(help=f"Of {', '.join(NAMES)}; all when left out.")] = None,
 ) -> None:
-    """Plan missions and write docs/pictures/MISSION/*."""
-    for name in missions or PICTURES:
-        if name not in PICTURES:
-            raise typer.BadParameter(f"no pictures of {name}; there are {', '.join(PICTURES)}")
+    """Plan missions, or type the tutorial, and write docs/pictures/MISSION/*."""
+    for name in missions or NAMES:
+        if name not in NAMES:
+            raise typer.BadParameter(f"no pictures of {name}; there are {', '.join(NAMES)}")
         folder = ROOT / "docs" / "pictures" / name
         folder.mkdir(parents=True, exist_ok=True)
-        for path in PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder):
+        for path in written(name, folder):
             print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
+
+
+def written(name: str, folder: Path) -> Iterator[Path]:
+    """Paths of the pictures of one name, each when it is there."""
+    if name == TUTORIAL:
+        yield from write_pictures(ROOT / "docs" / "tutorial.md", folder)
+    else:
+        yield from PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The library does what the commands do: the README's example flies, and vehicles on links want somebody's word."""
+"""The library does what the commands do: the tutorial's example flies; vehicles on links arm only when confirmed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MISSION = '"missions/simulation1"'
 
 def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path) -> None:
     """On a flight of half a minute instead of six."""
-    (block,) = (b for b in BLOCKS["README.md"] if b.language == "python" and "gcs.fly(" in b.code)
+    (block,) = (b for b in BLOCKS["docs/tutorial.md"] if b.language == "python" and "gcs.fly(" in b.code)
     assert MISSION in block.code
     assert len(block.code.splitlines()) <= 10
     code = block.code.replace(MISSION, repr(str(short_mission)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
 from tools.pictures.measures import clearance_m, nearest_m, size
 from tools.pictures.scenery import chain_lines, save
+from tools.pictures.tutorial import commands, draw_exported, waypoints_deg
 from tools.pictures.view import HEIGHT, WIDTH, Camera, camera_near, draw_view, ground_image, hidden
 
 
@@ -108,6 +111,28 @@ def test_rigid_scenario_differs_in_its_changes_alone(changing: Plan) -> None:
         rigid.formation.model_copy(update={"change": changing.scenario.formation.change}) == changing.scenario.formation
     )
     assert rigid.limits == changing.scenario.limits
+
+
+def test_the_tutorials_commands_are_typed_without_the_set_up() -> None:
+    text = "```sh\n./tools/run gcs new a\ncat >> a\n```\n```python\nx\n```\n```sh\n./tools/run gcs b\n```\n"
+    assert commands(text) == ["gcs new a\ncat >> a\n", "gcs b\n"]
+
+
+def test_exported_missions_are_drawn(repo_root: Path, tmp_path: Path) -> None:
+    folder = repo_root / "missions" / "simulation1" / "expected"
+    files = sorted(folder.glob("*.plan"))
+    figure = draw_exported(folder)
+    assert is_drawn(save(figure, tmp_path / "exported.png"))
+    assert [line.get_label() for line in figure.axes[0].lines if line.get_label() in {f.name for f in files}]
+    track = waypoints_deg(json.loads(files[0].read_text(encoding="utf-8")))
+    assert track.shape[1] == 2 and np.ptp(track, axis=0) == pytest.approx([0.0109, 0.0135], rel=0.03)
+
+
+def test_pictures_of_the_tutorial_are_its_own(repo_root: Path) -> None:
+    shown = re.findall(
+        r"pictures/tutorial/(\w+\.png)", (repo_root / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    )
+    assert sorted(shown) == sorted(file.name for file in (repo_root / "docs" / "pictures" / "tutorial").iterdir())
 
 
 def test_pictures_belong_to_missions(repo_root: Path) -> None:

@@ -97,9 +97,10 @@ def test_what_does_not_run_here_has_a_test_or_a_reason(document: str) -> None:
 
 @pytest.mark.parametrize("document", BLOCKS)
 def test_long_commands_are_left_to_the_end_to_end_test(document: str) -> None:
-    """A flight takes most of a minute: one test flies it, and the block names that test."""
+    """A flight takes most of a minute: one test flies it, and the block names that test. The tutorial flies its own."""
     for block in BLOCKS[document]:
-        heavy = re.search(r"\bgcs fly\b|\bpytest\b|\bsim-bridge\b", block.commands)
+        quick = document == "docs/tutorial.md" and "--sim --speedup max" in block.commands
+        heavy = not quick and re.search(r"\bgcs fly\b|\bpytest\b|\bsim-bridge\b", block.commands)
         assert not heavy or block.note, f"{document}:{block.line}: put `<!-- run: in tests/... -->` before it"
 
 
@@ -118,6 +119,19 @@ def anchors(file: Path) -> set[str]:
     """What links to headings may name, as they are made on GitHub."""
     headings = re.findall(r"^#+ +(.+?) *$", file.read_text(encoding="utf-8"), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_the_tutorial_shows_the_scenario_that_gcs_new_writes(tmp_path: Path) -> None:
+    file = tmp_path / "plans" / "first" / "scenario.toml"
+    subprocess.run([Path(sys.executable).parent / "gcs", "new", "plans/first"], cwd=tmp_path, check=True)
+    (shown,) = re.findall(
+        r"^```toml\n(.*?)^```$", (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"), re.M | re.S
+    )
+    assert shown == file.read_text(encoding="utf-8")
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150
 
 
 def test_the_harness_reads_blocks_notes_and_prompts() -> None:
