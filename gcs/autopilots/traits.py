@@ -7,6 +7,7 @@ others: on a link their numbers stay plain ints, and `link_behaviour` has defaul
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING, Literal
 
 from gcs.autopilots.ardupilot import ARDUPILOT
 from gcs.autopilots.columns import AutopilotTraits, LinkBehaviour
@@ -67,6 +68,11 @@ class Autopilot(IntEnum):
 
 
 TRAITS: dict[Autopilot, AutopilotTraits] = {Autopilot.ARDUPILOT: ARDUPILOT, Autopilot.PX4: PX4}
+
+if TYPE_CHECKING:
+    AutopilotKey = str
+else:
+    AutopilotKey = Literal[tuple(known.key for known in Autopilot)]  # a key, as a type of data models
 
 _UNKNOWN = LinkBehaviour()
 

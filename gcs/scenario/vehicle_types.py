@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field
 
+from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.schema.fields import Part
 from gcs.scenario.schema.scenario import Performance, VehicleTable
 
@@ -25,7 +26,7 @@ class VehicleFile(Part):
 
     vehicle: VehicleTable
     limits: Performance
-    autopilot: Literal["ardupilot", "px4"] | None = Field(default=None, description="whose dialect it speaks")
+    autopilot: AutopilotKey | None = Field(default=None, description="whose dialect it speaks")
 
 
 def presets() -> tuple[str, ...]:

@@ -36,7 +36,11 @@ def check(
     ],
     autopilot: Annotated[
         str | None,
-        typer.Option("--autopilot", help="ardupilot or px4: who is to fly them.", show_default="what each file says"),
+        typer.Option(
+            "--autopilot",
+            help=f"The autopilot that flies them: {' or '.join(AUTOPILOTS)}.",
+            show_default="what each file says",
+        ),
     ] = None,
     terrain: Annotated[
         Path | None,

@@ -39,7 +39,7 @@ def export(
     ] = None,
     autopilot: Annotated[
         str | None,
-        typer.Option("--autopilot", help="ardupilot or px4.", show_default="the scenario's"),
+        typer.Option("--autopilot", help=f"{' or '.join(AUTOPILOTS)}.", show_default="the scenario's"),
     ] = None,
     altitude: Annotated[
         str,

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import AfterValidator, Field
 
+from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.environment.heightmap import Relief
 from gcs.scenario.schema.fields import (
     Findings,
@@ -295,7 +296,7 @@ class GroundPhases(Part):
 class MissionOptions(Part):
     """How the plan is turned into waypoints and setpoints."""
 
-    autopilot: Literal["ardupilot", "px4"] = Field(
+    autopilot: AutopilotKey = Field(
         default="ardupilot", description="for whom missions are written and timed, and whom emulated vehicles are like"
     )
     tolerance_m: Positive = Field(description="farthest from the plan that waypoints at its own speeds lead, m")

@@ -1,0 +1,113 @@
+"""One row for each autopilot, and no other place in gcs that asks which autopilot it is."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import gcs
+from gcs.autopilots.columns import LinkBehaviour
+from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
+from gcs.autopilots.traits import TRAITS, Autopilot, link_behaviour, traits_of
+from sim_bridge.personality import by_name
+
+GCS = Path(gcs.__file__).parent
+FILES = [file for file in sorted(GCS.rglob("*.py")) if "autopilots" not in file.relative_to(GCS).parts]
+NAMES = "|".join(known.name for known in Autopilot)
+NUMBERS = set(map(int, Autopilot))
+ALLOWED = {("scenario/schema/scenario.py", "ardupilot")}  # the default of mission.autopilot, which users rely on
+
+
+def particular(tree: ast.AST) -> Iterator[str]:
+    """Expressions that name one autopilot: a member, a key, or the number of one."""
+    for node in ast.walk(tree):
+        text = ast.unparse(node) if isinstance(node, ast.expr) else ""
+        if isinstance(node, ast.Attribute) and re.fullmatch(rf"(\w+\.)*Autopilot\.({NAMES})", text):
+            yield text
+        elif isinstance(node, ast.Subscript) and re.fullmatch(rf"Autopilot\['({NAMES})'\]", text):
+            yield text
+        elif isinstance(node, ast.Constant) and node.value in {known.key for known in Autopilot}:
+            yield str(node.value)
+        elif isinstance(node, ast.Compare) and "autopilot" in text.lower():
+            numbers = {one.value for one in (node.left, *node.comparators) if isinstance(one, ast.Constant)}
+            if numbers & NUMBERS:
+                yield text
+        elif isinstance(node, ast.Call) and text.startswith("Autopilot("):
+            if any(isinstance(one, ast.Constant) for one in node.args):
+                yield text
+        elif isinstance(node, ast.keyword) and node.arg == "autopilot" and isinstance(node.value, ast.Constant):
+            if node.value.value in NUMBERS:
+                yield f"autopilot={node.value.value}"
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(GCS)))
+def test_only_the_table_names_an_autopilot(file: Path) -> None:
+    place = file.relative_to(GCS).as_posix()
+    found = [one for one in particular(ast.parse(file.read_text(encoding="utf-8"))) if (place, one) not in ALLOWED]
+    assert not found, f"gcs/{place} asks for {found}: make it a column of gcs/autopilots/columns.py"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "x is Autopilot.PX4",
+        "x == traits.Autopilot.ARDUPILOT",
+        "Autopilot['PX4']",
+        "session.autopilot == 12",
+        "Autopilot(3)",
+        "f(autopilot=3)",
+        "key == 'px4'",
+    ],
+)
+def test_a_branch_on_an_autopilot_is_found(code: str) -> None:
+    assert list(particular(ast.parse(code)))
+
+
+@pytest.mark.parametrize("code", ["Autopilot(number)", "items == 12", "Autopilot.named(key)", "f(autopilot=held)"])
+def test_a_lookup_is_no_branch(code: str) -> None:
+    assert not list(particular(ast.parse(code)))
+
+
+def test_every_autopilot_has_a_row() -> None:
+    assert set(TRAITS) == set(Autopilot)
+    for known in Autopilot:
+        assert traits_of(int(known)) is known.traits
+        assert link_behaviour(int(known)) is known.traits.link
+        assert Autopilot.named(known.key) is known
+
+
+def test_an_autopilot_without_a_row_has_careful_defaults() -> None:
+    assert traits_of(4) is None
+    assert link_behaviour(4) == LinkBehaviour()
+    assert link_behaviour(4).requests_in_flight == 1
+    assert link_behaviour(4).read_back.altitude_m == 0.0
+    assert not link_behaviour(4).read_back.allows(21, 4, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_the_rows_agree_with_the_recorded_vehicles(firmware: Autopilot) -> None:
+    recorded, link = by_name(firmware.key), firmware.traits.link
+    assert link.home_is_item_0 == recorded.missions.home_is_item_0
+    assert link.mission_files == recorded.missions.as_files
+    assert link.integers_in_bytes == recorded.param_habits.bytes_in_float
+    assert firmware.items_max <= recorded.missions.keeping[0].capacity
+    assert firmware.traits.flight.takeoff_above_sea == recorded.flight.takeoff_above_sea
+    names = {param.name: param.value for param in recorded.params}
+    scale = {"ardupilot": 100.0, "px4": 1.0}[firmware.key]  # cm and cm/s
+    altitude = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}[firmware.key]
+    assert names[altitude] == firmware.traits.returns.default_altitude_m * scale
+
+
+def test_timers_of_one_service_stand_in_one_table() -> None:
+    """The wait for a MISSION_ACK, and what else both autopilots have in common."""
+    for known in Autopilot:
+        timers = known.traits.link.timers
+        assert (timers.mission.reply_s, timers.mission.ack_s, timers.mission.give_up_s) == (1.5, 2.5, 9.0)
+        assert replace(timers, mission=STANDARD.mission) == STANDARD
+    with pytest.raises(ValueError, match="timers must be positive"):
+        MissionTimers(reply_s=0.0)
