@@ -27,9 +27,9 @@ def particular(tree: ast.AST) -> Iterator[str]:
     """Expressions that name one autopilot: a member, a key, or the number of one."""
     for node in ast.walk(tree):
         text = ast.unparse(node) if isinstance(node, ast.expr) else ""
-        if isinstance(node, ast.Attribute) and re.fullmatch(rf"(\w+\.)*Autopilot\.({NAMES})", text):
-            yield text
-        elif isinstance(node, ast.Subscript) and re.fullmatch(rf"Autopilot\['({NAMES})'\]", text):
+        if (isinstance(node, ast.Attribute) and re.fullmatch(rf"(\w+\.)*Autopilot\.({NAMES})", text)) or (
+            isinstance(node, ast.Subscript) and re.fullmatch(rf"Autopilot\['({NAMES})'\]", text)
+        ):
             yield text
         elif isinstance(node, ast.Constant) and node.value in {known.key for known in Autopilot}:
             yield str(node.value)
