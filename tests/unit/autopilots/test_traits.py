@@ -18,8 +18,9 @@ from sim_bridge.personality import by_name
 
 GCS = Path(gcs.__file__).parent
 FILES = [file for file in sorted(GCS.rglob("*.py")) if "autopilots" not in file.relative_to(GCS).parts]
+KEYS = {known.key for known in Autopilot}
 NAMES = "|".join(known.name for known in Autopilot)
-NUMBERS = set(map(int, Autopilot))
+MEMBER = re.compile(rf"(\w+\.)*Autopilot(\.({NAMES})|\['({NAMES})'\])")
 ALLOWED = {("scenario/schema/scenario.py", "ardupilot")}  # the default of mission.autopilot, which users rely on
 
 
@@ -27,22 +28,22 @@ def particular(tree: ast.AST) -> Iterator[str]:
     """Expressions that name one autopilot: a member, a key, or the number of one."""
     for node in ast.walk(tree):
         text = ast.unparse(node) if isinstance(node, ast.expr) else ""
-        if (isinstance(node, ast.Attribute) and re.fullmatch(rf"(\w+\.)*Autopilot\.({NAMES})", text)) or (
-            isinstance(node, ast.Subscript) and re.fullmatch(rf"Autopilot\['({NAMES})'\]", text)
-        ):
-            yield text
-        elif isinstance(node, ast.Constant) and node.value in {known.key for known in Autopilot}:
-            yield str(node.value)
-        elif isinstance(node, ast.Compare) and "autopilot" in text.lower():
-            numbers = {one.value for one in (node.left, *node.comparators) if isinstance(one, ast.Constant)}
-            if numbers & NUMBERS:
+        match node:
+            case ast.Attribute() | ast.Subscript() if MEMBER.fullmatch(text):
                 yield text
-        elif isinstance(node, ast.Call) and text.startswith("Autopilot("):
-            if any(isinstance(one, ast.Constant) for one in node.args):
+            case ast.Constant(value=str(key)) if key in KEYS:
+                yield key
+            case ast.Compare(left, _, others) if "autopilot" in text.lower() and numbers(left, *others):
                 yield text
-        elif isinstance(node, ast.keyword) and node.arg == "autopilot" and isinstance(node.value, ast.Constant):
-            if node.value.value in NUMBERS:
-                yield f"autopilot={node.value.value}"
+            case ast.Call(args=args) if text.startswith("Autopilot(") and numbers(*args):
+                yield text
+            case ast.keyword(arg="autopilot", value=value) if numbers(value):
+                yield f"autopilot={ast.unparse(value)}"
+
+
+def numbers(*nodes: ast.AST) -> set[object]:
+    """The numbers of autopilots among these expressions."""
+    return {node.value for node in nodes if isinstance(node, ast.Constant)} & set(map(int, Autopilot))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(GCS)))
