@@ -11,7 +11,7 @@ __all__ = ["Fleet", "NotInTime", "TrueState"]
 
 
 def __getattr__(name: str) -> Any:
-    """Heavy imports wait until somebody wants them: `sim-bridge --help` answers at once."""
+    """Import `fleet` only when a name is used, so that `sim-bridge --help` answers at once."""
     if name in __all__:
         from sim_bridge import fleet  # noqa: PLC0415
 

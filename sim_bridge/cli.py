@@ -1,7 +1,6 @@
-"""The `sim-bridge` command.
+"""The `sim-bridge` command: options, signals, messages and exit codes.
 
-Knows: options, signals, how endings are told. Does not know: vehicles. Heavy imports stand inside the function, so
-that `--help` and wrong arguments are answered at once.
+Heavy imports stand inside the function, so that `--help` and wrong arguments are answered at once.
 """
 
 from __future__ import annotations
@@ -43,52 +42,59 @@ app = typer.Typer(add_completion=False, context_settings={"help_option_names": [
 def fly(
     mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission folder, or the scenario file.")],
     udp: Annotated[
-        str | None, typer.Option(help="Ground station that the vehicles call.", show_default="127.0.0.1:14550")
+        str | None, typer.Option(help="Ground station that the vehicles send to.", show_default="127.0.0.1:14550")
     ] = None,
     link: Annotated[
         list[str] | None,
-        typer.Option(help="udpout:HOST:PORT, udpin:PORT, tcpin:PORT, pty or pty:PATH; as many as are wanted."),
+        typer.Option(help="udpout:HOST:PORT, udpin:PORT, tcpin:PORT, pty or pty:PATH; repeatable."),
     ] = None,
-    bind: Annotated[str, typer.Option(help="Address to listen at; another one lets others in.")] = LOOPBACK,
+    bind: Annotated[
+        str, typer.Option(help="Address to listen on. Any other than loopback lets other machines in.")
+    ] = LOOPBACK,
     one_port: Annotated[bool, typer.Option("--one-port", help="All vehicles share one port of each link.")] = False,
-    speedup: Annotated[str, typer.Option(help="Times real time, or 'max'.")] = "1",
+    speedup: Annotated[str, typer.Option(help="Speed as a multiple of real time, or 'max'.")] = "1",
     autopilot: Annotated[
-        str | None, typer.Option(help="Whose manners: ardupilot or px4.", show_default="the scenario's")
+        str | None, typer.Option(help="Autopilot to emulate: ardupilot or px4.", show_default="the scenario's")
     ] = None,
     nav: Annotated[
         str,
-        typer.Option(help="Who flies missions' waypoints: the autopilot's own navigator, or an ideal one, on time."),
+        typer.Option(help="Navigator for missions: own (that of the autopilot) or ideal (every leg on time)."),
     ] = "own",
-    seed: Annotated[int, typer.Option(min=0, help="Of sensor noise, boot clocks and bad links.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of sensor noise, boot clocks and link faults.")] = 0,
     truth: Annotated[Path | None, typer.Option(help="Write the true states to this .npz file at the end.")] = None,
     wind: Annotated[
         str,
-        typer.Option(help="SPEED@FROM in m/s and degrees: 3@270 blows out of the west.", show_default="the scenario's"),
+        typer.Option(
+            help="SPEED@FROM in m/s and degrees: 3@270 is 3 m/s from the west.", show_default="the scenario's"
+        ),
     ] = "",
     gusts: Annotated[
-        str, typer.Option(help="light, moderate, severe or their standard deviation in m/s.", show_default="none")
+        str, typer.Option(help="light, moderate, severe, or a standard deviation in m/s.", show_default="none")
     ] = "",
     fault: Annotated[
         list[str] | None,
-        typer.Option(help="SYSID:[up.|down.]KIND[=VALUE][@FROM..UNTIL], for example 3:loss=0.2@10..30."),
+        typer.Option(help="SYSID:[up.|down.]KIND[=VALUE][@FROM..UNTIL], e.g. 3:loss=0.2@10..30; repeatable."),
     ] = None,
-    faults: Annotated[Path | None, typer.Option(help="TOML file with more of them.")] = None,
+    faults: Annotated[Path | None, typer.Option(help="TOML file with faults.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    """Emulate the vehicles of MISSION: they call a ground station over UDP, each from a port of its own.
+    """Emulate the vehicles of MISSION. They send to a ground station over UDP, each from its own port.
 
-    One line of JSON on stdout says when they are there and where. They fly until Ctrl-C.
+    One line of JSON on stdout says when they are ready and at which addresses. Stop them with Ctrl-C.
     """
-    del debug  # read by `run`, because the arguments may be what is wrong
+    del debug  # read by `run`, because the error may be in the arguments
     links = parse_links(udp, link or (), bind=bind, shared=one_port)
     rate = parse_speedup(speedup)
     if autopilot not in (None, *AUTOPILOTS):
-        raise UsageError(f"--autopilot {autopilot!r} is neither {' nor '.join(AUTOPILOTS)}.")
+        raise UsageError(f"--autopilot must be {' or '.join(AUTOPILOTS)}, not {autopilot!r}.")
     if nav not in NAVIGATORS:
-        raise UsageError(f"--nav {nav!r} is neither {' nor '.join(NAVIGATORS)}.")
+        raise UsageError(f"--nav must be {' or '.join(NAVIGATORS)}, not {nav!r}.")
     if truth is not None and not truth.parent.is_dir():
-        raise UsageError(f"there is no folder {str(truth.parent)!r} to write {truth.name} to.")
+        raise UsageError(
+            f"--truth: the folder {str(truth.parent)!r} for {truth.name} does not exist.",
+            hint="create the folder first",
+        )
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.si import sysids  # noqa: PLC0415
     from sim_bridge.dynamics.body.wind_field import parse_wind  # noqa: PLC0415
@@ -124,7 +130,7 @@ def fly(
 def parse_links(
     udp: str | None, texts: Sequence[str], *, bind: str = LOOPBACK, shared: bool = False
 ) -> list[EndpointSpec]:
-    """The endpoints of a command line; vehicles call the usual port where none is named. Raises `UsageError`."""
+    """Return the endpoints of a command line; the default is UDP to 127.0.0.1:14550. Raises `UsageError`."""
     links = [parse_link(text, bind=bind, shared=shared) for text in texts]
     if udp is not None or not links:
         host, port = parse_ground(udp) if udp is not None else (CALL_GROUND.host, CALL_GROUND.port)
@@ -133,30 +139,30 @@ def parse_links(
 
 
 def _warn(links: Sequence[EndpointSpec]) -> None:
-    """Say so when others are let in."""
+    """Warn where other machines can connect."""
     for spec in links:
         if spec.kind in (EndpointKind.UDP_IN, EndpointKind.TCP_IN) and not is_loopback(spec.host):
-            text = f"listening at {spec.host}: whoever reaches that address may command these vehicles"
+            text = f"listening on {spec.host}: every program that reaches this address can command these vehicles"
             print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
 def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, Any]:
-    """`ports` are those of the first link that has any, `places` all."""
+    """The line on stdout: `ports` are those of the first link that has any, `places` are all addresses."""
     called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}
     return {"ready": True, "ground": called, "ports": fleet.ports, "places": places, "seed": seed}
 
 
 def parse_ground(text: str) -> tuple[str, int]:
-    """HOST:PORT. Raises `UsageError`."""
+    """Return the host and port of HOST:PORT. Raises `UsageError`."""
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise UsageError(f"--udp {text!r} is not HOST:PORT.", hint="write for example --udp 127.0.0.1:14550")
+        raise UsageError(f"--udp must be HOST:PORT, not {text!r}.", hint="write e.g. --udp 127.0.0.1:14550")
     return host, int(port)
 
 
 def parse_speedup(text: str) -> float:
-    """A positive number, or `max` for inf. Raises `UsageError`."""
+    """Return a positive number, inf for `max`. Raises `UsageError`."""
     if text == "max":
         return math.inf
     try:
@@ -164,12 +170,12 @@ def parse_speedup(text: str) -> float:
     except ValueError:
         rate = math.nan
     if not 0 < rate < math.inf:
-        raise UsageError(f"--speedup {text!r} is neither a positive number nor 'max'.")
+        raise UsageError(f"--speedup must be a positive number or 'max', not {text!r}.")
     return rate
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line and return its exit code; nothing escapes as a traceback."""
+    """Run one command line and return its exit code. Every error becomes a message, never a traceback."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in arguments
     try:

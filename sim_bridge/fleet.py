@@ -1,11 +1,9 @@
-"""Emulated vehicles for programs, above all for tests of ground software: they fly in a thread of their own.
+"""Emulated vehicles for programs, above all for tests of ground software. They run in a thread of their own.
 
-    async with Fleet("missions/field", vehicles=2, speedup=10) as fleet:      # or plain `with`
-        host, port = fleet.address(1)
-        ...                                                                    # connect, upload, arm
-        await fleet.until(lambda: fleet.state(1).flying)
-
-Knows: threads, and how others look into a world that moves. Does not know: physics, protocols.
+async with Fleet("missions/field", vehicles=2, speedup=10) as fleet:      # or plain `with`
+    host, port = fleet.address(1)
+    ...                                                                    # connect, upload, arm
+    await fleet.until(lambda: fleet.state(1).flying)
 """
 
 from __future__ import annotations
@@ -31,13 +29,13 @@ from sim_bridge.sim.default_scenario import scenario_for
 from sim_bridge.sim.world import World, WorldOptions
 
 T = TypeVar("T")
-_LOOK_S = 0.01  # of wall time between two looks at a condition
+_POLL_S = 0.01  # wall time between two checks of a condition
 _STOP_S = 10.0
 
 
 @dataclass(frozen=True)
 class TrueState:
-    """How it stands with one vehicle, at simulated time `t_s`: no estimate, and no telemetry."""
+    """The true state of one vehicle at simulated time `t_s`, which no telemetry shows."""
 
     t_s: float
     position_ned_m: Array  # (3,) in the local frame that all vehicles share
@@ -51,13 +49,13 @@ class TrueState:
 
 
 class NotInTime(GcsError):
-    """A condition that was waited for did not come about."""
+    """A condition was not met within its timeout."""
 
     exit_code = 8
 
 
 class Fleet:
-    """Vehicles on links of this machine. `sysids` and `places` (where each can be reached) hold from the start."""
+    """Vehicles on links of this machine. `sysids` and `places` (their addresses) are valid from the start."""
 
     def __init__(
         self,
@@ -75,11 +73,11 @@ class Fleet:
         gusts: str = "",
         epoch_unix_s: float | None = None,
     ) -> None:
-        """Vehicles of a scenario, of a mission folder, or six on a level field; `vehicles` is another number.
+        """Emulate a scenario, a mission folder, or six vehicles on a level field; `vehicles` sets another number.
 
-        `autopilot` is "ardupilot" or "px4"; `links` as on the command line of `sim-bridge`, with `one_port` for all
-        vehicles; `speedup` times real time, math.inf for all the machine can do; `faults`, `wind` and `gusts` as on the
-        command line; `epoch_unix_s` the vehicles' GNSS time at the start. Raises `GcsError` for what cannot be.
+        `autopilot` is "ardupilot" or "px4". `links`, `faults`, `wind` and `gusts` are as on the command line. With
+        `one_port` all vehicles share one port of each link. `speedup` is times real time, math.inf for as fast as
+        possible. `epoch_unix_s` is the vehicles' GNSS time at the start. Raises `GcsError` for invalid arguments.
         """
         known = scenario_for(scenario, vehicles)
         options = WorldOptions(
@@ -103,7 +101,7 @@ class Fleet:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop the vehicles. Raises what went wrong in their thread."""
+        """Stop the vehicles. Raises any error of their thread."""
         self._world.stop()
         if self._thread is not None:
             self._thread.join(_STOP_S)
@@ -118,14 +116,14 @@ class Fleet:
         await asyncio.to_thread(self.__exit__)
 
     def address(self, sysid: int, link: int = 0) -> Address:
-        """Host and port of a vehicle on one of its links. Raises `UsageError` where it has none."""
+        """Return host and port of a vehicle on one of its links. Raises `UsageError` for a link without ports."""
         place = self._place(sysid, link)
         if not place.port:
-            raise UsageError(f"vehicle {sysid} is at {place.address}, which is no port.")
+            raise UsageError(f"vehicle {sysid} is at {place.address}, which has no port.", hint="use path() for a pty")
         return place.address.rpartition(":")[0], place.port
 
     def path(self, sysid: int, link: int = 0) -> Path:
-        """The terminal of a vehicle on one of its links."""
+        """Return the terminal of a vehicle on one of its links."""
         return Path(self._place(sysid, link).address)
 
     @property
@@ -134,44 +132,44 @@ class Fleet:
         return self._world.t_s
 
     def state(self, sysid: int) -> TrueState:
-        """How it truly stands with a vehicle, now."""
+        """Return the true state of a vehicle, now."""
         row = self._row(sysid)
         return self._ask(lambda world: _state(world, row))
 
     def states(self) -> dict[int, TrueState]:
-        """The same of all vehicles, at one instant."""
+        """Return the true states of all vehicles at one time."""
         return self._ask(lambda world: {s: _state(world, row) for row, s in enumerate(self.sysids)})
 
     def fault(self, text: str) -> None:
-        """Let a fault begin, in the words of the command line; its times count from now. Raises `UsageError`."""
+        """Begin a fault, written as on the command line; its times count from now. Raises `UsageError`."""
         found = parse_faults([text], self.sysids)
 
         def begin(world: World) -> None:
             for sysid, faults in found.items():
                 for fault in faults:
-                    world.desk.add(self._row(sysid), fault, world.t_s)
+                    world.injector.add(self._row(sysid), fault, world.t_s)
 
         self._ask(begin)
 
     def wait_until(self, condition: Callable[[], bool], patience_s: float = 60.0) -> None:
-        """Wait until `condition` holds; `patience_s` is simulated time. Raises `NotInTime`."""
+        """Wait until `condition` is true, at most `patience_s` of simulated time. Raises `NotInTime`."""
         end_s = self.t_s + patience_s
         while not condition():
             self._check(end_s, patience_s)
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
 
     async def until(self, condition: Callable[[], bool], patience_s: float = 60.0) -> None:
         """As `wait_until`, for coroutines."""
         end_s = self.t_s + patience_s
         while not condition():
             self._check(end_s, patience_s)
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_POLL_S)
 
     def _check(self, end_s: float, patience_s: float) -> None:
         if self._failure is not None:
             raise self._failure
         if self.t_s > end_s:
-            raise NotInTime(f"what was waited for did not come about in {patience_s:g} s of simulated time.")
+            raise NotInTime(f"the condition was not met within {patience_s:g} s of simulated time.")
 
     def _place(self, sysid: int, link: int) -> PeerAddress:
         return self.places[self.sysids[self._row(sysid)]][link]
@@ -179,11 +177,11 @@ class Fleet:
     def _row(self, sysid: int) -> int:
         if sysid not in self.sysids:
             ids = ", ".join(map(str, self.sysids))
-            raise UsageError(f"there is no vehicle {sysid} in this fleet ({ids}).")
+            raise UsageError(f"vehicle {sysid} is not in this fleet, which has {ids}.")
         return self.sysids.index(sysid)
 
     def _ask(self, question: Callable[[World], T]) -> T:
-        """Have the world's own thread answer, between two steps."""
+        """Return the answer of the world's own thread, given between two steps."""
         if self._thread is None or not self._thread.is_alive():
             if self._failure is not None:
                 raise self._failure
@@ -207,15 +205,15 @@ class Fleet:
 
 
 def _state(world: World, row: int) -> TrueState:
-    truth, pilot = world.airframes.truth[row].copy(), world.vehicles[row].autopilot
+    truth, autopilot = world.airframes.truth[row].copy(), world.vehicles[row].autopilot
     return TrueState(
         t_s=world.t_s,
         position_ned_m=truth[:3],
         velocity_ned_mps=truth[3:6],
         roll_pitch_yaw_rad=truth[6:9],
         rates_radps=truth[9:12],
-        armed=pilot.armed,
-        flying=pilot.flying,
+        armed=autopilot.armed,
+        flying=autopilot.flying,
         landed=bool(world.airframes.landed[row]),
-        mode=pilot.mode.name,
+        mode=autopilot.mode.name,
     )

@@ -1,4 +1,4 @@
-"""Fixtures for pytest, for those who test their own ground software:
+"""pytest fixtures for tests of ground software:
 
     from sim_bridge.testing import fleet, make_fleet
 
@@ -7,8 +7,7 @@
     @pytest.mark.parametrize("fleet", [{"vehicles": 2, "autopilot": "px4"}], indirect=True)
     def test_it_with_two(fleet): ...
 
-Knows: pytest. Does not know: anything else. What is imported by name is found by pytest; put the import into
-conftest.py, and every test has it.
+Put the import into conftest.py, and every test can use the fixtures.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ SPEEDUP = 10.0
 
 @pytest.fixture
 def fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
-    """A flying fleet; parametrised indirectly, the arguments of `Fleet` as a dict."""
+    """A running fleet. Parametrise it indirectly with the arguments of `Fleet` as a dict."""
     arguments: dict[str, Any] = {"speedup": SPEEDUP, **getattr(request, "param", {})}
     with Fleet(**arguments) as flying:
         yield flying

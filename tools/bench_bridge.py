@@ -157,7 +157,7 @@ def _square(world: World, row: int, origin_fields: dict[str, float]) -> tuple[Mi
     for north, east in corners * 60:
         items.append(MissionItem(16, 3, (0.0,) * 4, *_place(pad + np.array([north, east, 0.0]), origin), 10.0))
     home = Home(*(float(v) for v in ned_to_geodetic(pad, origin)))
-    return with_home(tuple(items), home) if world.vehicles[row].autopilot.helm.progress.first else tuple(items)
+    return with_home(tuple(items), home) if world.vehicles[row].autopilot.mode_actions.progress.first else tuple(items)
 
 
 def _place(ned_m: np.ndarray, origin: Origin) -> tuple[int, int]:

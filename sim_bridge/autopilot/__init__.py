@@ -1,1 +1,1 @@
-"""One vehicle's decisions: modes, arming, failsafes, mission progress."""
+"""The decisions of one vehicle: flight modes, arming, failsafes, landing detection and mission progress."""

@@ -1,62 +1,59 @@
-"""Whether motors may turn: why not, since when they do, and how long nothing has happened.
-
-Knows: the rules of arming in its personality. Does not know: commands, motion, how ready the vehicle is (told).
-"""
+"""Arming rules: why arming is refused, since when the motors turn, and when an idle vehicle disarms."""
 
 from __future__ import annotations
 
 import math
 
-from sim_bridge.autopilot.events import Voice
+from sim_bridge.autopilot.events import EventQueue
 from sim_bridge.autopilot.readiness import Readiness
 from sim_bridge.personality import Intent, Milestone, Mode, Note, Personality
 
-_LOOK_S = 1.0  # between two looks at what keeps the vehicle from being armed
-_REPORT_S = 30.0  # between two reports of the same
-_NEWS_S = 4.0  # before news are reported out of turn
-_IN_MISSION, _WITHOUT_ADO = 1, 2  # bits of AUTO_OPTIONS
+_CHECK_PERIOD_S = 1.0  # between two runs of the arming checks
+_REPORT_PERIOD_S = 30.0  # between two reports of the same failed checks
+_CHANGE_REPORT_S = 4.0  # minimum time since the last report before a newly failed check is reported
+_ARM_IN_AUTO, _TAKE_OFF_AT_ONCE = 1, 2  # bits of AUTO_OPTIONS
 
 
 class Arming:
-    """`armed`, and since when; `options` are the bits of the setting AUTO_OPTIONS."""
+    """`armed` and since when. `options` holds the bits of the setting AUTO_OPTIONS."""
 
-    def __init__(self, personality: Personality, readiness: Readiness, voice: Voice) -> None:
-        self._habits = personality.arming
+    def __init__(self, personality: Personality, readiness: Readiness, event_queue: EventQueue) -> None:
+        self._traits = personality.arming
         self._readiness = readiness
-        self._voice = voice
+        self._event_queue = event_queue
         self.armed = False
         self.options = 0
         self._armed_s = -math.inf
         self._idle_since_s = math.inf
-        self._look_s = self._reported_s = -math.inf
+        self._next_check_s = self._reported_s = -math.inf
         self._passed = False
 
     def arm(self, t_s: float) -> None:
-        """Motors turn from now on."""
+        """Arm at `t_s`: the motors turn from now on."""
         self.armed, self._armed_s, self._idle_since_s = True, t_s, t_s
 
-    def rest(self, t_s: float) -> None:
-        """The vehicle stands from now on, with nothing to do."""
+    def start_idle(self, t_s: float) -> None:
+        """Start the idle timer: the vehicle stands on the ground from `t_s` on."""
         self._idle_since_s = t_s
 
     @property
     def lifts_from_s(self) -> float:
-        """When the motors turn fast enough to lift."""
-        return self._armed_s + self._habits.spool_up_s
+        """The time at which the motors turn fast enough to lift the vehicle."""
+        return self._armed_s + self._traits.spool_up_s
 
     def idled(self, t_s: float) -> bool:
-        """Whether it has stood for so long that it disarms."""
-        return t_s - self._idle_since_s >= self._habits.idle_disarm_s
+        """Whether the vehicle has been idle long enough to disarm."""
+        return t_s - self._idle_since_s >= self._traits.idle_disarm_s
 
     @property
     def takes_off_in_missions(self) -> bool:
-        """Whether a mission mode is enough to take off."""
-        return bool(self.options & _WITHOUT_ADO)
+        """Whether the mission mode alone is enough to take off."""
+        return bool(self.options & _TAKE_OFF_AT_ONCE)
 
     def reasons(self, mode: Mode, *, placed: bool, has_mission: bool, has_stream: bool, trying: bool) -> list[str]:
-        """Why the vehicle cannot be armed in this mode; or, unless `trying`, why its checks fail.
+        """Return why arming is refused in this mode, or, unless `trying`, which arming checks fail.
 
-        It is `placed` while its filter knows where it is.
+        `placed`: the filter knows the position.
         """
         reasons = list(self._readiness.faults)
         if not reasons and mode.needs_position and not (self._readiness.ready and placed):
@@ -65,7 +62,7 @@ class Arming:
             reasons.append("Need Position Estimate")
         if mode.intent is Intent.MISSION and not has_mission:
             reasons.append("Mode requires mission")
-        elif (trying or self._habits.status_tells) and not self._allowed(mode, has_stream=has_stream):
+        elif (trying or self._traits.status_shows_armable) and not self._allowed(mode, has_stream=has_stream):
             reasons.append(f"{mode.name} mode not armable")
         return reasons
 
@@ -73,22 +70,22 @@ class Arming:
         if mode.intent is Intent.GUIDED:
             return has_stream
         if mode.intent is Intent.MANUAL:
-            return self._habits.has_sticks
-        return mode.armable or (mode.intent is Intent.MISSION and bool(self.options & _IN_MISSION))
+            return self._traits.has_sticks
+        return mode.armable or (mode.intent is Intent.MISSION and bool(self.options & _ARM_IN_AUTO))
 
     def report(self, t_s: float, reasons: list[str]) -> None:
-        """Say now and then why the vehicle could not be armed."""
-        if self._look_s == -math.inf:
+        """Report failed arming checks as STATUSTEXT, at most once every _REPORT_PERIOD_S."""
+        if self._next_check_s == -math.inf:
             self._reported_s = t_s
-        self._look_s = t_s + _LOOK_S
+        self._next_check_s = t_s + _CHECK_PERIOD_S
         passed, before, self._passed = not reasons, self._passed, not reasons
         since_s = t_s - self._reported_s
-        if not passed and (since_s >= _REPORT_S or (before and since_s >= _NEWS_S)):
+        if not passed and (since_s >= _REPORT_PERIOD_S or (before and since_s >= _CHANGE_REPORT_S)):
             self._reported_s = t_s
             for reason in reasons:
-                self._voice.say(Note.CHECKS_FAIL, reason=reason)
+                self._event_queue.add_text(Note.CHECKS_FAIL, reason=reason)
 
     @property
-    def look_s(self) -> float:
-        """When `report` has something to do next."""
-        return self._look_s
+    def next_check_s(self) -> float:
+        """The time of the next `report` that has work to do."""
+        return self._next_check_s

@@ -1,7 +1,4 @@
-"""What an autopilot has to tell the outside, and the voice that puts it into words.
-
-Knows: kinds of news. Does not know: messages, and any autopilot's words.
-"""
+"""What an autopilot reports to the ground, and the queue that words it for STATUSTEXT."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from sim_bridge.personality.wording import Words
 
 @dataclass(frozen=True)
 class Said:
-    """Something for STATUSTEXT."""
+    """A text for STATUSTEXT."""
 
     severity: Severity
     text: str
@@ -22,38 +19,38 @@ class Said:
 
 @dataclass(frozen=True)
 class Reached:
-    """Something for MISSION_ITEM_REACHED."""
+    """An item for MISSION_ITEM_REACHED."""
 
     seq: int
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Home is known, or somewhere else than before."""
+    """Home was set or moved."""
 
 
 @dataclass(frozen=True)
 class ModeChanged:
-    """HEARTBEAT has news."""
+    """The mode changed, so HEARTBEAT changes."""
 
 
 Event = Said | Reached | Placed | ModeChanged
 
 
-class Voice:
-    """Says things in one autopilot's words; `events` is what has yet to be told."""
+class EventQueue:
+    """Collects events, and words them as this autopilot does. `events` are not yet reported."""
 
     def __init__(self, words: Words) -> None:
         self._words = words
         self.events: list[Event] = []
 
-    def say(self, note: Note, **quoted: object) -> None:
-        """Say what this autopilot says on the occasion, if anything."""
+    def add_text(self, note: Note, **quoted: object) -> None:
+        """Queue the text of this autopilot for `note`, if it has one."""
         known = self._words.get(note)
         if known is not None:
             severity, text = known
             self.events.append(Said(severity, text.format(**quoted)))
 
-    def tell(self, *events: Event) -> None:
-        """Pass news on."""
+    def add(self, *events: Event) -> None:
+        """Queue events."""
         self.events.extend(events)

@@ -1,10 +1,8 @@
-"""Failsafes: a ground station that fell silent, a battery that runs low, a fence that was crossed.
+"""Failsafes: a silent ground station, a low battery, a fence breach, a lost position estimate.
 
-Knows: the guards of its personality, the parameters that set them, when something has gone wrong. Does not know:
-messages, motion. What is then done, the autopilot decides (`EmulatedAutopilot.fail`).
-
-Silence of the ground station is measured on the wall's clock `now_s`, because links are real; all else in simulated
-time. The loss of a setpoint stream is the autopilot's own business.
+The personality says which parameters set each failsafe; `EmulatedAutopilot.fail` carries out the action. Silence of
+the ground station is measured in wall time `now_s`, because links are real; everything else in simulated time. The
+autopilot itself detects the loss of a setpoint stream (`OffboardTimeout`).
 """
 
 from __future__ import annotations
@@ -37,58 +35,58 @@ _NAMES = {_HEIGHT: "Max Alt", _RADIUS: "Circle", _SHAPES: "Polygon"}
 
 @dataclass(frozen=True)
 class Readings:
-    """What failsafes look at."""
+    """The measurements that failsafes check."""
 
     place_ned_m: Array  # (3,)
     volt: float
     used_Ah: float
     left_Ah: float
-    share: float  # of the charge that is left
-    healthy: bool  # the estimate
+    share: float  # remaining share of the charge
+    healthy: bool  # of the estimate
 
 
 class Failsafe:
-    """Watches over one vehicle. `breach` is of the fence, now; `breaches` counts them."""
+    """Watches one vehicle. `breach` is the present fence breach; `breaches` counts them."""
 
     def __init__(self, autopilot: EmulatedAutopilot) -> None:
         self._autopilot = autopilot
-        self._guards = autopilot.personality.guards
+        self._failsafes = autopilot.personality.failsafes
         self._settings: Mapping[Setting, float] = {}
         self._shapes: tuple[FenceShape, ...] = ()
-        self._look_s = -math.inf
+        self._next_check_s = -math.inf
         self._heard_s: float | None = None
         self._link_lost = False
         self._low_since_s: dict[Note, float] = {}
         self._low: set[Note] = set()
-        self._placed_s = math.inf  # when the place was known last; nobody has been flying yet
+        self._placed_s = math.inf  # when the position was last known; inf before the first flight
         self.breach = Breach.NONE
         self.breaches = 0
         self.breached_s = 0.0
 
     def use(self, settings: Mapping[Setting, float]) -> None:
-        """Go by these settings from now on."""
+        """Apply these settings."""
         self._settings = settings
 
     def fence(self, shapes: Sequence[FenceShape]) -> None:
-        """Keep to these polygons and circles from now on."""
+        """Set the polygons and circles of the fence."""
         self._shapes = tuple(shapes)
 
     def hear(self, sysid: int, now_s: float) -> None:
-        """A ground station is there."""
-        if self._guards.link.only_ours and sysid != self._settings.get(Setting.GROUND_STATION):
+        """Take a HEARTBEAT of a ground station at wall time `now_s`."""
+        if self._failsafes.link.only_ours and sysid != self._settings.get(Setting.GROUND_STATION):
             return
         self._heard_s = now_s
         if self._link_lost:
             self._link_lost = False
-            self._autopilot.voice.say(Note.LINK_FOUND)
+            self._autopilot.event_queue.add_text(Note.LINK_FOUND)
 
     def due(self, t_s: float) -> bool:
-        """Whether to look again."""
-        return t_s >= self._look_s
+        """Whether the next check is due."""
+        return t_s >= self._next_check_s
 
     def step(self, t_s: float, now_s: float, readings: Readings) -> None:
-        """Look at everything."""
-        self._look_s = t_s + _PERIOD_S
+        """Run all failsafe checks."""
+        self._next_check_s = t_s + _PERIOD_S
         self._watch_battery(t_s, readings)
         if self._autopilot.armed:
             self._watch_link(t_s, now_s)
@@ -98,50 +96,50 @@ class Failsafe:
 
     @property
     def fenced(self) -> bool:
-        """Whether there is a fence to keep to."""
-        off = self._guards.fence.off
+        """Whether a fence is enabled."""
+        off = self._failsafes.fence.off
         return self._setting(Setting.FENCE_ENABLED) != 0.0 if off is None else self._value(Setting.FENCE_ACTION) != off
 
     def _watch_link(self, t_s: float, now_s: float) -> None:
         action = self._value(Setting.LINK_LOSS_ACTION)
-        if self._heard_s is None or self._link_lost or action == self._guards.link.off:
+        if self._heard_s is None or self._link_lost or action == self._failsafes.link.off:
             return
         if now_s - self._heard_s > self._setting(Setting.LINK_TIMEOUT_S):
             self._link_lost = True
-            intent = self._guards.link.actions.get(action)
+            intent = self._failsafes.link.actions.get(action)
             mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
-            self._autopilot.voice.say(Note.LINK_LOST, action=mode.name if mode is not None else "Continuing")
+            self._autopilot.event_queue.add_text(Note.LINK_LOST, action=mode.name if mode is not None else "Continuing")
             self._act(t_s, intent)
 
     def _watch_estimate(self, t_s: float, healthy: bool) -> None:
-        guard = self._guards.estimate
+        failsafe = self._failsafes.estimate
         if healthy or not self._autopilot.flying:
             self._placed_s = t_s
-        elif t_s - self._placed_s >= guard.patience_s:
+        elif t_s - self._placed_s >= failsafe.timeout_s:
             self._placed_s = math.inf
-            intent = guard.always if guard.action is None else guard.actions.get(self._value(guard.action))
+            intent = failsafe.always if failsafe.action is None else failsafe.actions.get(self._value(failsafe.action))
             mode = self._autopilot.personality.modes.of(intent) if intent is not None else None
             if mode is not None and self._autopilot.mode.intent is not Intent.LAND:
-                self._autopilot.voice.say(Note.PLACE_LOST, action=mode.name)
+                self._autopilot.event_queue.add_text(Note.PLACE_LOST, action=mode.name)
             self._act(t_s, intent)
 
     def _watch_battery(self, t_s: float, readings: Readings) -> None:
-        for guard in self._guards.battery:
-            if guard.note in self._low:
+        for failsafe in self._failsafes.battery:
+            if failsafe.note in self._low:
                 continue
-            if not self._is_low(guard, readings):
-                self._low_since_s.pop(guard.note, None)
-            elif t_s - self._low_since_s.setdefault(guard.note, t_s) >= self._guards.battery_patience_s:
-                self._low.add(guard.note)
-                self._autopilot.voice.say(guard.note, volt=readings.volt, mAh=1000.0 * readings.used_Ah)
-                self._act(t_s, self._chosen(guard.action, guard.actions))
+            if not self._is_low(failsafe, readings):
+                self._low_since_s.pop(failsafe.note, None)
+            elif t_s - self._low_since_s.setdefault(failsafe.note, t_s) >= self._failsafes.battery_timeout_s:
+                self._low.add(failsafe.note)
+                self._autopilot.event_queue.add_text(failsafe.note, volt=readings.volt, mAh=1000.0 * readings.used_Ah)
+                self._act(t_s, self._chosen(failsafe.action, failsafe.actions))
 
-    def _is_low(self, guard: BatteryFailsafe, readings: Readings) -> bool:
-        if guard.volt is not None and readings.volt < self._setting(guard.volt):
+    def _is_low(self, failsafe: BatteryFailsafe, readings: Readings) -> bool:
+        if failsafe.volt is not None and readings.volt < self._setting(failsafe.volt):
             return True
-        if guard.left is not None and readings.left_Ah < self._setting(guard.left):
+        if failsafe.left is not None and readings.left_Ah < self._setting(failsafe.left):
             return True
-        return guard.share is not None and readings.share < self._setting(guard.share)
+        return failsafe.share is not None and readings.share < self._setting(failsafe.share)
 
     def _watch_fence(self, t_s: float, place_ned_m: Array) -> None:
         kind = self._crossed(place_ned_m) if self.fenced else 0
@@ -150,13 +148,13 @@ class Failsafe:
             return
         self.breaches += 1
         self.breached_s = t_s
-        self._autopilot.voice.say(Note.FENCE_BREACHED, fence=_NAMES[kind])
-        self._act(t_s, self._chosen(Setting.FENCE_ACTION, self._guards.fence.actions))
+        self._autopilot.event_queue.add_text(Note.FENCE_BREACHED, fence=_NAMES[kind])
+        self._act(t_s, self._chosen(Setting.FENCE_ACTION, self._failsafes.fence.actions))
 
     def _crossed(self, place_ned_m: Array) -> int:
-        """Which kind of fence the vehicle is beyond; 0 for none."""
+        """The kind of fence that the vehicle has crossed; 0 for none."""
         kinds = int(self._settings.get(Setting.FENCE_KINDS, float(_HEIGHT | _RADIUS | _SHAPES)))
-        north_m, east_m, down_m = (place_ned_m - self._autopilot.guide.home_ned_m).tolist()
+        north_m, east_m, down_m = (place_ned_m - self._autopilot.path_generator.home_ned_m).tolist()
         height_m, radius_m = self._setting(Setting.FENCE_HEIGHT_M), self._setting(Setting.FENCE_RADIUS_M)
         if kinds & _HEIGHT and 0.0 < height_m < -down_m:
             return _HEIGHT
@@ -166,7 +164,7 @@ class Failsafe:
 
     def _beyond_shapes(self, north_m: float, east_m: float) -> bool:
         wrong = [shape.violated(north_m, east_m) for shape in self._shapes]
-        if not self._guards.fence.one_area_suffices:
+        if not self._failsafes.fence.one_area_suffices:
             return any(wrong)
         areas = [bad for bad, shape in zip(wrong, self._shapes, strict=True) if not shape.stay_outside]
         forbidden = any(bad for bad, shape in zip(wrong, self._shapes, strict=True) if shape.stay_outside)

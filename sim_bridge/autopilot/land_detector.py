@@ -1,18 +1,16 @@
-"""From lift-off to landing, by contact with the ground alone.
+"""Detects take-off and landing by ground contact alone.
 
-Knows: contact, and how long it has to last. Does not know: heights, motors, why the vehicle climbs or sinks.
-
-    standing --lift--> lifting --no contact--> in the air --contact for landed_after_s--> standing
-    lifting --contact, and the climb is long over--> standing
+standing --lift--> lifting --no contact--> in the air --contact for landed_after_s--> standing
+lifting --contact for _LIFT_OFF_TIMEOUT_S after the climb--> standing
 """
 
 from __future__ import annotations
 
-_LIFT_OFF_PATIENCE_S = 3.0  # after a take-off that never left the ground
+_LIFT_OFF_TIMEOUT_S = 3.0  # for a take-off that never left the ground
 
 
 class LandDetector:
-    """`flying` from the order to lift until the landing; `aloft` once the ground was left."""
+    """`flying` from the take-off command until the landing; `aloft` once the vehicle has left the ground."""
 
     def __init__(self, landed_after_s: float) -> None:
         self._landed_after_s = landed_after_s
@@ -21,21 +19,21 @@ class LandDetector:
         self.aloft = False
 
     def lift(self) -> None:
-        """Motors lift from now on."""
+        """Start a take-off."""
         self.flying, self.aloft, self._contact_s = True, False, None
 
     def settle(self) -> None:
-        """The vehicle stands, or lies."""
+        """The vehicle stands, or lies, on the ground."""
         self.flying, self.aloft, self._contact_s = False, False, None
 
     def step(self, t_s: float, contact: bool, climbing_until_s: float) -> tuple[bool, bool]:
-        """Whether it left the ground just now, and whether it has just landed."""
+        """Return whether the vehicle left the ground in this step, and whether it landed in this step."""
         if not contact:
             left = not self.aloft
             self._contact_s, self.aloft = None, True
             return left, False
-        if t_s <= climbing_until_s + _LIFT_OFF_PATIENCE_S:
-            self.aloft = False  # a hop at the start of a climb is no landing
+        if t_s <= climbing_until_s + _LIFT_OFF_TIMEOUT_S:
+            self.aloft = False  # a bounce at the start of a climb is not a landing
         elif self._contact_s is None:
             self._contact_s = t_s
         elif t_s - self._contact_s >= self._landed_after_s:

@@ -1,8 +1,4 @@
-"""How intents become motion: what a vehicle flies when a mode begins, and how it gets off the ground and back.
-
-Knows: the guide's courses, the time motors need to lift, contact with the ground. Does not know: mode numbers, who
-may ask for what, setpoints' proof, failsafes.
-"""
+"""What a vehicle flies when a mode begins: take-off, mission, return, landing, hold, and setpoints."""
 
 from __future__ import annotations
 
@@ -16,7 +12,7 @@ from gcs.mavlink import LandedState
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.arming import Arming
-from sim_bridge.autopilot.events import Placed, Voice
+from sim_bridge.autopilot.events import EventQueue, Placed
 from sim_bridge.autopilot.guidance.flight_path import Flightpath, Passed
 from sim_bridge.autopilot.guidance.mission_guidance import fly_mission
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
@@ -26,96 +22,103 @@ from sim_bridge.autopilot.land_detector import LandDetector
 from sim_bridge.autopilot.mission_progress import MissionProgress
 from sim_bridge.personality import Intent, Note, Personality, Setting
 
-_FAR_M = 2.0  # a setpoint further from where the vehicle should be is flown to, not jumped to
+_FAR_M = 2.0  # a first setpoint further away than this is flown to as a position, not followed as a stream
 _SAME_M = 0.01
-_LIFTS_M = 0.2  # a setpoint so far above the ground is meant as a take-off
+_LIFTS_M = 0.2  # a setpoint this far above the ground, or a climb of 0.2 m/s, means take-off
 _LIFT_S = 2.0
-_LEAST_RETURN_M = 4.0  # height above home, however near
+_LEAST_RETURN_M = 4.0  # minimum return height above home, at any distance
 
 
 class ModeActions:
-    """`guide` works out courses, `path` is what is flown, `ground` knows contact, `progress` the mission."""
+    """The `path_generator`, the `path` that is flown, the land detector `ground`, and the mission `progress`."""
 
     def __init__(
-        self, personality: Personality, guide: PathGenerator, yaw_ned_rad: float, arming: Arming, voice: Voice
+        self,
+        personality: Personality,
+        path_generator: PathGenerator,
+        yaw_ned_rad: float,
+        arming: Arming,
+        event_queue: EventQueue,
     ) -> None:
-        self.guide = guide
-        self.path = Flightpath(np.append(guide.home_ned_m, yaw_ned_rad), self._end_stream)
+        self.path_generator = path_generator
+        self.path = Flightpath(np.append(path_generator.home_ned_m, yaw_ned_rad), self._end_stream)
         self.ground = LandDetector(personality.flight.landed_after_s)
-        self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, voice)
-        self.takeoff_m = math.nan  # above home, as last asked for
-        self._habits = personality.flight
+        self.progress = MissionProgress(personality.reports, personality.missions.home_is_item_0, event_queue)
+        self.takeoff_m = math.nan  # above home, as last commanded
+        self._traits = personality.flight
         self._from_ground = personality.streaming.from_ground
-        self._coasts_s = personality.streaming.coasts_s
+        self._coasts_s = personality.streaming.extrapolates_s
         self._comes_back = personality.streaming.comes_back
         self._arming = arming
-        self._voice = voice
+        self._event_queue = event_queue
         self._least_takeoff_m = 0.0
         self._intent = Intent.HOLD
         self._settings: Mapping[Setting, float] = {}
-        self._lift_off: Callable[[float], PiecePath] | None = None  # waits for the motors
+        self._lift_off: Callable[[float], PiecePath] | None = None  # the path to start when the motors have spun up
 
     @property
     def waits_for_motors(self) -> bool:
-        """Whether it is about to lift."""
+        """Whether a take-off waits until the motors have spun up."""
         return self._lift_off is not None
 
     def use(self, settings: Mapping[Setting, float]) -> None:
-        """Go by these settings from now on."""
+        """Apply these settings."""
         self._settings = settings
         timeout_s = settings[Setting.STREAM_TIMEOUT_S]
-        self.path.coast_s = timeout_s if self._coasts_s is None else self._coasts_s
+        self.path.extrapolate_s = timeout_s if self._coasts_s is None else self._coasts_s
         self._least_takeoff_m = settings.get(Setting.TAKEOFF_HEIGHT_M, 0.0)
-        self.guide = replace(
-            self.guide,
-            speed_mps=min(settings[Setting.CRUISE_MPS], self.guide.limits.horizontal_mps),
+        self.path_generator = replace(
+            self.path_generator,
+            speed_mps=min(settings[Setting.CRUISE_MPS], self.path_generator.limits.horizontal_mps),
             descend_mps=settings[Setting.DESCEND_MPS],
             land_mps=settings[Setting.LAND_MPS],
             rtl_height_m=settings[Setting.RETURN_HEIGHT_M],
             arrive_m=settings.get(Setting.ARRIVE_M, 0.0),
             climb_mps=settings[Setting.CLIMB_MPS],
-            takeoff_mps=self._habits.takeoff_share * settings.get(Setting.TAKEOFF_MPS, settings[Setting.CLIMB_MPS]),
-            floats_s=self._habits.floats_s,
-            slow_below_m=self._habits.slow_below_m,
-            crawl_below_m=self._habits.crawl_below_m,
+            takeoff_mps=self._traits.takeoff_share * settings.get(Setting.TAKEOFF_MPS, settings[Setting.CLIMB_MPS]),
+            liftoff_pause_s=self._traits.liftoff_pause_s,
+            slow_below_m=self._traits.slow_below_m,
+            crawl_below_m=self._traits.crawl_below_m,
             crawl_mps=settings.get(Setting.CRAWL_MPS, 0.0),
             return_wait_s=max(settings.get(Setting.RETURN_WAIT_S, 0.0), 0.0),
         )
 
     def change_speed(self, speed_mps: float) -> bool:
-        """Fly so fast over ground from now on; whether that is news."""
-        before = self.guide.speed_mps
-        self.guide = replace(self.guide, speed_mps=min(speed_mps, self.guide.limits.horizontal_mps))
-        return self.guide.speed_mps != before
+        """Set the ground speed; return whether it changed."""
+        before = self.path_generator.speed_mps
+        self.path_generator = replace(
+            self.path_generator, speed_mps=min(speed_mps, self.path_generator.limits.horizontal_mps)
+        )
+        return self.path_generator.speed_mps != before
 
     def change_climb(self, speed_mps: float) -> None:
-        """Climb so fast from now on."""
-        self.guide = replace(self.guide, climb_mps=speed_mps)
+        """Set the climb speed."""
+        self.path_generator = replace(self.path_generator, climb_mps=speed_mps)
 
     def change_descent(self, speed_mps: float) -> None:
-        """Come down so fast from now on."""
-        self.guide = replace(self.guide, descend_mps=speed_mps)
+        """Set the descent speed."""
+        self.path_generator = replace(self.path_generator, descend_mps=speed_mps)
 
     def rally(self, places_ned_m: Iterable[Array]) -> None:
-        """Return to one of these places (2,) where it is nearer than home."""
-        self.guide = replace(self.guide, rally_ned_m=tuple(places_ned_m))
+        """Set the rally points, each (2,). The vehicle returns to the nearest one if it is nearer than home."""
+        self.path_generator = replace(self.path_generator, rally_ned_m=tuple(places_ned_m))
 
     def resume(self, t_s: float, intent: Intent) -> None:
-        """Go on with what is under way, now with what has changed."""
+        """Re-plan what is under way, with the present speeds."""
         if intent is Intent.MISSION and self.progress.running and not self.path.landing:
             self._fly_mission(t_s, anew=False)
         elif self.path.target is not None and not self.path.at_rest:
             self.go_to(t_s, self.path.target)
 
     def set_home(self, place_ned_m: Array) -> None:
-        """Home is at `place_ned_m` (3,) from now on."""
-        self.guide = replace(self.guide, home_ned_m=place_ned_m.copy())
-        self._voice.tell(Placed())
+        """Set home to `place_ned_m` (3,)."""
+        self.path_generator = replace(self.path_generator, home_ned_m=place_ned_m.copy())
+        self._event_queue.add(Placed())
 
     def begin(self, t_s: float, intent: Intent) -> None:
-        """Fly, in the air or about to be, what a mode for `intent` is there for."""
+        """Start the path of a mode for `intent`, in flight or at take-off."""
         flat = self.path.piece.at(t_s)
-        if intent is not self._intent:  # speeds asked for by command end with the mode
+        if intent is not self._intent:  # speeds set by command end with the mode
             self.use(self._settings)
         self._intent = intent
         self.progress.running, self._lift_off = False, None
@@ -125,23 +128,26 @@ class ModeActions:
             self._climb(t_s)
         elif intent is Intent.RETURN:
             self._return(t_s, flat)
-        elif intent is Intent.LAND or (intent is Intent.MANUAL and self._habits.sinks_without_sticks):
-            self.path.start(t_s, self.guide.land(t_s, flat))
+        elif intent is Intent.LAND or (intent is Intent.MANUAL and self._traits.sinks_without_sticks):
+            self.path.start(t_s, self.path_generator.land(t_s, flat))
         else:
-            self.path.start(t_s, self.guide.stop(t_s, flat))
+            self.path.start(t_s, self.path_generator.stop(t_s, flat))
 
     def take_off(self, t_s: float, height_m: float) -> None:
-        """Straight up to `height_m` above home, as soon as the motors turn fast enough."""
-        self._lift(t_s, lambda t_s: self.guide.take_off(t_s, self.path.piece.at(t_s), height_m))
+        """Climb straight up to `height_m` above home, as soon as the motors have spun up."""
+        self._lift(t_s, lambda t_s: self.path_generator.take_off(t_s, self.path.piece.at(t_s), height_m))
 
     def go_to(self, t_s: float, target: Array) -> None:
-        """Fly to `target` (4,) and stand there, turning the shorter way."""
+        """Fly to `target` (4,) and hold there; yaw turns the shorter way."""
         flat, target = self.path.piece.at(t_s), target.copy()
         target[3] = flat[0, 3] + math.remainder(target[3] - flat[0, 3], math.tau)
-        self.path.start(t_s, self.guide.go_to(t_s, flat, target), target)
+        self.path.start(t_s, self.path_generator.go_to(t_s, flat, target), target)
 
     def follow(self, t_s: float, setpoint: StampedSetpoint, *, to_rest: bool) -> None:
-        """Fly a setpoint of a stream, or to one; on the ground it lifts the vehicle where setpoints do that."""
+        """Follow a setpoint of a stream, or fly to one.
+
+        On the ground a setpoint starts a take-off where the autopilot allows that.
+        """
         if not self.ground.aloft and not self._lifts(t_s, setpoint):
             return
         target = setpoint.flat[0]
@@ -152,22 +158,22 @@ class ModeActions:
             self.go_to(t_s, target)
 
     def stand(self, t_s: float, place: Array) -> None:
-        """Idle on the ground at `place` (4,)."""
+        """Stand idle on the ground at `place` (4,)."""
         self.ground.settle()
-        self._arming.rest(t_s)
+        self._arming.start_idle(t_s)
         self.path.stand(t_s, place)
 
     def stay(self) -> None:
-        """Do not lift after all."""
+        """Cancel a take-off that waits for the motors."""
         self._lift_off = None
 
     def switch_off(self) -> None:
-        """Motors stop, wherever the vehicle is."""
+        """Stop the motors, wherever the vehicle is."""
         self.progress.running, self._lift_off = False, None
         self.ground.settle()
 
     def step(self, t_s: float) -> Passed:
-        """Go on to `t_s`."""
+        """Advance to `t_s`; return what was passed."""
         passed = self.path.step(t_s)
         for mark in passed.marks:
             self.progress.pass_mark(mark)
@@ -179,13 +185,13 @@ class ModeActions:
         return passed
 
     def landed(self, t_s: float, contact: bool) -> bool:
-        """Whether a flying vehicle has landed just now."""
-        left, landed = self.ground.step(t_s, contact, self.path.course.climbing_until_s)
+        """Return whether the vehicle landed in this step."""
+        left, landed = self.ground.step(t_s, contact, self.path.planned.climbing_until_s)
         if left:
-            self._voice.say(Note.LIFTED_OFF)
+            self._event_queue.add_text(Note.LIFTED_OFF)
         if landed:
             self.progress.land(self._intent)
-            self._voice.say(Note.LANDED)
+            self._event_queue.add_text(Note.LANDED)
             self.stand(t_s, self.path.piece.at(t_s)[0])
         return landed
 
@@ -196,40 +202,46 @@ class ModeActions:
             return LandedState.ON_GROUND
         if self.path.landing and self._intent is not Intent.MANUAL:
             return LandedState.LANDING
-        climbing = self.path.piece.start_s < self.path.course.climbing_until_s
+        climbing = self.path.piece.start_s < self.path.planned.climbing_until_s
         return LandedState.TAKEOFF if climbing else LandedState.IN_AIR
 
     def _end_stream(self, t_s: float, flat: Array) -> PiecePath:
         if self._comes_back:
-            return self.guide.go_to(t_s, flat, flat[0])
-        return self.guide.stop(t_s, flat)
+            return self.path_generator.go_to(t_s, flat, flat[0])
+        return self.path_generator.stop(t_s, flat)
 
     def _fly_mission(self, t_s: float, *, anew: bool = True) -> None:
         self.progress.begin(anew=anew)
         if not self.ground.flying:
-            self.progress.tell_current()
+            self.progress.announce_current()
         items, first = self.progress.padded
         if self.ground.flying:
-            self.path.start(t_s, fly_mission(self.guide, t_s, self.path.piece.at(t_s), items, first, landed=False))
+            self.path.start(
+                t_s, fly_mission(self.path_generator, t_s, self.path.piece.at(t_s), items, first, landed=False)
+            )
             return
         climb_m = self._climb_before(items[first])
-        self._voice.say(Note.MISSION_CLIMBS, height_m=climb_m or items[first].alt_m)
+        self._event_queue.add_text(Note.MISSION_CLIMBS, height_m=climb_m or items[first].alt_m)
 
-        def course(t_s: float) -> PiecePath:
+        def make_path(t_s: float) -> PiecePath:
             if not climb_m:
-                return fly_mission(self.guide, t_s, self.path.piece.at(t_s), items, first, landed=True)
-            climb = self.guide.take_off(t_s, self.path.piece.at(t_s), climb_m)
+                return fly_mission(self.path_generator, t_s, self.path.piece.at(t_s), items, first, landed=True)
+            climb = self.path_generator.take_off(t_s, self.path.piece.at(t_s), climb_m)
             top = climb.pieces[-1]
-            rest = fly_mission(self.guide, top.end_s, top.at(top.end_s), items, first, landed=False)
+            rest = fly_mission(self.path_generator, top.end_s, top.at(top.end_s), items, first, landed=False)
             return replace(rest, pieces=climb.pieces + rest.pieces, climbing_until_s=top.end_s)
 
-        self._lift(t_s, course)
+        self._lift(t_s, make_path)
 
     def _climb_before(self, item: MissionItem) -> float:
-        """How high to climb before a mission that does not begin with a take-off; 0 where it does."""
+        """The climb before a mission that does not begin with a take-off, in m above home; 0 where it does."""
         if item.command == Command.NAV_TAKEOFF:
             return 0.0
-        home_m = self.guide.origin.alt_amsl_m - float(self.guide.home_ned_m[2]) if item.frame == Frame.GLOBAL else 0.0
+        home_m = (
+            self.path_generator.origin.alt_amsl_m - float(self.path_generator.home_ned_m[2])
+            if item.frame == Frame.GLOBAL
+            else 0.0
+        )
         return max(self._least_takeoff_m, item.alt_m - home_m)
 
     def _climb(self, t_s: float) -> None:
@@ -240,26 +252,26 @@ class ModeActions:
             self.take_off(t_s, height_m)
             return
         target = self.path.piece.at(t_s)[0].copy()
-        target[2] = self.guide.home_ned_m[2] - height_m
+        target[2] = self.path_generator.home_ned_m[2] - height_m
         self.go_to(t_s, target)
 
     def _return(self, t_s: float, flat: Array) -> None:
-        guide, up_m = self.guide, self.guide.home_ned_m[2] - flat[0, 2]
-        if self._habits.return_cone:
-            cone_m = max(math.dist(flat[0, :2], guide.haven(flat)), _LEAST_RETURN_M)
-            guide = replace(guide, rtl_height_m=min(guide.rtl_height_m, cone_m))
-        height_m = max(guide.rtl_height_m, up_m)
-        alt_m = guide.origin.alt_amsl_m - guide.home_ned_m[2] + height_m
-        self._voice.say(Note.RETURN_BEGINS, alt_m=alt_m, height_m=height_m)
-        self.path.start(t_s, guide.return_home(t_s, flat))
+        path_generator, up_m = self.path_generator, self.path_generator.home_ned_m[2] - flat[0, 2]
+        if self._traits.return_cone:
+            cone_m = max(math.dist(flat[0, :2], path_generator.return_point(flat)), _LEAST_RETURN_M)
+            path_generator = replace(path_generator, rtl_height_m=min(path_generator.rtl_height_m, cone_m))
+        height_m = max(path_generator.rtl_height_m, up_m)
+        alt_m = path_generator.origin.alt_amsl_m - path_generator.home_ned_m[2] + height_m
+        self._event_queue.add_text(Note.RETURN_BEGINS, alt_m=alt_m, height_m=height_m)
+        self.path.start(t_s, path_generator.return_home(t_s, flat))
 
-    def _lift(self, t_s: float, course: Callable[[float], PiecePath]) -> None:
+    def _lift(self, t_s: float, make_path: Callable[[float], PiecePath]) -> None:
         if t_s < self._arming.lifts_from_s:
-            self._lift_off = course
+            self._lift_off = make_path
             return
         self._lift_off = None
         self.ground.lift()
-        self.path.start(t_s, course(t_s))
+        self.path.start(t_s, make_path(t_s))
 
     def _lifts(self, t_s: float, setpoint: StampedSetpoint) -> bool:
         if self.ground.flying:

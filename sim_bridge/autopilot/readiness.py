@@ -1,9 +1,6 @@
-"""From power-on to ready: what a vehicle can do already, and what it has to say on the way.
+"""The start-up of a vehicle, from power-on to ready for flight, stage by stage.
 
-Knows: the stages of its personality. Does not know: filters and receivers (whether the estimate is healthy is an
-argument), modes.
-
-The last stage waits for the filter however long it takes; all others come by the clock.
+The last stage also waits until the filter is healthy; all others follow the clock.
 """
 
 from __future__ import annotations
@@ -11,34 +8,34 @@ from __future__ import annotations
 import math
 
 from gcs.mavlink import Severity
-from sim_bridge.autopilot.events import Placed, Said, Voice
+from sim_bridge.autopilot.events import EventQueue, Placed, Said
 from sim_bridge.personality import Boot, Milestone
 
 _NOTHING: frozenset[Milestone] = frozenset()
 
 
 class Readiness:
-    """`faults` are what arming is refused for at this stage."""
+    """`faults` are the reasons why arming is refused at this stage."""
 
-    def __init__(self, boot: Boot, voice: Voice) -> None:
-        self._voice = voice
+    def __init__(self, boot: Boot, event_queue: EventQueue) -> None:
+        self._event_queue = event_queue
         self._pace = boot.pace
         self._ahead = list(reversed(boot.stages))
         self._reached: set[Milestone] = set()
-        self._on_s = math.nan  # when it was switched on
+        self._on_s = math.nan  # time of power-on
         self.faults: tuple[str, ...] = ()
 
     def reached(self, milestone: Milestone) -> bool:
-        """Whether the vehicle has come so far."""
+        """Whether this milestone has been reached."""
         return milestone in self._reached
 
     @property
     def ready(self) -> bool:
-        """Whether the position can be flown on."""
+        """Whether the position estimate is good enough to fly on."""
         return Milestone.READY in self._reached
 
     def step(self, t_s: float, healthy: bool, ground_alt_m: float) -> frozenset[Milestone]:
-        """Go on to `t_s`; the milestones that were reached now."""
+        """Advance to `t_s`; return the milestones reached in this step."""
         if not self._ahead:
             return _NOTHING
         if math.isnan(self._on_s):
@@ -52,6 +49,6 @@ class Readiness:
             self._reached |= stage.milestones
             self.faults = self.faults if stage.faults is None else stage.faults
             if Milestone.PLACED in stage.milestones:
-                self._voice.tell(Placed())
-            self._voice.tell(*(Said(Severity.INFO, text.format(alt_m=ground_alt_m)) for text in stage.texts))
+                self._event_queue.add(Placed())
+            self._event_queue.add(*(Said(Severity.INFO, text.format(alt_m=ground_alt_m)) for text in stage.texts))
         return new

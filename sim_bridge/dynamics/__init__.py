@@ -1,1 +1,1 @@
-"""Physics, control and estimation of the whole fleet, one batch of arrays."""
+"""The physics, control and estimation of the whole fleet, computed as one batch of arrays."""

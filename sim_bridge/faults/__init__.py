@@ -1,1 +1,1 @@
-"""Faults on demand: how they are written, when they are in force, what they do."""
+"""Fault injection: how faults are written, when they are active, and what they do."""

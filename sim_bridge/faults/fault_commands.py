@@ -1,16 +1,15 @@
-"""Faults by MAVLink, in the middle of a flight: which commands ask for them, and what they mean.
+"""Fault injection by MAVLink command during a flight.
 
-Knows: MAV_CMD_INJECT_FAILURE, which clients such as MAVSDK offer by name, and MAV_CMD_USER_1, which says everything.
-Does not know: how faults come about. These commands are for the emulator, not for the vehicle: they get through
-whatever the vehicle's link is like, or a dead link could never be mended.
+Clients such as MAVSDK send MAV_CMD_INJECT_FAILURE; MAV_CMD_USER_1 covers every kind of fault. Both are for the
+emulator, not for the vehicle. They bypass the link faults of the vehicle; otherwise a dead link could not be repaired.
 
     MAV_CMD_USER_1 (31010)                         MAV_CMD_INJECT_FAILURE (420)
-    1  number of the kind, as in `faults`; 0 ends  1  FAILURE_UNIT
-       all faults of the vehicle                   2  FAILURE_TYPE; 0 (OK) ends the unit's faults
+    1  number of the kind, as in `fault_spec`;     1  FAILURE_UNIT
+       0 ends all faults of the vehicle            2  FAILURE_TYPE; 0 (OK) ends the unit's faults
     2-4  its values; NaN for a default             3  instance: motor 1 to 4, 0 for all
     5  direction: 0 both, 1 up, 2 down
-    6  begins in so many simulated seconds
-    7  lasts so many; 0 for good
+    6  delay until the fault begins, simulated s
+    7  duration, simulated s; 0 for no end
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ INJECT_FAILURE = 420
 USER_1 = 31010
 _COMMANDS = (INJECT_FAILURE, USER_1)
 _DIRECTIONS = (LinkDirection.BOTH, LinkDirection.UP, LinkDirection.DOWN)
-_EVERYTHING = 0
+_ALL_KINDS = 0
 
 # FAILURE_UNIT and FAILURE_TYPE
 _GYRO, _ACCEL, _MAG, _BARO, _GPS, _BATTERY, _MOTOR, _LINK = 0, 1, 2, 3, 4, 100, 101, 105
@@ -59,7 +58,7 @@ _UNITS: dict[int, tuple[FaultKind, ...]] = {
 
 @dataclass(frozen=True)
 class FaultOrder:
-    """What a command asks for: kinds to end, faults to begin, and what it is answered."""
+    """The content of a command: kinds of fault to end, faults to begin, and the result for COMMAND_ACK."""
 
     result: MavResult
     ends: Sequence[FaultKind] = ()
@@ -70,29 +69,29 @@ _REFUSED = FaultOrder(MavResult.DENIED)
 
 
 def is_fault_command(message: Message) -> bool:
-    """Whether a message is for the emulator."""
+    """Whether a message is a fault command for the emulator."""
     return message.name in ("COMMAND_LONG", "COMMAND_INT") and message.fields["command"] in _COMMANDS
 
 
 def read_order(message: Message) -> FaultOrder:
-    """What the command asks for."""
+    """Return what the command orders."""
     if message.name != "COMMAND_LONG":
         return FaultOrder(MavResult.COMMAND_LONG_ONLY)
     params = [float(message.fields[f"param{i}"]) for i in range(1, 8)]
-    return _injected(params) if message.fields["command"] == INJECT_FAILURE else _said(params)
+    return _injected(params) if message.fields["command"] == INJECT_FAILURE else _user_fault(params)
 
 
 def answer(message: Message, order: FaultOrder) -> Message:
-    """The COMMAND_ACK."""
+    """Return the COMMAND_ACK."""
     return command_ack(message, order.result)
 
 
-def _said(params: Sequence[float]) -> FaultOrder:
-    number, way = params[0], params[4]
-    if number == _EVERYTHING:
+def _user_fault(params: Sequence[float]) -> FaultOrder:
+    number, direction = params[0], params[4]
+    if number == _ALL_KINDS:
         return FaultOrder(MavResult.ACCEPTED, ends=f.KINDS)
     kind = f.kind_of(round(number)) if math.isfinite(number) else None
-    if kind is None or way not in (0.0, 1.0, 2.0):
+    if kind is None or direction not in (0.0, 1.0, 2.0):
         return _REFUSED
     given = [math.nan if math.isinf(value) else value for value in params[1:4]]
     values = [
@@ -102,7 +101,7 @@ def _said(params: Sequence[float]) -> FaultOrder:
     begin_s, last_s = params[5], params[6]
     end_s = begin_s + last_s if last_s > 0 else math.inf
     try:
-        fault = make_fault(kind, values, _DIRECTIONS[round(way)], When(begin_s, end_s))
+        fault = make_fault(kind, values, _DIRECTIONS[round(direction)], When(begin_s, end_s))
     except UsageError:
         return _REFUSED
     return FaultOrder(MavResult.ACCEPTED, begins=(fault,))

@@ -1,10 +1,8 @@
-"""Faults from a TOML file, in the words of the command line, by vehicle:
+"""Reads faults from a TOML file, by vehicle, in the syntax of the command line:
 
-    [faults]
-    all = ["down.loss=0.05"]
-    3 = ["loss=0.2@10..30", "gnss-outage@20..40"]
-
-Knows: files and TOML. Does not know: what faults there are.
+[faults]
+all = ["down.loss=0.05"]
+3 = ["loss=0.2@10..30", "gnss-outage@20..40"]
 """
 
 from __future__ import annotations
@@ -14,11 +12,11 @@ from pathlib import Path
 
 from gcs.errors import UsageError
 
-_HINT = 'write [faults], and under it for example 3 = ["loss=0.2@10..30"] or all = ["down.delay=0.2"]'
+_HINT = 'write [faults], and under it e.g. 3 = ["loss=0.2@10..30"] or all = ["down.delay=0.2"]'
 
 
 def read_fault_file(path: Path) -> list[str]:
-    """The faults as the command line takes them, in the order of the file. Raises `UsageError`."""
+    """Return the faults as command-line texts, in the order of the file. Raises `UsageError`."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -27,10 +25,10 @@ def read_fault_file(path: Path) -> list[str]:
         raise UsageError(f"the fault file {path} is not TOML: {error}.", hint=_HINT) from error
     table = data.get("faults")
     if not isinstance(table, dict) or len(data) != 1:
-        raise UsageError(f"the fault file {path} has to hold the table [faults] and nothing else.", hint=_HINT)
+        raise UsageError(f"the fault file {path} must contain the table [faults] and nothing else.", hint=_HINT)
     texts = []
-    for who, faults in table.items():
+    for vehicle, faults in table.items():
         if not isinstance(faults, list) or not all(isinstance(fault, str) for fault in faults):
-            raise UsageError(f"in the fault file {path}, {who} is not a list of texts.", hint=_HINT)
-        texts += [f"{who}:{fault}" for fault in faults]
+            raise UsageError(f"in the fault file {path}, {vehicle} must be a list of strings.", hint=_HINT)
+        texts += [f"{vehicle}:{fault}" for fault in faults]
     return texts

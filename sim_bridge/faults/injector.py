@@ -1,7 +1,6 @@
-"""Brings faults about: what is in force now becomes trouble on links, breakage of bodies, and orders to vehicles.
+"""Applies active faults: to links, to the physics of the vehicles, and to their autopilots.
 
-Knows: every kind of fault and who has to suffer for it. Does not know: when faults begin (that is `FaultSchedule`),
-how links and bodies fail.
+`FaultSchedule` decides when a fault is active.
 """
 
 from __future__ import annotations
@@ -24,32 +23,32 @@ from sim_bridge.dynamics.body.failures import (
 )
 from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_spec import Fault, FaultKind, LinkDirection
-from sim_bridge.faults.lossy_link import NO_TROUBLE, LossyLink, Trouble
+from sim_bridge.faults.lossy_link import NO_IMPAIRMENT, LinkImpairment, LossyLink
 from sim_bridge.faults.schedule import FaultSchedule
 from sim_bridge.protocol.conversation import Conversation
 
-_UP, _DOWN = 0, 1  # in the links' seeds
-_LINK_SEED = 2  # apart from the seeds of sensors and clocks
+_UP, _DOWN = 0, 1  # last part of the link seeds
+_LINK_SEED = 2  # keeps link seeds apart from those of sensors and clocks
 
 
 class Radio:
-    """Both directions of one vehicle's link."""
+    """Both directions of the link of one vehicle."""
 
     def __init__(self, seed: int, sysid: int) -> None:
         self.up = LossyLink(seed, _LINK_SEED, sysid, _UP)
         self.down = LossyLink(seed, _LINK_SEED, sysid, _DOWN)
 
 
-_TROUBLE: dict[FaultKind, Callable[[Trouble, Sequence[float]], Trouble]] = {
-    f.LOSS: lambda trouble, v: replace(trouble, loss=v[0]),
-    f.DUPLICATE: lambda trouble, v: replace(trouble, duplicate=v[0]),
-    f.REORDER: lambda trouble, v: replace(trouble, reorder=v[0]),
-    f.CORRUPT: lambda trouble, v: replace(trouble, corrupt=v[0]),
-    f.DELAY: lambda trouble, v: replace(trouble, delay_s=v[0], jitter_s=v[1]),
-    f.SILENT: lambda trouble, v: replace(trouble, loss=1.0),
+_IMPAIRMENT_OF: dict[FaultKind, Callable[[LinkImpairment, Sequence[float]], LinkImpairment]] = {
+    f.LOSS: lambda impairment, v: replace(impairment, loss=v[0]),
+    f.DUPLICATE: lambda impairment, v: replace(impairment, duplicate=v[0]),
+    f.REORDER: lambda impairment, v: replace(impairment, reorder=v[0]),
+    f.CORRUPT: lambda impairment, v: replace(impairment, corrupt=v[0]),
+    f.DELAY: lambda impairment, v: replace(impairment, delay_s=v[0], jitter_s=v[1]),
+    f.SILENT: lambda impairment, v: replace(impairment, loss=1.0),
 }
 
-_BREAKDOWN: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
+_FAILURE_OF: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
     f.GNSS_OUTAGE: lambda t_s, v: GnssOutage(from_s=t_s),
     f.GNSS_JUMP: lambda t_s, v: GnssJump(from_s=t_s, offset_ned_m=(v[0], v[1], v[2])),
     f.MOTOR: lambda t_s, v: MotorLoss(from_s=t_s, motor=round(v[0]), share=v[1]),
@@ -62,12 +61,12 @@ _BREAKDOWN: dict[FaultKind, Callable[[float, Sequence[float]], Failure]] = {
 
 
 @dataclass
-class _Patient:
-    """One vehicle with faults."""
+class _VehicleFaults:
+    """The faults of one vehicle."""
 
-    agenda: FaultSchedule
+    schedule: FaultSchedule
     flying: bool = False
-    broken: dict[int, Failure] = field(default_factory=dict)  # by identity of the fault
+    failures: dict[int, Failure] = field(default_factory=dict)  # by id() of the fault
 
 
 class FaultInjector:
@@ -81,83 +80,83 @@ class FaultInjector:
         seed: int,
         reboot: Callable[[int], None],
     ) -> None:
-        """`faults` by system id; rows follow the order of `vehicles`, whose members may be replaced."""
+        """`faults` are given by system id; rows follow the order of `vehicles`, whose members may be replaced."""
         self._vehicles = vehicles
         self._airframes = airframes
         self._seed = seed
         self._reboot = reboot
-        self._patients: dict[int, _Patient] = {}
-        self.radios: dict[int, Radio] = {}  # of those whose link is not to be relied on
+        self._by_row: dict[int, _VehicleFaults] = {}
+        self.radios: dict[int, Radio] = {}  # only of vehicles with link faults
         for row, vehicle in enumerate(vehicles):
             for fault in faults.get(vehicle.station.sysid, ()):
                 self.add(row, fault, 0.0)
 
     def add(self, row: int, fault: Fault, t_s: float) -> None:
-        """One more fault; its times count from now unless it names another moment."""
-        if row not in self._patients:
-            self._patients[row] = _Patient(FaultSchedule(()))
+        """Add a fault; its times count from now unless it names another event."""
+        if row not in self._by_row:
+            self._by_row[row] = _VehicleFaults(FaultSchedule(()))
         if fault.kind.directed and row not in self.radios:
             self.radios[row] = Radio(self._seed, self._vehicles[row].station.sysid)
-        self._patients[row].agenda.add(fault, t_s)
-        self._go_on(row, self._patients[row], t_s)
+        self._by_row[row].schedule.add(fault, t_s)
+        self._update(row, self._by_row[row], t_s)
 
     def end(self, row: int, kinds: Sequence[FaultKind], t_s: float) -> None:
-        """End the faults of these kinds, those to come included. What died stays dead."""
-        if row in self._patients:
-            self._patients[row].agenda.end(kinds)
-            self._go_on(row, self._patients[row], t_s)
+        """End all active and future faults of these kinds. A vehicle that died stays dead."""
+        if row in self._by_row:
+            self._by_row[row].schedule.end(kinds)
+            self._update(row, self._by_row[row], t_s)
 
     def uploaded(self, row: int, item: int, t_s: float) -> None:
-        """An item of a mission is about to reach the vehicle."""
-        patient = self._patients.get(row)
-        if patient is not None and patient.agenda.awaits_upload(item):
-            patient.agenda.uploaded(item, t_s)
-            self._go_on(row, patient, t_s)
+        """Report that an item of an upload is about to reach the vehicle."""
+        row_faults = self._by_row.get(row)
+        if row_faults is not None and row_faults.schedule.awaits_upload(item):
+            row_faults.schedule.uploaded(item, t_s)
+            self._update(row, row_faults, t_s)
 
     def step(self, t_s: float) -> None:
-        """Let begin and end what has come to its time."""
-        for row, patient in self._patients.items():
+        """Begin and end faults whose time has come."""
+        for row, row_faults in self._by_row.items():
             flying = self._vehicles[row].autopilot.flying
-            if flying and not patient.flying:
-                patient.agenda.took_off(t_s)
-            patient.flying = flying
-            self._go_on(row, patient, t_s)
+            if flying and not row_faults.flying:
+                row_faults.schedule.took_off(t_s)
+            row_faults.flying = flying
+            self._update(row, row_faults, t_s)
 
-    def _go_on(self, row: int, patient: _Patient, t_s: float) -> None:
-        began = patient.agenda.step(t_s)
+    def _update(self, row: int, row_faults: _VehicleFaults, t_s: float) -> None:
+        began = row_faults.schedule.step(t_s)
         if began is None:
             return
-        active = patient.agenda.active
+        active = row_faults.schedule.active
         vehicle = self._vehicles[row]
         vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
         if row in self.radios:
             radio = self.radios[row]
-            radio.up.trouble = _trouble(active, LinkDirection.UP)
-            radio.down.trouble = _trouble(active, LinkDirection.DOWN)
-        self._break(row, patient, active, t_s)
+            radio.up.impairment = _impairment(active, LinkDirection.UP)
+            radio.down.impairment = _impairment(active, LinkDirection.DOWN)
+        self._apply_failures(row, row_faults, active, t_s)
         for fault in began:
             if fault.kind is f.DIE:
                 vehicle.die()
             elif fault.kind is f.REBOOT:
                 self._reboot(row)
 
-    def _break(self, row: int, patient: _Patient, active: Sequence[Fault], t_s: float) -> None:
-        broken = {
-            id(fault): patient.broken.get(id(fault)) or _BREAKDOWN[fault.kind](t_s, fault.values)
+    def _apply_failures(self, row: int, row_faults: _VehicleFaults, active: Sequence[Fault], t_s: float) -> None:
+        failures = {
+            id(fault): row_faults.failures.get(id(fault)) or _FAILURE_OF[fault.kind](t_s, fault.values)
             for fault in active
-            if fault.kind in _BREAKDOWN
+            if fault.kind in _FAILURE_OF
         }
-        if broken.keys() != patient.broken.keys():
+        if failures.keys() != row_faults.failures.keys():
             schedule = self._airframes.faults[row]
             schedule.clear()
-            for breakdown in broken.values():
-                schedule.add(breakdown)
-            patient.broken = broken
+            for failure in failures.values():
+                schedule.add(failure)
+            row_faults.failures = failures
 
 
-def _trouble(active: Sequence[Fault], direction: LinkDirection) -> Trouble:
-    trouble = NO_TROUBLE
+def _impairment(active: Sequence[Fault], direction: LinkDirection) -> LinkImpairment:
+    impairment = NO_IMPAIRMENT
     for fault in active:
-        if fault.kind in _TROUBLE and fault.direction in (LinkDirection.BOTH, direction):
-            trouble = _TROUBLE[fault.kind](trouble, fault.values)
-    return trouble
+        if fault.kind in _IMPAIRMENT_OF and fault.direction in (LinkDirection.BOTH, direction):
+            impairment = _IMPAIRMENT_OF[fault.kind](impairment, fault.values)
+    return impairment

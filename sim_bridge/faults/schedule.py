@@ -1,8 +1,7 @@
-"""When which fault of one vehicle is in force.
+"""The active faults of one vehicle over simulated time.
 
-Knows: faults, simulated time as an argument, the moments that times are counted from. Does not know: what a fault does.
-
-A fault counted from take-off comes with every take-off; one counted from an upload with the first that gets so far.
+A fault timed from take-off begins with every take-off. One timed from an upload begins with the first upload that
+reaches its item.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from sim_bridge.faults.fault_spec import Fault, FaultKind, Since
 
 
 @dataclass(eq=False)
-class Spell:
-    """A fault with its times in simulated seconds; `begun` when its time has come."""
+class ScheduledFault:
+    """A fault with its times in simulated seconds; `begun` once it is active."""
 
     fault: Fault
     from_s: float
@@ -25,71 +24,71 @@ class Spell:
 
 
 class FaultSchedule:
-    """The faults of one vehicle. `awaits_takeoff` and `awaits_upload` tell what is worth being told."""
+    """The faults of one vehicle. `awaits_takeoff` and `awaits_upload` say which events it needs."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self._later: list[Fault] = []
-        self._spells: list[Spell] = []
+        self._scheduled: list[ScheduledFault] = []
         self.due_s = math.inf
         for fault in faults:
             self.add(fault, 0.0)
 
     @property
     def active(self) -> list[Fault]:
-        """What is in force, in the order in which it began."""
-        return [spell.fault for spell in self._spells if spell.begun]
+        """The active faults, in the order in which they began."""
+        return [scheduled.fault for scheduled in self._scheduled if scheduled.begun]
 
     @property
     def awaits_takeoff(self) -> bool:
-        """Whether take-offs matter."""
+        """Whether a fault is timed from take-off."""
         return any(fault.when.since is Since.TAKEOFF for fault in self._later)
 
     def awaits_upload(self, item: int) -> bool:
-        """Whether the arrival of this item of a mission matters."""
+        """Whether a fault is timed from the arrival of this item."""
         return any(fault.when.since is Since.UPLOAD and fault.when.item == item for fault in self._later)
 
     def add(self, fault: Fault, start_s: float) -> None:
-        """One more; times since the start count from `start_s`."""
+        """Add a fault; times since the start count from `start_s`."""
         if fault.when.since is Since.START:
             self._anchor(fault, start_s)
         else:
             self._later.append(fault)
 
     def took_off(self, t_s: float) -> None:
-        """The vehicle left the ground."""
+        """Record a take-off."""
         for fault in self._later:
             if fault.when.since is Since.TAKEOFF:
                 self._anchor(fault, t_s)
 
     def uploaded(self, item: int, t_s: float) -> None:
-        """Item number `item` of a mission is coming in."""
+        """Record that item number `item` of an upload arrives."""
         for fault in list(self._later):
             if fault.when.since is Since.UPLOAD and fault.when.item == item:
                 self._later.remove(fault)
                 self._anchor(fault, t_s)
 
     def end(self, kinds: Iterable[FaultKind]) -> None:
-        """No more faults of these kinds, now or later."""
+        """End all faults of these kinds, present and future."""
         ended = set(kinds)
         self._later = [fault for fault in self._later if fault.kind not in ended]
-        self._spells = [spell for spell in self._spells if spell.fault.kind not in ended]
+        self._scheduled = [scheduled for scheduled in self._scheduled if scheduled.fault.kind not in ended]
         self.due_s = -math.inf
 
     def step(self, t_s: float) -> list[Fault] | None:
-        """What begins at `t_s`; None where nothing begins or ends."""
+        """Return the faults that begin at `t_s`; None if no fault begins or ends."""
         if t_s < self.due_s:
             return None
         began = []
-        for spell in self._spells:
-            if not spell.begun and spell.from_s <= t_s:
-                spell.begun = True
-                began.append(spell.fault)
-        self._spells = [s for s in self._spells if t_s < s.until_s and not (s.begun and s.fault.kind.at_once)]
-        edges = (spell.until_s if spell.begun else spell.from_s for spell in self._spells)
+        for scheduled in self._scheduled:
+            if not scheduled.begun and scheduled.from_s <= t_s:
+                scheduled.begun = True
+                began.append(scheduled.fault)
+        self._scheduled = [s for s in self._scheduled if t_s < s.until_s and not (s.begun and s.fault.kind.at_once)]
+        edges = (scheduled.until_s if scheduled.begun else scheduled.from_s for scheduled in self._scheduled)
         self.due_s = min(edges, default=math.inf)
         return began
 
     def _anchor(self, fault: Fault, moment_s: float) -> None:
         when = fault.when
-        self._spells.append(Spell(fault, moment_s + when.from_s, moment_s + when.until_s))
+        self._scheduled.append(ScheduledFault(fault, moment_s + when.from_s, moment_s + when.until_s))
         self.due_s = -math.inf

@@ -1,7 +1,4 @@
-"""Makes of autopilot, each one table: which mode has which number, what it refuses and how it says so.
-
-Knows: the tables by name. Does not know: how they are used.
-"""
+"""Personalities: one table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded."""
 
 from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT
 from sim_bridge.personality.boot import Boot, Milestone, Stage
@@ -31,5 +28,5 @@ _ALL = {personality.name: personality for personality in (ARDUPILOT, PX4)}
 
 
 def by_name(name: str) -> Personality:
-    """The personality called `name`, as scenarios and the command line call it. Raises KeyError for another."""
+    """Return the personality of "ardupilot" or "px4", as scenarios and the command line name it. Raises KeyError."""
     return _ALL[name]

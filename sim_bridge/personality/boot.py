@@ -1,7 +1,4 @@
-"""From power-on to ready: what an autopilot goes through, and when.
-
-Knows: stages, each a moment with what it says and what it makes possible. Does not know: which autopilot, filters.
-"""
+"""The start-up of an autopilot as a table: stages from power-on to ready."""
 
 from __future__ import annotations
 
@@ -12,23 +9,23 @@ from gcs.mavlink import MavState
 
 
 class Milestone(Enum):
-    """What a vehicle can do from some stage on."""
+    """What a vehicle can do from a certain stage on."""
 
-    RUNNING = auto()  # set up: HEARTBEAT says so
-    SPEAKING = auto()  # what it has to say goes out; until then it is kept
-    FIXED = auto()  # its receiver has a fix: it tells positions
+    RUNNING = auto()  # set up, as HEARTBEAT shows
+    SPEAKING = auto()  # sends STATUSTEXTs; until then they are queued
+    FIXED = auto()  # its receiver has a fix: it sends positions
     PLACED = auto()  # origin and home are known
-    LOCATED = auto()  # it knows where it is
-    CHECKED = auto()  # SYS_STATUS calls it ready
-    READY = auto()  # its position can be flown on
+    LOCATED = auto()  # its filter knows the position
+    CHECKED = auto()  # SYS_STATUS shows all checks as passed
+    READY = auto()  # its position estimate is good enough to fly on
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A moment on the way, in seconds after power-on.
+    """A stage of the start-up, timed in seconds after power-on.
 
-    `texts` are said then, with {alt_m} for the height of the ground; `faults` are what arming is refused for from
-    then on.
+    `texts` are sent then, with {alt_m} for the altitude of the ground. `faults` are the reasons why arming is refused
+    from then on.
     """
 
     after_s: float
@@ -39,7 +36,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Boot:
-    """All stages in order. `pace` shortens the way; nobody learns anything from waiting for a receiver's start."""
+    """All stages in order. `pace` shortens them: the slow start of a receiver is of no use to a ground station."""
 
     stages: tuple[Stage, ...]
     starting: MavState  # HEARTBEAT.system_status before RUNNING
@@ -47,5 +44,5 @@ class Boot:
     pace: float = 1.0
 
     def at_s(self, milestone: Milestone) -> float:
-        """When a milestone is reached, in seconds after power-on."""
+        """Return when a milestone is reached, in seconds after power-on."""
         return self.pace * next(stage.after_s for stage in self.stages if milestone in stage.milestones)

@@ -1,7 +1,4 @@
-"""Failsafes as tables: which parameter says what happens, and how an autopilot reads its values.
-
-Knows: kinds of failsafe. Does not know: any autopilot's parameters, nor how a vehicle notices.
-"""
+"""Failsafes as tables: which parameter sets each failsafe, and the action for each of its values."""
 
 from __future__ import annotations
 
@@ -14,22 +11,22 @@ from sim_bridge.personality.wording import Note
 
 
 class Setting(Enum):
-    """What parameters decide; the unit stands in the name, whatever unit the parameter itself has."""
+    """What parameters set; the unit is in the name, whatever unit the parameter has."""
 
     STREAM_TIMEOUT_S = auto()
     STREAM_LOSS_ACTION = auto()
     CRUISE_MPS = auto()
     CLIMB_MPS = auto()
     DESCEND_MPS = auto()
-    TAKEOFF_MPS = auto()  # where it has a speed of its own
+    TAKEOFF_MPS = auto()  # where take-off has a speed of its own
     LAND_MPS = auto()
-    CRAWL_MPS = auto()  # right above the ground
+    CRAWL_MPS = auto()  # just above the ground
     RETURN_HEIGHT_M = auto()
-    ARRIVE_M = auto()  # nearer than that counts as over the place where it lands
+    ARRIVE_M = auto()  # within this distance the vehicle counts as above its landing point
     RETURN_WAIT_S = auto()
     TAKEOFF_HEIGHT_M = auto()
-    AUTO_OPTIONS = auto()  # bits: 1 can be armed in a mission mode, 2 takes off then without more ado
-    GROUND_STATION = auto()  # system id of the one that counts
+    AUTO_OPTIONS = auto()  # bits: 1 can be armed in a mission mode, 2 then takes off at once
+    GROUND_STATION = auto()  # system id of the ground station that the failsafe watches
     LINK_LOSS_ACTION = auto()
     LINK_TIMEOUT_S = auto()
     BATTERY_LOW_V = auto()
@@ -49,21 +46,21 @@ class Setting(Enum):
     ESTIMATE_ACTION = auto()
 
 
-Actions = Mapping[int, Intent]  # a parameter's value -> what the vehicle then does; others: it only says so
+Actions = Mapping[int, Intent]  # parameter value -> action of the vehicle; other values: report only
 
 
 @dataclass(frozen=True)
 class LinkFailsafe:
-    """The ground station's heartbeat stays away."""
+    """The heartbeat of the ground station is missing."""
 
     actions: Actions
-    only_ours: bool  # one ground station counts, by its system id
+    only_ours: bool  # only the ground station with the set system id counts
     off: int = 0  # the action value that switches the failsafe off
 
 
 @dataclass(frozen=True)
 class BatteryFailsafe:
-    """One level of the battery; a setting that the autopilot does not have counts as never reached."""
+    """One battery level. A setting that the autopilot does not have is never reached."""
 
     note: Note
     actions: Actions
@@ -75,18 +72,18 @@ class BatteryFailsafe:
 
 @dataclass(frozen=True)
 class FenceFailsafe:
-    """The vehicle leaves where it may be."""
+    """The vehicle crosses the fence."""
 
     actions: Actions
-    one_area_suffices: bool  # inside one of several areas is inside
+    one_area_suffices: bool  # being inside one of several inclusion areas is enough
     off: int | None = None  # the action value that switches the fence off; None: FENCE_ENABLED does
 
 
 @dataclass(frozen=True)
 class EstimateFailsafe:
-    """The filter does not know where the vehicle is; without a setting it does `always` the same."""
+    """The filter has lost the position. Without a setting the action is `always`."""
 
-    patience_s: float  # longer than a filter needs to believe a receiver that was moved
+    timeout_s: float  # longer than a filter needs to accept a shifted receiver
     actions: Actions
     action: Setting | None = None
     always: Intent | None = None
@@ -97,8 +94,8 @@ class FailsafeSettings:
     """All failsafes of one autopilot."""
 
     link: LinkFailsafe
-    battery: tuple[BatteryFailsafe, ...]  # from the mildest to the worst
-    battery_patience_s: float  # below a level for so long before it counts
+    battery: tuple[BatteryFailsafe, ...]  # from the mildest to the most severe
+    battery_timeout_s: float  # duration below a level before the failsafe acts
     fence: FenceFailsafe
-    stream: Actions  # setpoints stop coming
+    stream: Actions  # the setpoint stream is lost
     estimate: EstimateFailsafe

@@ -1,7 +1,4 @@
-"""How an autopilot keeps up its link: parameters, clocks, signatures.
-
-Knows: what can differ. Does not know: any autopilot's values, nor how they are used.
-"""
+"""What differs between autopilots in parameters, TIMESYNC and signing."""
 
 from __future__ import annotations
 
@@ -13,19 +10,19 @@ class ParamTraits:
     """The parameter protocol."""
 
     sysid: str  # the parameter that holds the system id
-    any_case: bool  # names match in any case, and come back as they were asked for
-    tells_index: bool  # a value that was asked for by name, or set, comes with its index; else with 65535
-    bytes_in_float: bool  # integers travel as the float's bytes; else as numbers
-    converts: bool  # a value set with another type is converted; else it changes nothing
+    any_case: bool  # names match in any case, and are returned as requested
+    sends_index: bool  # the reply to a request by name, or to a set, has the index; else 65535
+    bytes_in_float: bool  # integers are sent as the bytes of the float; else as numbers
+    converts: bool  # a value set with another type is converted; else it has no effect
     takes_nan: bool
-    hash_name: str  # heads a list and tells whether one's own copy is still good; "" where there is none
-    banner: tuple[str, ...] = ()  # STATUSTEXTs that come with a list
+    hash_name: str  # sent before a list, to check a cached copy; "" if there is none
+    banner: tuple[str, ...] = ()  # STATUSTEXTs sent with a list
 
 
 @dataclass(frozen=True)
 class LinkTraits:
     """TIMESYNC and signing."""
 
-    clock_step_ns: int  # in which its clock goes on
-    asks_time_every_s: float  # its own TIMESYNC questions; inf for never
-    signs: bool  # SETUP_SIGNING is obeyed
+    clock_step_ns: int  # resolution of its clock
+    timesync_period_s: float  # of its own TIMESYNC requests; inf for never
+    signs: bool  # obeys SETUP_SIGNING

@@ -1,7 +1,4 @@
-"""Flight modes: their numbers, and what they are for.
-
-Knows: that a mode has a number and an intent. Does not know: any autopilot's numbers, nor flight.
-"""
+"""Flight modes: number, name and intent."""
 
 from __future__ import annotations
 
@@ -13,11 +10,11 @@ from gcs.mavlink import ModeFlag
 
 
 class Intent(Enum):
-    """What a mode is for, whatever its number."""
+    """The purpose of a mode, whatever its number."""
 
-    MANUAL = auto()  # a pilot's sticks, which no emulated vehicle has
-    HOLD = auto()  # stand in the air
-    GUIDED = auto()  # follow what a ground station sends
+    MANUAL = auto()  # flown by RC, which no emulated vehicle has
+    HOLD = auto()  # hold position in the air
+    GUIDED = auto()  # follow setpoints of a ground station
     MISSION = auto()
     TAKEOFF = auto()
     RETURN = auto()
@@ -38,23 +35,23 @@ class Mode:
 
 @dataclass(frozen=True)
 class Modes:
-    """The modes that can be set. Where several serve one intent, the first is what commands mean by it."""
+    """The modes that can be set. Where several have one intent, commands use the first."""
 
     known: tuple[Mode, ...]
     at_boot: int
-    two_part: bool = False  # DO_SET_MODE names main and sub mode, each in a parameter of its own
-    returns_after_disarming: bool = False  # to the last mode that could be armed in
-    streamed: int = 0  # ModeFlag, shown too in a guided mode, once setpoints came
-    act_on_ground: bool = False  # an armed vehicle takes off when it is put into a mode that flies
+    two_part: bool = False  # DO_SET_MODE has the main and the sub mode in separate parameters
+    returns_after_disarming: bool = False  # to the last mode in which it can be armed
+    streamed: int = 0  # ModeFlag, added in a guided mode once setpoints have arrived
+    act_on_ground: bool = False  # an armed vehicle takes off when it enters a mode that flies
 
     @cached_property
     def _by_number(self) -> dict[int, Mode]:
         return {mode.number: mode for mode in self.known}
 
     def numbered(self, number: int) -> Mode | None:
-        """The mode of a HEARTBEAT.custom_mode."""
+        """Return the mode of a HEARTBEAT.custom_mode, or None."""
         return self._by_number.get(number)
 
     def of(self, intent: Intent) -> Mode | None:
-        """The mode for `intent`, where the autopilot has one."""
+        """Return the mode that commands use for `intent`, or None."""
         return next((mode for mode in self.known if mode.intent is intent), None)

@@ -1,8 +1,4 @@
-"""The columns of a personality: everything in which one make of autopilot differs from another.
-
-Knows: what can differ, and in which unit. Does not know: any autopilot's values, nor how they are used.
-What differs is a value here, never an `if` elsewhere.
-"""
+"""The columns of a personality: all that differs between autopilots is a value here, never an `if` elsewhere."""
 
 from __future__ import annotations
 
@@ -29,7 +25,7 @@ from sim_bridge.protocol.missions.transfer_traits import MissionTraits
 
 
 class Param(NamedTuple):
-    """One parameter; outside `low` to `high` it is stored as it is and used as the nearer bound."""
+    """One parameter. A value outside `low` to `high` is stored unchanged, and used as the nearer bound."""
 
     name: str
     value: float
@@ -37,23 +33,23 @@ class Param(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
     sets: Setting | None = None
-    unit: float = 1.0  # of the parameter, in the setting's unit
+    unit: float = 1.0  # of the parameter, in the unit of the setting
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who it says it is."""
+    """What the vehicle reports about its autopilot."""
 
     autopilot: Autopilot
     version: int  # AUTOPILOT_VERSION.flight_sw_version: major, minor, patch, type
     capabilities: int
-    tells_uid: bool  # AUTOPILOT_VERSION.uid is not 0; uid2 is always told
-    vtol_state: int  # EXTENDED_SYS_STATE's, of a vehicle that is no VTOL
+    sends_uid: bool  # AUTOPILOT_VERSION.uid is not 0; uid2 is always sent
+    vtol_state: int  # of EXTENDED_SYS_STATE, for a vehicle that is not a VTOL
 
 
 @dataclass(frozen=True)
 class Personality:
-    """Habits of one autopilot."""
+    """The traits of one autopilot."""
 
     identity: Identity
     boot: Boot
@@ -65,18 +61,18 @@ class Personality:
     replies: ReplyTraits
     streams: StreamTraits
     health: HealthTraits
-    guards: FailsafeSettings
+    failsafes: FailsafeSettings
     words: Words
     missions: MissionTraits
     params: tuple[Param, ...]
-    param_habits: ParamTraits
+    param_traits: ParamTraits
     link: LinkTraits
 
     @property
     def name(self) -> str:
-        """As scenarios and the command line name it."""
+        """The name in scenarios and on the command line."""
         return self.identity.autopilot.key
 
     def booting_for_real(self) -> Personality:
-        """The same, as long on the way to being ready as the original."""
+        """Return the same personality, with the start-up time of the original."""
         return replace(self, boot=replace(self.boot, pace=1.0))

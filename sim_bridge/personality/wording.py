@@ -1,7 +1,4 @@
-"""What an autopilot says in STATUSTEXT: occasions, and its words for them.
-
-Knows: the occasions. Does not know: any autopilot's words. Where an autopilot has none for an occasion, it is silent.
-"""
+"""The STATUSTEXT occasions, for which each autopilot has its own text, or none."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from gcs.mavlink import Severity
 
 
 class Note(Enum):
-    """An occasion to say something; in brackets what its words may quote."""
+    """An occasion for a STATUSTEXT; the comment has the values its text may quote."""
 
     ARMED = auto()
     ARMED_FOR_MISSION = auto()
@@ -20,7 +17,7 @@ class Note(Enum):
     DISARMED_IDLE = auto()
     DISARMED_LANDED = auto()
     ARM_REFUSED = auto()  # {reason}
-    CHECKS_FAIL = auto()  # {reason}: nobody tried to arm
+    CHECKS_FAIL = auto()  # {reason}: of a periodic check, without an attempt to arm
     DISARM_REFUSED = auto()
     MODE_UNKNOWN = auto()  # {mode}: number
     MODE_REFUSED = auto()  # {mode}: name

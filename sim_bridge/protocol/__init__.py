@@ -1,1 +1,1 @@
-"""One vehicle's side of MAVLink: commands, parameters, missions, telemetry, and its endpoints."""
+"""The MAVLink side of one vehicle: commands, parameters, missions, telemetry and endpoints."""

@@ -1,8 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: what a vehicle is told to do, and what it says to that.
-
-Knows: which command asks what of the autopilot or the telemetry, who acknowledges how. Does not know: what modes mean,
-sockets.
-"""
+"""Carries out COMMAND_LONG and COMMAND_INT, and acknowledges them."""
 
 from __future__ import annotations
 
@@ -24,9 +20,9 @@ from sim_bridge.protocol.telemetry import Telemetry
 _FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
 _CUSTOM_MODE = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _CHANGE_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-_FARTHEST_M = 50_000.0  # from the origin: places further off are not meant
-_FORMAT_S, _SAY_S = 3.0, 1.0
-_TELLS_FIRST = frozenset({MavCommand.GET_MESSAGE_INTERVAL, MavCommand.GET_HOME_POSITION})
+_FARTHEST_M = 50_000.0  # from the origin: positions further away are refused
+_FORMAT_S, _PROGRESS_PERIOD_S = 3.0, 1.0  # of STORAGE_FORMAT
+_MESSAGE_FIRST = frozenset({MavCommand.GET_MESSAGE_INTERVAL, MavCommand.GET_HOME_POSITION})
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,7 @@ class Request:
 
 @dataclass(frozen=True)
 class CommandAnswer:
-    """The result, and what it brought forth."""
+    """The result, and the messages that the command produced."""
 
     result: MavResult
     messages: list[Message] = field(default_factory=list)
@@ -51,11 +47,11 @@ class CommandAnswer:
 
 @dataclass
 class _Task:
-    """A command that takes its time."""
+    """A command that takes time."""
 
     command: Message
     end_s: float
-    say_s: float
+    report_s: float
 
 
 class CommandServer:
@@ -86,9 +82,9 @@ class CommandServer:
         }
 
     def receive(self, message: Message, t_s: float, now_s: float) -> list[Message]:
-        """Carry out the command and acknowledge it, with what it brought forth.
+        """Carry out the command; return its acknowledgement and the messages it produced.
 
-        A command that is only repeated, because its COMMAND_ACK was lost, is acknowledged and not obeyed again.
+        A command that is repeated because its COMMAND_ACK was lost is acknowledged again, but not carried out again.
         """
         known = self._memory.repeated(message, now_s)
         if known is not None:
@@ -103,24 +99,24 @@ class CommandServer:
         self._memory.answered(message, ack, now_s)
         changed = request.command == MavCommand.DO_SET_MODE and answer.result == MavResult.ACCEPTED
         acks = [ack] * (self._replies.mode_acks if changed else 1)
-        if self._replies.message_first or request.command in _TELLS_FIRST:
+        if self._replies.message_first or request.command in _MESSAGE_FIRST:
             return [*answer.messages, *acks]
         return [*acks, *answer.messages]
 
     def step(self, t_s: float) -> list[Message]:
-        """What has yet to be said of earlier commands."""
+        """Return the progress messages of earlier commands that are due."""
         task = self._task
-        if task is None or t_s < task.say_s:
+        if task is None or t_s < task.report_s:
             return []
         if t_s >= task.end_s:
             self._task = None
             return [command_ack(task.command, MavResult.ACCEPTED, progress=100)]
-        task.say_s = min(t_s + _SAY_S, task.end_s)
+        task.report_s = min(t_s + _PROGRESS_PERIOD_S, task.end_s)
         return [self._progress(task, t_s)]
 
     @property
     def busy(self) -> bool:
-        """Whether `step` has something to say, now or later."""
+        """Whether `step` has messages to send, now or later."""
         return self._task is not None
 
     def _arm(self, request: Request, t_s: float) -> CommandAnswer:
@@ -151,8 +147,8 @@ class CommandServer:
         if not self._autopilot.ready:
             return CommandAnswer(self._replies.refused)
         here = request.params[0] == 1.0
-        told = all(map(math.isfinite, (request.x, request.y, request.z)))
-        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if told else None
+        has_position = all(map(math.isfinite, (request.x, request.y, request.z)))
+        place = self._estimate[:3] if here else self._place(request, WireFrame.GLOBAL) if has_position else None
         if place is None:
             return CommandAnswer(MavResult.DENIED)
         self._autopilot.set_home(place)
@@ -172,7 +168,7 @@ class CommandServer:
     def _set_interval(self, request: Request, _: float) -> CommandAnswer:
         number = _whole(request.params[0])
         if not self._telemetry.streams(number) or not math.isfinite(request.params[1]):
-            self._autopilot.voice.say(Note.STREAM_UNKNOWN, number=number)
+            self._autopilot.event_queue.add_text(Note.STREAM_UNKNOWN, number=number)
             return CommandAnswer(self._replies.unknown_stream)
         self._telemetry.set_interval(number, request.params[1])
         return CommandAnswer(MavResult.ACCEPTED)
@@ -197,7 +193,7 @@ class CommandServer:
     def _format(self, message: Message, t_s: float) -> CommandAnswer:
         if self._autopilot.armed or self._task is not None:
             return CommandAnswer(MavResult.FAILED)
-        self._task = _Task(message, t_s + _FORMAT_S, t_s + _SAY_S)
+        self._task = _Task(message, t_s + _FORMAT_S, t_s + _PROGRESS_PERIOD_S)
         return CommandAnswer(MavResult.IN_PROGRESS)
 
     def _progress(self, task: _Task, t_s: float) -> Message:
@@ -205,7 +201,10 @@ class CommandServer:
         return command_ack(task.command, MavResult.IN_PROGRESS, progress=min(max(done, 0), 99))
 
     def _place(self, request: Request, default: int) -> Array | None:
-        """Common local NED of a command's coordinates; those left out are where the vehicle is. None for nonsense."""
+        """Return the common local NED position of a command; None if it is invalid.
+
+        Missing coordinates are those of the vehicle.
+        """
         origin, now = (
             self._telemetry.sources.instruments.origin,
             self._autopilot.piece.at(self._telemetry.sources.instruments.t_s),
@@ -233,11 +232,11 @@ class CommandServer:
 
     @property
     def _home_amsl_m(self) -> float:
-        return self._autopilot.guide.origin.alt_amsl_m - float(self._autopilot.guide.home_ned_m[2])
+        return self._autopilot.path_generator.origin.alt_amsl_m - float(self._autopilot.path_generator.home_ned_m[2])
 
 
 def _whole(value: float) -> int:
-    """A number out of a float field; -1, which means nothing anywhere, for what is no number."""
+    """Return a whole number from a float field; -1, which is never valid, if it is not finite."""
     return round(value) if math.isfinite(value) else -1
 
 

@@ -1,14 +1,11 @@
-"""MAVLink FTP as ArduCopter 4.5 serves it: one session for all stations, files that act when they are closed.
+"""MAVLink FTP as ArduCopter 4.5 serves it: one session for all stations; a written file takes effect when it is closed.
 
-Knows: requests, replies, who is in the way of whom. Does not know: what is in the files (`missions.files`), sockets,
-clocks (time is an argument).
-
-- A request whose number plus one is that of the last reply gets this again; only one is remembered. The last reply of
-  a burst has a number that fits later requests too.
-- The client names its session. While a file is open, others are told INVALID_SESSION, until 3 s have passed without a
-  reply: then the next one closes it. To end a session that is not open is acknowledged and does nothing.
-- TerminateSession and ResetSessions close the file, and are acknowledged whatever its contents were worth.
-- Files written may have holes, which are zeros.
+- A request whose number plus one is that of the last reply gets that reply again; only one reply is remembered. The
+  last reply of a burst has a number that also fits later requests.
+- The client names its session. While a file is open, other sessions get INVALID_SESSION. After 3 s without a reply
+  the next request closes the file. Ending a session that is not open is acknowledged without effect.
+- TerminateSession and ResetSessions close the file; they are acknowledged even if its content is refused.
+- Written files may have holes, which read as zeros.
 """
 
 from __future__ import annotations
@@ -21,7 +18,7 @@ from sim_bridge.protocol.missions.ftp_files import WRITTEN_MAX, MissionFiles
 
 _IDLE_S = 3.0
 _SEQS = 0x10000
-_TOLD_SIZE = 1 << 20  # of any file of @MISSION, so that nobody has to make it up to know
+_REPORTED_SIZE = 1 << 20  # of every file of @MISSION: the real size is known only when the file is generated
 _BURST_MAX = 2000
 _NO_SPACE = 28  # ENOSPC
 _WRITES = (FtpOpcode.CREATE_FILE, FtpOpcode.OPEN_FILE_WO)
@@ -37,23 +34,23 @@ class _Open:
 
 @dataclass
 class _Last:
-    """The reply that a repeated request gets again."""
+    """The replies that a repeated request gets again."""
 
     peer: Station = field(default_factory=lambda: Station(0, 0))
     replies: list[FtpPayload] = field(default_factory=list)
 
 
 class FileServer:
-    """One vehicle's. Whatever the bytes, it answers or is silent, and only a whole, valid file changes anything."""
+    """The file server of one vehicle. It survives any bytes; only a whole, valid file changes anything."""
 
     def __init__(self, files: MissionFiles) -> None:
         self._files = files
         self._open: _Open | None = None
-        self._said_s = 0.0
+        self._replied_s = 0.0
         self._last = _Last()
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """Answer a FILE_TRANSFER_PROTOCOL."""
+        """Answer a FILE_TRANSFER_PROTOCOL message."""
         if message.name != NAME:
             return []
         request = read_payload(message)
@@ -61,20 +58,20 @@ class FileServer:
         if request is None:
             seq, session, opcode = _numbers(message)
             request = FtpPayload(seq, session, opcode)
-            return self._say(peer, [_nak(request, FtpError.INVALID_DATA_SIZE)], now_s)
+            return self._reply(peer, [_nak(request, FtpError.INVALID_DATA_SIZE)], now_s)
         if request.opcode in (FtpOpcode.ACK, FtpOpcode.NAK):
             return []
         last = self._last
         if last.peer == peer and last.replies:
             final = last.replies[-1]
             if final.session == request.session and final.seq == (request.seq + 1) % _SEQS:
-                return self._say(peer, [final], now_s)
-        return self._say(peer, self._answer(request, now_s), now_s)
+                return self._reply(peer, [final], now_s)
+        return self._reply(peer, self._answer(request, now_s), now_s)
 
-    def _say(self, peer: Station, replies: list[FtpPayload], now_s: float) -> list[Message]:
+    def _reply(self, peer: Station, replies: list[FtpPayload], now_s: float) -> list[Message]:
         self._last = _Last(peer, replies)
         if replies:
-            self._said_s = now_s
+            self._replied_s = now_s
         return [reply.message(peer) for reply in replies]
 
     def _answer(self, request: FtpPayload, now_s: float) -> list[FtpPayload]:
@@ -82,7 +79,7 @@ class FileServer:
         if self._open is not None and request.session != self._open.session:
             if ends:
                 return [_ack(request)]
-            if now_s - self._said_s < _IDLE_S:
+            if now_s - self._replied_s < _IDLE_S:
                 return [_nak(request, FtpError.INVALID_SESSION)]
             self._close()
         if ends:
@@ -109,7 +106,7 @@ class FileServer:
 
     def _opened(self, request: FtpPayload, now_s: float) -> FtpPayload:
         writing = request.opcode in _WRITES
-        if self._open is not None and not writing and now_s - self._said_s > _IDLE_S:
+        if self._open is not None and not writing and now_s - self._replied_s > _IDLE_S:
             self._close()
         if self._open is not None:
             return _nak(request, FtpError.FAIL)
@@ -120,7 +117,7 @@ class FileServer:
             return _nak(request, FtpError.FILE_NOT_FOUND)
         contents = bytearray() if writing else bytearray(self._files.read(path))
         self._open = _Open(path, request.session, contents, writing)
-        return _ack(request) if writing else _ack(request, _TOLD_SIZE.to_bytes(4, "little"))
+        return _ack(request) if writing else _ack(request, _REPORTED_SIZE.to_bytes(4, "little"))
 
     def _written(self, request: FtpPayload) -> FtpPayload:
         if self._open is None:

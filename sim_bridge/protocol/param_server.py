@@ -1,7 +1,6 @@
-"""The parameter protocol of one vehicle: read by name or index, set, list, and changes told unasked.
+"""The parameter protocol of one vehicle: read by name or index, set, list, and report changes.
 
-Knows: the manners of its make of autopilot (`ParamHabits`). Does not know: what the parameters do; who wants to know
-asks for a `setting`, which is the value within its bounds, in SI units.
+`setting` gives the effective value: within its bounds, in SI units.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from collections.abc import Iterable
 from gcs.link.wire.message import Message
 from sim_bridge.personality import Personality, Setting
 
-BY_NAME = 0xFFFF  # param_index of an answer to a question by name
+BY_NAME = 0xFFFF  # param_index of an answer to a request by name
 
 _UINT32, _REAL32 = 5, 9
 _RANGES = {
@@ -34,13 +33,13 @@ class ParamServer:
     """Name, value and type of every parameter, in order."""
 
     def __init__(self, personality: Personality, sysid: int) -> None:
-        self._habits = personality.param_habits
+        self._traits = personality.param_traits
         self._table = {param.name: param for param in personality.params}
         self._index = {name: index for index, name in enumerate(self._table)}
         self._values = {param.name: stored(param.value, param.kind) for param in personality.params}
         self._setters = {param.sets: param for param in personality.params if param.sets is not None}
-        self._values[self._habits.sysid] = float(sysid)
-        self._news: list[Message] = []
+        self._values[self._traits.sysid] = float(sysid)
+        self._changes: list[Message] = []
 
     def remember(self, earlier: ParamServer) -> None:
         """Take over the values from before a restart."""
@@ -53,16 +52,16 @@ class ParamServer:
         return name in self._values
 
     def change(self, name: str, value: float) -> None:
-        """The vehicle itself changes a parameter, and will tell so."""
+        """Change a parameter on the vehicle's own initiative; `changes` reports it."""
         value = stored(value, self._table[name].kind)
         if value != self._values[name]:
             self._values[name] = value
-            self._news.append(self._told(name, name))
+            self._changes.append(self._reported(name, name))
 
     def setting(self, setting: Setting) -> float:
-        """What the vehicle goes by: the value of the parameter that decides, within its bounds, in SI units.
+        """Return the value of the parameter behind a setting, within its bounds, in SI units.
 
-        Raises KeyError where this autopilot has no such parameter.
+        Raises KeyError if this autopilot has no such parameter.
         """
         param = self._setters[setting]
         value = self._values[param.name]
@@ -71,21 +70,21 @@ class ParamServer:
         return min(max(value, param.low), param.high) * param.unit
 
     def settings(self) -> dict[Setting, float]:
-        """Every setting that this autopilot has a parameter for."""
+        """Return every setting for which this autopilot has a parameter."""
         return {setting: self.setting(setting) for setting in self._setters}
 
-    def news(self) -> list[Message]:
-        """Values that the vehicle changed since it was last asked."""
-        if not self._news:
+    def changes(self) -> list[Message]:
+        """Return the PARAM_VALUE messages of values that the vehicle changed since the last call."""
+        if not self._changes:
             return []
-        news, self._news = self._news, []
-        return news
+        changes, self._changes = self._changes, []
+        return changes
 
     def receive(self, message: Message) -> list[Message]:
-        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; silence is an answer to what is unknown."""
+        """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET. Unknown parameters get no answer."""
         if message.name == "PARAM_REQUEST_LIST":
             values = [self._value(name, name, index) for name, index in self._index.items()]
-            return [self._hash(), *values] if self._habits.hash_name else values
+            return [self._hash(), *values] if self._traits.hash_name else values
         if message.name == "PARAM_REQUEST_READ":
             return self._read(message.fields["param_id"], message.fields["param_index"])
         if message.name == "PARAM_SET":
@@ -93,37 +92,37 @@ class ParamServer:
             return self._set(fields["param_id"], fields["param_value"], fields["param_type"])
         return []
 
-    def _read(self, asked: str, index: int) -> list[Message]:
+    def _read(self, requested: str, index: int) -> list[Message]:
         if index >= 0:
             return [self._value(name, name, i) for name, i in self._index.items() if i == index]
-        if asked == self._habits.hash_name:
+        if requested == self._traits.hash_name:
             return [self._hash()]
-        name = self._found(asked)
-        return [self._told(name, asked)] if name is not None else []
+        name = self._found(requested)
+        return [self._reported(name, requested)] if name is not None else []
 
-    def _set(self, asked: str, sent: float, kind: int) -> list[Message]:
-        name = self._found(asked)
+    def _set(self, requested: str, sent: float, kind: int) -> list[Message]:
+        name = self._found(requested)
         if name is None or not (math.isfinite(sent) or self._takes(sent, kind)):
             return []
         own = self._table[name].kind
-        if kind == own or self._habits.converts:
+        if kind == own or self._traits.converts:
             self._values[name] = self._decoded(sent, own)
-        return [self._told(name, asked)]
+        return [self._reported(name, requested)]
 
     def _takes(self, sent: float, kind: int) -> bool:
-        """Whether a number that is none may be meant."""
-        return self._habits.takes_nan or (self._habits.bytes_in_float and kind != _REAL32)
+        """Whether a value that is not finite may be set."""
+        return self._traits.takes_nan or (self._traits.bytes_in_float and kind != _REAL32)
 
-    def _found(self, asked: str) -> str | None:
-        name = asked.upper() if self._habits.any_case else asked
+    def _found(self, requested: str) -> str | None:
+        name = requested.upper() if self._traits.any_case else requested
         return name if name in self._values else None
 
-    def _told(self, name: str, asked: str) -> Message:
-        return self._value(name, asked, self._index[name] if self._habits.tells_index else BY_NAME)
+    def _reported(self, name: str, requested: str) -> Message:
+        return self._value(name, requested, self._index[name] if self._traits.sends_index else BY_NAME)
 
-    def _value(self, name: str, asked: str, index: int) -> Message:
+    def _value(self, name: str, requested: str, index: int) -> Message:
         kind = self._table[name].kind
-        return self._message(asked, self._encoded(self._values[name], kind), kind, index)
+        return self._message(requested, self._encoded(self._values[name], kind), kind, index)
 
     def _message(self, name: str, value: float, kind: int, index: int) -> Message:
         fields = {"param_id": name, "param_value": value, "param_type": kind, "param_index": index}
@@ -132,21 +131,21 @@ class ParamServer:
     def _hash(self) -> Message:
         parts: Iterable[bytes] = (name.encode() + _FLOAT.pack(value) for name, value in self._values.items())
         number = zlib.crc32(b"".join(parts))
-        return self._message(self._habits.hash_name, _FLOAT.unpack(_UNSIGNED.pack(number))[0], _UINT32, BY_NAME)
+        return self._message(self._traits.hash_name, _FLOAT.unpack(_UNSIGNED.pack(number))[0], _UINT32, BY_NAME)
 
     def _encoded(self, value: float, kind: int) -> float:
-        if kind == _REAL32 or not self._habits.bytes_in_float:
+        if kind == _REAL32 or not self._traits.bytes_in_float:
             return value
         return float(_FLOAT.unpack(_SIGNED.pack(round(value)))[0])
 
     def _decoded(self, sent: float, kind: int) -> float:
-        if kind == _REAL32 or not self._habits.bytes_in_float:
+        if kind == _REAL32 or not self._traits.bytes_in_float:
             return stored(sent, kind)
         return stored(_SIGNED.unpack(_FLOAT.pack(sent))[0], kind)
 
 
 def stored(value: float, kind: int) -> float:
-    """A value as a parameter of this type holds it: single precision, or a whole number that fits."""
+    """Return a value as a parameter of this type stores it: single precision, or a whole number within its range."""
     if kind == _REAL32:
         try:
             return float(_FLOAT.unpack(_FLOAT.pack(value))[0])

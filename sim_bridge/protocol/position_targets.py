@@ -1,8 +1,4 @@
-"""SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT as setpoints.
-
-Knows: frames, masks and units of both. Does not know: what is done with a setpoint. What is no number, or too large to
-be meant, makes no setpoint.
-"""
+"""Converts SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT to setpoints. Values that are NaN or too large are refused."""
 
 from __future__ import annotations
 
@@ -18,10 +14,10 @@ from sim_bridge.autopilot.guidance.stream import StampedSetpoint
 from sim_bridge.protocol.telemetry import Instruments
 
 SETPOINTS = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"})
-# What is stamped further off was stamped by a clock of the station's own. Boot clocks begin at 5 s or more, so that
-# stations younger than the vehicles are always further behind.
+# A stamp further off comes from the ground station's own clock. Boot clocks begin at 5 s or more, so a ground station
+# that started after the vehicles is always further behind.
 _BEHIND_S, _AHEAD_S = 4.0, 10.0
-_FAR = 1e6  # m, m/s, m/s²: no setpoint is as large as this
+_FAR = 1e6  # m, m/s, m/s²: larger values are invalid
 _OFFSETS = frozenset({WireFrame.LOCAL_OFFSET_NED, WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
 _TURNED = frozenset({WireFrame.BODY_NED, WireFrame.BODY_OFFSET_NED})
 _ABOVE_SEA = frozenset({WireFrame.GLOBAL, WireFrame.GLOBAL_INT})
@@ -32,9 +28,9 @@ _NOTHING = SetpointMask.IGNORE_POSITION | SetpointMask.IGNORE_VELOCITY | Setpoin
 def setpoint_in(
     message: Message, instruments: Instruments, flat_now: Array, home_ned_m: Array
 ) -> tuple[StampedSetpoint, bool] | None:
-    """The setpoint of a message, and whether it is a place to rest at; None where it is not to be obeyed.
+    """Return the setpoint of a message, and whether it is a position to rest at; None if the message is invalid.
 
-    `flat_now` (DERIVATIVES, 4) is what the vehicle flies now: what the message leaves open stays as it is.
+    `flat_now` (DERIVATIVES, 4) is what the vehicle flies now: components that the mask ignores stay as they are.
     """
     fields, mask, frame = message.fields, message.fields["type_mask"], message.fields["coordinate_frame"]
     flat = np.zeros((3, 4))
@@ -56,7 +52,7 @@ def setpoint_in(
         flat[0, 3] = fields["yaw"]
     if not mask & SetpointMask.IGNORE_YAW_RATE:
         flat[1, 3] = fields["yaw_rate"]
-    if not np.abs(flat).max() < _FAR:  # neither NaN nor nonsense
+    if not np.abs(flat).max() < _FAR:  # also false for NaN
         return None
     t_s = instruments.t_s
     if mask & SetpointMask.IGNORE_VELOCITY and mask & SetpointMask.IGNORE_ACCELERATION:
@@ -67,7 +63,7 @@ def setpoint_in(
 
 
 def is_stamp(stamp_s: float, t_s: float) -> bool:
-    """Whether a time on a setpoint that comes at `t_s` is of the vehicle's own clock, both in simulated seconds."""
+    """Whether a stamp on a setpoint that arrives at `t_s` is of the vehicle's own clock; both in simulated seconds."""
     return t_s - _BEHIND_S <= stamp_s <= t_s + _AHEAD_S
 
 
@@ -98,11 +94,11 @@ def _place(message: Message, instruments: Instruments, turn: Array, flat_now: Ar
 
 
 def _vector(turn: Array, *values: float) -> Array:
-    """Three numbers turned to NED; NaN for nonsense."""
+    """Return three numbers turned to NED; NaN if they are invalid."""
     return turn @ np.array(values) if all(abs(value) < _FAR for value in values) else np.full(3, np.nan)
 
 
 def _turn(yaw_rad: float) -> Array:
-    """From body, heading only, to NED."""
+    """Return the rotation from body (heading only) to NED."""
     s, c = math.sin(yaw_rad), math.cos(yaw_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,11 +1,8 @@
-"""Between bytes and vehicles: who hears what, when, and in which state.
+"""Carries messages between endpoints and vehicles, over links that may be impaired.
 
-Knows: frames, which vehicle a message is for, bad links on the way. Does not know: sockets, what a message means
-to a vehicle.
-
-Commands for the emulator (`fault_commands`) are taken out here. On a bad link a frame travels in simulated time. It
-leaves when it comes in; a setpoint that carries its time leaves `LEAD_S` before that, however much earlier the ground
-station sent it: then the same setpoints come as late in every run, and a link slower than that shows.
+Commands for the emulator (`fault_commands`) are handled here. On an impaired link a frame travels in simulated time.
+It departs when it arrives here. A setpoint that carries its time departs `LEAD_S` before that time, however much
+earlier the ground station sent it. So the same setpoints are equally late in every run, and a delay above that shows.
 """
 
 from __future__ import annotations
@@ -33,25 +30,25 @@ _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 class Traffic:
     """Carries messages between a switchboard and vehicles, whose members may be replaced."""
 
-    def __init__(self, board: Switchboard, vehicles: Sequence[Conversation], desk: FaultInjector) -> None:
+    def __init__(self, board: Switchboard, vehicles: Sequence[Conversation], injector: FaultInjector) -> None:
         self._board = board
         self._vehicles = vehicles
-        self._desk = desk
+        self._injector = injector
         self._row_of = {vehicle.station.sysid: row for row, vehicle in enumerate(vehicles)}
         self._encoders = [Codec(*vehicle.station) for vehicle in vehicles]
         self._decoders = [Codec(0, 0) for _ in board.rows]
-        self._after: dict[int, Codec] = {}  # decoders behind bad links
-        self._stamp_s: dict[int, float] = {}  # newest setpoint that came in, lost or not
+        self._after: dict[int, Codec] = {}  # decoders behind impaired links
+        self._stamp_s: dict[int, float] = {}  # newest stamp of a setpoint that arrived here, lost afterwards or not
         self._watched = -1
         self.sent = 0  # messages
 
     def watch(self, file: int) -> None:
-        """Let `listen` tell when this file descriptor ends."""
+        """Make `listen` report when this file descriptor ends."""
         self._watched = file
         self._board.watch(file)
 
     def listen(self, timeout_s: float, t_s: float) -> bool:
-        """Hand on what has come in, waiting for it at most `timeout_s`; False when the watched file ended."""
+        """Pass on what has arrived, waiting at most `timeout_s` for it; return False when the watched file ended."""
         goes_on = True
         for line, data, source in self._board.receive(timeout_s, time.monotonic()):
             if line < 0:
@@ -68,12 +65,12 @@ class Traffic:
         return goes_on
 
     def send(self, row: int, messages: Sequence[Message], t_s: float) -> None:
-        """Tell the ground; goes out with `carry`, or the next `listen`."""
+        """Send messages of a vehicle to the ground; they leave with `carry`, or with the next `listen`."""
         encode, signature = self._encoders[row].encode, self._vehicles[row].signature
         now_s = time.monotonic()
         frames = [encode(message, signature(now_s)) for message in messages]
         self.sent += len(frames)
-        radio = self._desk.radios.get(row)
+        radio = self._injector.radios.get(row)
         if radio is None:
             self._board.put(row, frames)
             return
@@ -81,8 +78,8 @@ class Traffic:
             radio.down.put(frame, t_s)
 
     def carry(self, t_s: float, now_s: float) -> None:
-        """Let arrive what is due on bad links, and send what waits."""
-        for row, radio in self._desk.radios.items():
+        """Deliver frames that are due on impaired links, and send what is queued."""
+        for row, radio in self._injector.radios.items():
             for frame in radio.up.take(t_s):
                 decoder = self._after.setdefault(row, Codec(0, 0))
                 for message in decoder.decode(frame):
@@ -91,21 +88,21 @@ class Traffic:
         self._board.flush(now_s)
 
     def restarted(self, row: int) -> None:
-        """The vehicle of this row numbers its frames from 0 again."""
+        """Restart the frame sequence numbers of this row at 0."""
         self._encoders[row] = Codec(*self._vehicles[row].station)
 
-    def tell_time(self) -> None:
-        """Say again what time it is on board; not over bad links, whose luck is that of the flight."""
+    def send_time(self) -> None:
+        """Send SYSTEM_TIME again; not over impaired links, where it would change the fate of later frames."""
         for row, vehicle in enumerate(self._vehicles):
-            if row not in self._desk.radios and (message := vehicle.time_message()) is not None:
+            if row not in self._injector.radios and (message := vehicle.time_message()) is not None:
                 signature = vehicle.signature(time.monotonic())
                 self._board.put(row, [self._encoders[row].encode(message, signature)])
         self._board.flush(time.monotonic())
 
     def departed_s(self, row: int, t_s: float) -> float | None:
-        """Stamp of the newest setpoint that came in to leave over a bad link; None where there is none."""
+        """Return the stamp of the newest setpoint that arrived for an impaired link; None if there is none."""
         stamp_s = self._stamp_s.get(row)
-        if stamp_s is None or row not in self._desk.radios or not is_stamp(stamp_s, t_s):
+        if stamp_s is None or row not in self._injector.radios or not is_stamp(stamp_s, t_s):
             return None
         return stamp_s
 
@@ -120,12 +117,12 @@ class Traffic:
     def _hand_on(self, row: int, message: Message, t_s: float, now_s: float) -> None:
         if is_fault_command(message):
             order = read_order(message)
-            self._desk.end(row, order.ends, t_s)
+            self._injector.end(row, order.ends, t_s)
             for fault in order.begins:
-                self._desk.add(row, fault, t_s)
+                self._injector.add(row, fault, t_s)
             self._board.put(row, [self._encoders[row].encode(answer(message, order))])
             return
-        radio = self._desk.radios.get(row)
+        radio = self._injector.radios.get(row)
         if radio is None:
             self._deliver(row, message, t_s, now_s)
         else:
@@ -142,10 +139,10 @@ class Traffic:
 
     def _deliver(self, row: int, message: Message, t_s: float, now_s: float) -> None:
         if message.name in _ITEMS:
-            self._desk.uploaded(row, message.fields["seq"], t_s)
+            self._injector.uploaded(row, message.fields["seq"], t_s)
         elif message.name == FTP:
             for item in items_in(message):
-                self._desk.uploaded(row, item, t_s)
+                self._injector.uploaded(row, item, t_s)
         answers = self._vehicles[row].receive(message, now_s)
         if answers:
             self.send(row, answers, t_s)

@@ -1,1 +1,1 @@
-"""The loop of all vehicles: pace, lockstep with setpoint streams, the record of truth."""
+"""The simulation loop: the vehicles of a scenario, their pace against real time, and the record of true states."""

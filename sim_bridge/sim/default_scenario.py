@@ -1,7 +1,4 @@
-"""Scenarios for those who have none: a level field, a grid of vehicles; and any scenario with another number of them.
-
-Knows: what a scenario has to say. Does not know: flights; nobody plans for these.
-"""
+"""Default scenarios: a grid of vehicles on level ground, and any scenario with another number of vehicles."""
 
 from __future__ import annotations
 
@@ -19,12 +16,13 @@ _HOVER_M = 10.0
 
 
 def scenario_for(scenario: Scenario | Path | str | None, vehicles: int | None) -> Scenario:
-    """A scenario, read where it is a path, plain where it is None, with so many vehicles where a number is given.
+    """Return the given, loaded or default scenario with `vehicles` vehicles, if that number is given.
 
-    The first ones of a scenario that has more; a grid where it has fewer. Raises `ScenarioError` or `UsageError`.
+    A smaller number takes the first vehicles of the scenario; a larger one places them on a grid. Raises
+    `ScenarioError` or `UsageError`.
     """
     if vehicles is not None and vehicles < 1:
-        raise UsageError(f"a fleet of {vehicles} vehicles is none.", hint="ask for at least one")
+        raise UsageError(f"a fleet needs at least 1 vehicle, not {vehicles}.", hint="set vehicles to 1 or more")
     if scenario is None:
         return plain_scenario(6 if vehicles is None else vehicles)
     known = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
@@ -40,7 +38,7 @@ def scenario_for(scenario: Scenario | Path | str | None, vehicles: int | None) -
 
 
 def plain_scenario(vehicles: int) -> Scenario:
-    """Vehicles of the `field` preset with RTK-grade receivers, `SPACING_M` apart, on level ground."""
+    """Return a scenario of `field` vehicles with RTK-grade receivers, `SPACING_M` apart, on level ground."""
     body = FIELD.quadrotor
     boundary = {"velocity_mps": [0.0] * 3, "roll_pitch_yaw_deg": [0.0] * 3}
     data: dict[str, Any] = {

@@ -1,10 +1,7 @@
-"""How long emulated time stands still for setpoints that a ground station owes.
+"""Lockstep: how long simulated time waits for setpoints that the ground station has not sent yet.
 
-Knows: who awaits how its stream goes on, and since when. Does not know: vehicles, messages, sockets; wall time is an
-argument.
-
-A vehicle whose patience ended goes on without, until anything newer comes: then it is waited for again, so a station
-that was held up for a while catches up instead of being late for the rest of the flight.
+Wall time is an argument. After the timeout a vehicle flies on without them. It is waited for again as soon as a newer
+setpoint arrives. So a ground station that paused catches up, and is not late for the rest of the flight.
 """
 
 from __future__ import annotations
@@ -12,26 +9,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-PATIENCE_S = 3.0
+TIMEOUT_S = 3.0
 REMIND_S = 0.03
 
 
 class Lockstep:
-    """Of a whole fleet. All times but stamps are of the wall's clock."""
+    """The lockstep of a whole fleet. All times except stamps are wall time."""
 
     def __init__(self) -> None:
-        self._given_up: dict[int, float] = {}  # newest stamp when patience ended
+        self._given_up: dict[int, float] = {}  # newest stamp at the timeout
         self._until_s = math.inf
         self._remind_s = math.inf
 
     def wait_s(self, awaiting: Mapping[int, float], now_s: float) -> float:
-        """How long to wait; 0 to go on. `awaiting`: the newest stamp that each waiting vehicle has."""
+        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of each waiting vehicle."""
         self._given_up = {row: stamp for row, stamp in self._given_up.items() if awaiting.get(row) == stamp}
         if awaiting.keys() <= self._given_up.keys():
             self._until_s = self._remind_s = math.inf
             return 0.0
         if math.isinf(self._until_s):
-            self._until_s, self._remind_s = now_s + PATIENCE_S, now_s + REMIND_S
+            self._until_s, self._remind_s = now_s + TIMEOUT_S, now_s + REMIND_S
         if now_s < self._until_s:
             return min(self._until_s, max(self._remind_s, now_s + 1e-3)) - now_s
         self._given_up = dict(awaiting)
@@ -39,7 +36,7 @@ class Lockstep:
         return 0.0
 
     def reminds(self, now_s: float) -> bool:
-        """Whether to tell the ground station again what time it is: what told it may have been lost on its way."""
+        """Whether to send the time again: the message with it may have been lost."""
         if now_s < self._remind_s:
             return False
         self._remind_s = now_s + REMIND_S

@@ -1,8 +1,7 @@
-"""How fast simulated time may run against the wall's clock.
+"""Paces simulated time against wall time. Both are arguments.
 
-Knows: a rate and an anchor. Does not know: clocks (both times are arguments), why the rate changes.
-Pacing is absolute: a step that comes late is made up for, so that nothing drifts; but only so much, because after a
-long stall a burst of catching up would be worse than having lost the time.
+Pacing is absolute: a late step is made up for, so nothing drifts. After a long stall only `CATCH_UP_S` is made up for,
+because a long burst would be worse than the lost time.
 """
 
 from __future__ import annotations
@@ -13,10 +12,10 @@ CATCH_UP_S = 0.1  # of wall time
 
 
 class Pace:
-    """Maps simulated time to the instant on the wall's clock when it is due."""
+    """Maps simulated time to the wall time when it is due."""
 
     def __init__(self, rate: float) -> None:
-        """`rate` is simulated seconds per second; inf does not wait at all."""
+        """`rate` is simulated seconds per second; inf never waits."""
         self._rate = rate
         self._t_s = 0.0
         self._now_s = -math.inf
@@ -27,7 +26,7 @@ class Pace:
         return self._rate
 
     def wait_s(self, t_s: float, now_s: float, rate: float) -> float:
-        """How long to wait until `t_s` is due at `rate`; 0 if it is."""
+        """Return how long to wait until `t_s` is due at `rate`; 0 if it is due."""
         if rate != self._rate:
             self._rate, self._t_s, self._now_s = rate, t_s, now_s
         if math.isinf(rate):

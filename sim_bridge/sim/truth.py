@@ -1,7 +1,4 @@
-"""A record of what truly happened, for whoever judges the flight.
-
-Knows: arrays and a file. Does not know: judgement. Vehicles never see any of it.
-"""
+"""Records the true states, for the assessment of a flight. Vehicles never see them."""
 
 from __future__ import annotations
 
@@ -36,7 +33,7 @@ class TruthRecord:
         self._flags: list[list[tuple[bool, bool, int]]] = []
 
     def add(self, t_s: float, airframes: Airframes, flags: list[tuple[bool, bool, int]]) -> None:
-        """Note one instant; `flags` are (armed, flying, mode) of every vehicle."""
+        """Record one time; `flags` are (armed, flying, mode) of every vehicle."""
         self._t_s.append(t_s)
         self._states.append(airframes.truth.copy())
         self._controls.append(airframes.control.copy())
@@ -53,7 +50,7 @@ class TruthRecord:
         return self._by_vehicle(self._states, 12)
 
     def save(self, path: Path) -> None:
-        """Write the file in one piece, in place of what was there. Raises `GcsError` where that is impossible."""
+        """Write the file atomically, replacing an earlier one. Raises `GcsError`."""
         t_s = self.t_s
         flags = np.array(self._flags, dtype=np.int64).reshape(len(t_s), len(self._sysids), 3)
         arrays: dict[str, Any] = {
@@ -72,7 +69,7 @@ class TruthRecord:
                 np.savez(file, **arrays)
             Path(file.name).replace(path)
         except OSError as error:
-            raise GcsError(f"the truth of the flight cannot be written to {path}: {error.strerror}.") from error
+            raise GcsError(f"the true states cannot be written to {path}: {error.strerror}.") from error
 
     def _by_vehicle(self, rows: list[Array], width: int) -> Array:
         return np.array(rows).reshape(len(rows), len(self._sysids), width).swapaxes(0, 1)

@@ -1,8 +1,4 @@
-"""Makes the vehicles of a scenario: bodies on their pads, and an autopilot for each.
-
-Knows: what a scenario says about vehicles, what every vehicle has of its own (uid, boot clock). Does not know: time
-that passes, links.
-"""
+"""Builds the vehicles of a scenario: bodies on their pads, and an autopilot for each."""
 
 from __future__ import annotations
 
@@ -28,14 +24,14 @@ from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits
 from sim_bridge.personality import Personality
 from sim_bridge.protocol.conversation import Conversation
-from sim_bridge.protocol.telemetry import Instruments, Whereabouts
+from sim_bridge.protocol.telemetry import GeodeticPositions, Instruments
 
 LARGEST_SYSID = 254  # 255 is the ground station
 _BOOT_SPREAD_MS = (5_000, 60_000)
 
 
 class VehicleFactory:
-    """The parts of every vehicle, by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
+    """Builds vehicles by row; `airframes` are all bodies, `boot_ms` the boot clocks at time 0."""
 
     def __init__(
         self,
@@ -47,21 +43,21 @@ class VehicleFactory:
         ideal: bool = False,
         wind: Wind = CALM,
     ) -> None:
-        """Put the bodies on their pads. Raises `UsageError` where system ids do not suffice.
+        """Put the bodies on their pads. Raises `UsageError` for a system id above 254.
 
-        `ideal` vehicles fly the waypoints of missions on time; others as their original does.
+        `ideal` vehicles fly waypoints on time; others as the original autopilot does.
         """
         self.sysids = si.sysids(scenario)
         if max(self.sysids) > LARGEST_SYSID:
             raise UsageError(
-                f"{len(self.sysids)} vehicles do not fit on one MAVLink network: a system id is one byte, "
-                f"and {LARGEST_SYSID} is the last a vehicle may have.",
-                hint=f"fly at most {LARGEST_SYSID} vehicles, or several sim-bridges on links of their own",
+                f"system id {max(self.sysids)} of {len(self.sysids)} vehicles is above {LARGEST_SYSID}, "
+                "the highest a vehicle may have on one MAVLink network.",
+                hint=f"fly at most {LARGEST_SYSID} vehicles, or run several sim-bridges on separate links",
             )
         self._personality = personality
         self._seed = seed
         self._epoch_s = epoch_unix_s
-        quadrotor = replace(si.quadrotor(scenario), wind=STILL)  # here air is what the wind field says
+        quadrotor = replace(si.quadrotor(scenario), wind=STILL)  # the wind field provides the wind here
         self._pads_ned_m = si.pads_ned_m(scenario)
         self._yaw_rad = math.radians(scenario.start.roll_pitch_yaw_deg[2])
         self.airframes = Airframes(
@@ -78,20 +74,20 @@ class VehicleFactory:
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
         self._navigator = None if ideal else personality.identity.autopilot.navigator.within(self._motion.ability)
         self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
-        self._whereabouts = Whereabouts(self.airframes, self._origin)
+        self._geodetic = GeodeticPositions(self.airframes, self._origin)
         random = np.random.default_rng([seed, 1])
         self.boot_ms: list[int] = random.integers(*_BOOT_SPREAD_MS, len(self.sysids)).tolist()
 
     def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
-        """The vehicle of a row as it comes out of its box; its own clock began at simulated time `boot_s`."""
+        """Return the vehicle of a row in its initial state; its boot clock starts at simulated time `boot_s`."""
         pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
-        # speeds come from the parameters
-        guide = PathGenerator(
+        # the parameters set the speeds later
+        path_generator = PathGenerator(
             self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s, navigator=self._navigator
         )
         instruments = Instruments(
             airframes=self.airframes,
-            whereabouts=self._whereabouts,
+            geodetic=self._geodetic,
             row=row,
             pad_ned_m=pad_ned_m,
             origin=self._origin,
@@ -100,5 +96,5 @@ class VehicleFactory:
             uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
         )
         return Conversation(
-            sysid, EmulatedAutopilot(self._personality, guide, self._yaw_rad), instruments, self._personality
+            sysid, EmulatedAutopilot(self._personality, path_generator, self._yaw_rad), instruments, self._personality
         )

@@ -1,14 +1,11 @@
-"""All vehicles of a scenario in one loop: physics, decisions, conversation, and the pace of time.
+"""The simulation loop over all vehicles of a scenario: physics, autopilots, MAVLink, and the pace of time.
 
-Knows: the order of things within a step, and when to wait. Does not know: what vehicles decide or say.
-
-Time. A step is 10 ms of simulated time. `speedup` says how fast steps follow one another; three things hold it
-back:
-- orders: while a vehicle stands armed or hovers with nothing to do, or nobody is armed at all, time runs at most
-  `WAITING_RATE` times real time, because ground stations answer in real time (10 s to disarming would be 0.2 s);
-- the stream: above real time a vehicle that flies stamped setpoints waits for the one that says how to go on
-  (`Lockstep`), so that a flight is the same at any speed-up;
-- the machine: what it cannot do in time is made up for later, within reason (`Pace`).
+A step is 20 ms of simulated time. `speedup` sets how fast steps follow one another. Three things slow them down:
+- commands: while an armed vehicle is idle, or no vehicle is armed, time runs at most at `WAITING_RATE` times real
+  time. Ground stations answer in real time, and 10 s until disarming would be 0.2 s;
+- the setpoint stream: above real time a vehicle that follows stamped setpoints waits for the next one (`Lockstep`),
+  so that a flight is the same at any speed-up;
+- the machine: a step it cannot do in time is made up for later, up to a limit (`Pace`).
 """
 
 from __future__ import annotations
@@ -40,13 +37,13 @@ from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 WAITING_RATE = 10.0
-OFF_S = 1.0  # that a restart takes
+OFF_S = 1.0  # duration of a restart
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
 
 @dataclass(frozen=True)
 class WorldOptions:
-    """How to run a fleet. `epoch_unix_s` is the GNSS time at simulated time 0."""
+    """The options of a run. `epoch_unix_s` is the GNSS time at simulated time 0."""
 
     links: Sequence[EndpointSpec] = (CALL_GROUND,)
     speedup: float = 1.0  # simulated seconds per second; inf for as fast as the machine can
@@ -55,15 +52,15 @@ class WorldOptions:
     epoch_unix_s: float | None = None  # default: now
     record_truth: bool = False
     personality: Personality | None = None  # default: that of the scenario
-    ideal: bool = False  # missions are flown on time, as no original does
+    ideal: bool = False  # fly missions on time, as no real autopilot does
     wind: Wind = CALM
 
 
 class World:
-    """Everything emulated: the vehicles of a scenario, their time, and where they can be reached.
+    """The vehicles of a scenario, their time and their addresses.
 
-    `places` by system id; `t_s` simulated time; `airframes` with the true states; `step` to go on by hand, `run`
-    to go on until `stop` is called (from a signal handler or another thread).
+    `places` are the addresses by system id, `t_s` is simulated time, `airframes` have the true states. `step` advances
+    by one step; `run` goes on until `stop` is called (from a signal handler or another thread).
     """
 
     def __init__(self, scenario: Scenario, options: WorldOptions | None = None) -> None:
@@ -72,21 +69,21 @@ class World:
         personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
         o = options
-        self._hangar = hangar = VehicleFactory(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
-        self.sysids = hangar.sysids
-        self.airframes = hangar.airframes
-        self.vehicles = [hangar.vehicle(row) for row in range(len(self.sysids))]
+        self._factory = factory = VehicleFactory(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
+        self.sysids = factory.sysids
+        self.airframes = factory.airframes
+        self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]
         self._steps = 0
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()
         self._pace = Pace(options.speedup)
-        self._patience = Lockstep()
+        self._lockstep = Lockstep()
         self._batch = PieceBatch([vehicle.autopilot.piece for vehicle in self.vehicles])
-        boot_s = [ms / 1000.0 for ms in hangar.boot_ms]
+        boot_s = [ms / 1000.0 for ms in factory.boot_ms]
         self.truth = TruthRecord(self.sysids, boot_s, epoch_s) if options.record_truth else None
-        self.desk = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
+        self.injector = FaultInjector(self.vehicles, self.airframes, options.faults, options.seed, self._reboot)
         self._board = Switchboard(options.links, self.sysids)
-        self.traffic = Traffic(self._board, self.vehicles, self.desk)
+        self.traffic = Traffic(self._board, self.vehicles, self.injector)
         self.places: dict[int, list[PeerAddress]] = {s: self._board.places(row) for row, s in enumerate(self.sysids)}
 
     def __enter__(self) -> Self:
@@ -96,34 +93,34 @@ class World:
         self.close()
 
     def close(self) -> None:
-        """Let the endpoints go."""
+        """Close the endpoints."""
         self._board.close()
 
     @property
     def ports(self) -> dict[int, int]:
-        """Each vehicle's port on the first link that has ports."""
+        """The port of each vehicle on the first link that has ports."""
         numbered = {s: [place for place in places if place.port] for s, places in self.places.items()}
         return {sysid: places[0].port for sysid, places in numbered.items() if places}
 
     @property
     def t_s(self) -> float:
         """Simulated time since the vehicles were put on their pads."""
-        return self._steps / _STEPS_PER_S  # the same double as a stamp in milliseconds / 1000
+        return self._steps / _STEPS_PER_S  # exactly the double of a stamp in milliseconds / 1000
 
     def stop(self) -> None:
-        """Let `run` return after the present step."""
+        """Make `run` return after the present step."""
         self._stopped = True
 
     def call(self, work: Callable[[], None]) -> None:
-        """Have `work` done between two steps; for other threads."""
+        """Call `work` between two steps; for other threads."""
         self._calls.append(work)
 
     def stop_at_end_of(self, file: int) -> None:
-        """Let `run` return when this file descriptor (standard input) ends, as it does when a parent dies."""
+        """Make `run` return when this file descriptor (standard input) ends, as it does when the parent dies."""
         self.traffic.watch(file)
 
     def run(self, until_s: float = math.inf) -> None:
-        """Go on, in the pace asked for, until simulated time `until_s` or `stop`."""
+        """Run at the given speed-up until simulated time `until_s` or `stop`."""
         while not self._stopped and self._steps < until_s * _STEPS_PER_S:
             while self._calls:
                 self._calls.popleft()()
@@ -137,11 +134,11 @@ class World:
                 self.step()
 
     def step(self) -> None:
-        """Listen, decide, move, tell: one control period, whatever the wall's clock says."""
+        """Run one control period without waiting: receive, decide, move, send."""
         self._listen(0.0)
         now_s, t_s = time.monotonic(), self.t_s
         vehicles, landed = self.vehicles, self.airframes.landed.tolist()
-        self.desk.step(t_s)
+        self.injector.step(t_s)
         self.traffic.carry(t_s, now_s)
         for row, vehicle in enumerate(vehicles):
             messages = vehicle.step(t_s, now_s, landed[row])
@@ -150,49 +147,51 @@ class World:
             self._batch.put(row, vehicle.autopilot.piece)
         self._board.flush(now_s)
         if self.truth is not None and self._steps % PERIOD_STEPS == 0:
-            pilots = [vehicle.autopilot for vehicle in vehicles]
-            self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in pilots])
+            autopilots = [vehicle.autopilot for vehicle in vehicles]
+            self.truth.add(t_s, self.airframes, [(p.armed, p.flying, p.mode.number) for p in autopilots])
         motors_on = np.array([vehicle.autopilot.flying for vehicle in vehicles])
         self.airframes.step(self._batch.reference(t_s), motors_on)
         self._steps += 1
 
     def save_truth(self, path: Path) -> None:
-        """Write the record asked for by `record_truth`. Raises `GcsError`."""
+        """Write the true states recorded because of `record_truth`. Raises `GcsError`."""
         if self.truth is not None:
             self.truth.save(path)
 
     def _reboot(self, row: int) -> None:
-        """Restart an autopilot, whose motors stop wherever it is."""
+        """Restart an autopilot. Its motors stop, wherever the vehicle is."""
         on_s = self.t_s + OFF_S
-        vehicle = self._hangar.vehicle(row, on_s)
+        vehicle = self._factory.vehicle(row, on_s)
         vehicle.remember(self.vehicles[row])
         vehicle.on_from_s = on_s
         self.vehicles[row] = vehicle
         self.traffic.restarted(row)
 
     def _rate(self) -> float:
-        pilots = [vehicle.autopilot for vehicle in self.vehicles]
-        under_way = any(pilot.flying for pilot in pilots) and not any(pilot.awaits_orders for pilot in pilots)
+        autopilots = [vehicle.autopilot for vehicle in self.vehicles]
+        under_way = any(autopilot.flying for autopilot in autopilots) and not any(
+            autopilot.awaits_orders for autopilot in autopilots
+        )
         return self.options.speedup if under_way else min(self.options.speedup, WAITING_RATE)
 
     def _stream_wait_s(self, now_s: float) -> float:
         t_s = self.t_s
         newest_s = {row: self._awaits_after_s(row, t_s) for row in range(len(self.vehicles))}
-        wait_s = self._patience.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
-        if self._patience.reminds(now_s):
-            self.traffic.tell_time()
+        wait_s = self._lockstep.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
+        if self._lockstep.reminds(now_s):
+            self.traffic.send_time()
         return wait_s
 
     def _awaits_after_s(self, row: int, t_s: float) -> float | None:
-        """The newest stamp a vehicle has that has to guess how its stream goes on; None for those who know.
+        """The newest stamp of a vehicle that must extrapolate its setpoint stream; None for the others.
 
-        On a bad link it is the setpoint's departure that is waited for: it may never arrive.
+        On an impaired link the departure of the setpoint counts, because it may never arrive.
         """
-        pilot = self.vehicles[row].autopilot
-        departed_s = self.traffic.departed_s(row, t_s) if pilot.flying else None
+        autopilot = self.vehicles[row].autopilot
+        departed_s = self.traffic.departed_s(row, t_s) if autopilot.flying else None
         if departed_s is not None:
             return departed_s if departed_s <= t_s + LEAD_S else None
-        return pilot.awaits_setpoint_after_s(t_s)
+        return autopilot.awaits_setpoint_after_s(t_s)
 
     def _listen(self, timeout_s: float) -> None:
         if not self.traffic.listen(timeout_s, self.t_s):

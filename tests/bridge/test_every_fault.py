@@ -16,7 +16,7 @@ from sim_bridge.faults import fault_spec as f
 from sim_bridge.faults.fault_commands import USER_1
 from sim_bridge.faults.fault_file import read_fault_file
 from sim_bridge.faults.fault_spec import Fault, parse_fault, parse_faults
-from sim_bridge.faults.lossy_link import Trouble
+from sim_bridge.faults.lossy_link import LinkImpairment
 from sim_bridge.protocol.endpoints.address import EndpointKind, EndpointSpec
 from sim_bridge.sim.default_scenario import plain_scenario
 from sim_bridge.sim.world import World, WorldOptions
@@ -26,10 +26,10 @@ STRIKES_S, LOOK_S = 14.0, 18.0
 HEIGHT_M = 4.0
 
 
-def trouble(**wanted: float) -> Callable[[World, int], bool]:
+def impairment(**wanted: float) -> Callable[[World, int], bool]:
     def ails(fleet: World, row: int) -> bool:
-        radio = fleet.desk.radios.get(row)
-        return radio is not None and radio.up.trouble == radio.down.trouble == Trouble(**wanted)
+        radio = fleet.injector.radios.get(row)
+        return radio is not None and radio.up.impairment == radio.down.impairment == LinkImpairment(**wanted)
 
     return ails
 
@@ -50,12 +50,12 @@ def crept(fleet: World, row: int) -> bool:
 
 
 EFFECTS: dict[str, Callable[[World, int], bool]] = {
-    "loss=0.25": trouble(loss=0.25),
-    "duplicate=0.25": trouble(duplicate=0.25),
-    "reorder=0.25": trouble(reorder=0.25),
-    "corrupt=0.25": trouble(corrupt=0.25),
-    "delay=0.5,0.25": trouble(delay_s=0.5, jitter_s=0.25),
-    "silent": trouble(loss=1.0),
+    "loss=0.25": impairment(loss=0.25),
+    "duplicate=0.25": impairment(duplicate=0.25),
+    "reorder=0.25": impairment(reorder=0.25),
+    "corrupt=0.25": impairment(corrupt=0.25),
+    "delay=0.5,0.25": impairment(delay_s=0.5, jitter_s=0.25),
+    "silent": impairment(loss=1.0),
     "die": lambda fleet, row: fleet.vehicles[row].dead and bool(fleet.airframes.landed[row]),
     "reject-mission": lambda fleet, row: fleet.vehicles[row].rejects_missions,
     "reboot": lambda fleet, row: fleet.vehicles[row].on_from_s > 0.0 and bool(fleet.airframes.landed[row]),

@@ -58,7 +58,7 @@ async def deliver(
 
 
 def held(fleet: Fleet, sysid: int) -> bool:
-    shelf = fleet._world.vehicles[sysid - 1]._shelf
+    shelf = fleet._world.vehicles[sysid - 1]._store
     return compare_missions(ITEMS[1:], shelf.items()[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 

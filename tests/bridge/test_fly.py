@@ -250,7 +250,7 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
-    fleet.call(lambda: fleet.desk.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s))
+    fleet.call(lambda: fleet.injector.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s))
     done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
     assert done.returncode == 9, done.stdout + done.stderr
     assert "NO-GO" in done.stdout

@@ -90,7 +90,7 @@ def upload(wire: Wire, fleet: World, sysid: int, items: Sequence[MissionItem]) -
 
 def held(fleet: World) -> list[tuple[tuple[MissionItem, ...], ...]]:
     """Everything that vehicles hold, home apart, which moves with them."""
-    shelves = [vehicle._shelf for vehicle in fleet.vehicles]
+    shelves = [vehicle._store for vehicle in fleet.vehicles]
     return [tuple(shelf.items(kind)[kind == MissionType.MISSION :] for kind in HELD) for shelf in shelves]
 
 
@@ -114,7 +114,7 @@ def test_hostile_frames_change_nothing(field: Scenario, autopilot: str, frames: 
         wire = Wire(len(fleet.sysids))
         fleet._board.close()
         fleet._board = wire
-        fleet.traffic = Traffic(wire, fleet.vehicles, fleet.desk)
+        fleet.traffic = Traffic(wire, fleet.vehicles, fleet.injector)
         for sysid in fleet.sysids:
             upload(wire, fleet, sysid, with_home(items, home) if autopilot == "ardupilot" else items)
         while fleet.t_s < 6.0:

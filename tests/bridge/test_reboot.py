@@ -52,7 +52,7 @@ def test_a_restart_in_an_upload_keeps_what_was_stored(simulation1: Scenario, aut
             one = {"target_system": SYSID, "target_component": 1, "param_id": name}
             session.send(Message("PARAM_SET", {**one, "param_value": value, "param_type": kind}))
             await session.wait_for(lambda m: m.name == "PARAM_VALUE" and m.fields["param_id"] == name, 5.0, name)
-            fleet.desk.add(1, faults[SYSID][0], fleet.t_s)
+            fleet.injector.add(1, faults[SYSID][0], fleet.t_s)
             before = fleet.vehicles[1]
             with pytest.raises(PeerTimeout):
                 items = session.as_sent(new, mission(simulation1, new).home)

@@ -57,7 +57,7 @@ def what_it_is(fleet: Fleet) -> tuple[object, ...]:
         vehicle._params["RTL_ALT"],
         pilot.mode.name,
         pilot.armed,
-        vehicle._shelf.items(),
+        vehicle._store.items(),
         vehicle._trust._signing._key,
     )
 

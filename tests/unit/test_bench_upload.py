@@ -53,10 +53,10 @@ def test_a_store_that_lies_is_counted_as_wrong_by_looking_into_it() -> None:
     """`held` is what the vehicle has, whatever was read back."""
     air = Air(Autopilot.PX4, Weather(0.05, 0.0), 1)
     items = mission_of(6, 1)
-    told = air.shelf._told
-    air.shelf._told = lambda item, seq, peer, kind: told(items[seq], seq, peer, kind)  # type: ignore[method-assign]
-    store = air.shelf._store
-    air.shelf._store = lambda kind, kept: store(kind, (kept[1], *kept[1:]) if kept else kept)  # type: ignore[method-assign]
+    told = air.shelf._read_back_message
+    air.shelf._read_back_message = lambda item, seq, peer, kind: told(items[seq], seq, peer, kind)  # type: ignore[method-assign]
+    store = air.shelf._hold
+    air.shelf._hold = lambda kind, kept: store(kind, (kept[1], *kept[1:]) if kept else kept)  # type: ignore[method-assign]
     arrived = air.deliver(items)
     assert arrived.error is None
     assert not arrived.held

@@ -57,9 +57,9 @@ class Stage:
         self.told: list[Told] = []
         self._boots = boots_s is not None
         self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is 0
-        hangar = VehicleFactory(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
-        self._airframes = hangar.airframes
-        self.vehicle = hangar.vehicle(0, 0.0)
+        factory = VehicleFactory(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
+        self._airframes = factory.airframes
+        self.vehicle = factory.vehicle(0, 0.0)
         self._codec = Codec(*self.vehicle.station)
         self._ground = Codec(255, 190)
         self._batch = PieceBatch([self.vehicle.autopilot.piece])

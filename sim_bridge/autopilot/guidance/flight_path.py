@@ -1,8 +1,4 @@
-"""What one vehicle flies now and next: a course worked out beforehand, or a stream of setpoints.
-
-Knows: pieces and marks in their order, when a stream takes over and what follows when it dries up. Does not know:
-modes, arming, why a course is flown.
-"""
+"""The reference trajectory that one vehicle flies: a planned path, or a stream of setpoints."""
 
 from __future__ import annotations
 
@@ -19,24 +15,27 @@ from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoi
 
 @dataclass(frozen=True)
 class Passed:
-    """What lies behind the vehicle since the last look."""
+    """What happened since the last step."""
 
     marks: tuple[Mark, ...] = ()
     landing: bool = False  # the descent of a landing begins
-    ended: bool = False  # the course is flown to its end
+    ended: bool = False  # the path has been flown to its end
 
 
 NOTHING_PASSED = Passed()
 
 
 class Flightpath:
-    """`piece` is what is flown now, `course` where it comes from. `coast_s` is how long a last setpoint holds."""
+    """`piece` is flown now, `planned` is the path it belongs to.
+
+    The last setpoint of a stream is extrapolated for `extrapolate_s`.
+    """
 
     def __init__(self, place: Array, stop: Callable[[float, Array], PiecePath]) -> None:
-        """Stand at `place` (4,); `stop` works out how to come to rest from a motion (DERIVATIVES, 4)."""
+        """Stand at `place` (4,). `stop` returns the path that brakes from a motion (DERIVATIVES, 4) to rest."""
         self.piece: Piece = hold(0.0, place)
-        self.course = PiecePath(())
-        self.coast_s = 1.0
+        self.planned = PiecePath(())
+        self.extrapolate_s = 1.0
         self.streaming = False
         self._stop = stop
         self._pieces: list[Piece] = []  # still to come, last first
@@ -53,30 +52,30 @@ class Flightpath:
 
     @property
     def target(self) -> Array | None:
-        """The place (4,) it was sent to, if that is all there is to it."""
+        """The position and yaw (4,) the vehicle was sent to, if the path is a flight to a position; else None."""
         return self._target
 
     @property
     def landing(self) -> bool:
         """Whether the descent of a landing is under way."""
-        return self.course.landing_from_s < math.inf and math.isinf(self._landing_s)
+        return self.planned.landing_from_s < math.inf and math.isinf(self._landing_s)
 
-    def start(self, t_s: float, course: PiecePath, target: Array | None = None) -> None:
-        """Fly a course, to `target` (4,) if that is all there is to it."""
-        self.course = course
+    def start(self, t_s: float, path: PiecePath, target: Array | None = None) -> None:
+        """Fly a path; `target` (4,) is given if the path is a flight to a position."""
+        self.planned = path
         self._target = target
-        self._pieces, self._marks = list(reversed(course.pieces)), list(reversed(course.marks))
-        self._landing_s = course.landing_from_s
+        self._pieces, self._marks = list(reversed(path.pieces)), list(reversed(path.marks))
+        self._landing_s = path.landing_from_s
         self._stream, self.streaming = None, False
         self.piece = self._pieces.pop()
-        self._sleep()
+        self._schedule_wake_up()
 
     def stand(self, t_s: float, place: Array) -> None:
         """Stay at `place` (4,)."""
         self.start(t_s, PiecePath((hold(t_s, place),)))
 
     def heads_for(self, target: Array, within_m: float) -> bool:
-        """Whether it is on its way to a place as near to `target` (4,) as that."""
+        """Whether the vehicle already flies to within `within_m` of `target` (4,), and within as many rad of yaw."""
         known = self._target
         if known is None or self.streaming:
             return False
@@ -84,7 +83,7 @@ class Flightpath:
         return near and abs(math.remainder(known[3] - target[3], math.tau)) <= within_m
 
     def follow(self, t_s: float, setpoint: StampedSetpoint) -> None:
-        """Take in a setpoint; its time may lie ahead."""
+        """Take a setpoint, whose time may lie ahead."""
         if self._stream is None:
             self._stream = SetpointFollower()
         self._stream.add(setpoint)
@@ -93,20 +92,20 @@ class Flightpath:
         self._wake_s = min(self._wake_s, self._stream.next_s)
 
     def awaits_setpoint_after_s(self, t_s: float) -> float | None:
-        """The newest instant it knows of, where it flies a stamped stream and has to guess how that goes on."""
+        """The newest known time of a stamped stream, if the vehicle must extrapolate it from `t_s` on; else None."""
         stream = self._stream
         if stream is None or not (self.streaming or stream.next_s <= t_s):
             return None
         return stream.awaits_more_after_s(t_s)
 
     def step(self, t_s: float) -> Passed:
-        """Go on to `t_s`."""
+        """Advance to `t_s`; return what was passed."""
         if t_s < self._wake_s:
             return NOTHING_PASSED
         ended = False
         streams = self._stream is not None and (self.streaming or self._stream.next_s <= t_s)
         if self.piece.end_s <= t_s and not streams:
-            while self.piece.end_s <= t_s and (self._pieces or self._go_on()):
+            while self.piece.end_s <= t_s and (self._pieces or self._next_section()):
                 self.piece = self._pieces.pop()
             if self.piece.end_s <= t_s:
                 self.piece = hold(self.piece.end_s, self.piece.at(self.piece.end_s))
@@ -119,16 +118,16 @@ class Flightpath:
             self._landing_s = math.inf
         if streams:
             self._fly_stream(t_s)
-        self._sleep()
+        self._schedule_wake_up()
         return Passed(tuple(marks), landing, ended)
 
-    def _go_on(self) -> bool:
-        """Have the next part of the course worked out; whether there are pieces in it."""
-        known = self.course
-        more = next(known.rest, None) if known.rest is not None else None
+    def _next_section(self) -> bool:
+        """Generate the next section of the path; return whether it has pieces."""
+        known = self.planned
+        more = next(known.continuation, None) if known.continuation is not None else None
         if more is None:
             return False
-        self.course = replace(more, rest=known.rest)
+        self.planned = replace(more, continuation=known.continuation)
         self._pieces, self._marks = list(reversed(more.pieces)), [*reversed(more.marks), *self._marks]
         if more.landing_from_s != known.landing_from_s:
             self._landing_s = more.landing_from_s
@@ -138,18 +137,18 @@ class Flightpath:
         stream = self._stream
         assert stream is not None
         if not self.streaming:
-            self._pieces, self._marks, self.course, self.streaming = [], [], PiecePath(()), True
+            self._pieces, self._marks, self.planned, self.streaming = [], [], PiecePath(()), True
             self._landing_s, self._target = math.inf, None
         stream.advance(t_s)
-        piece = stream.piece(self.coast_s)
+        piece = stream.piece(self.extrapolate_s)
         if piece is not None and piece.end_s > t_s:
             self.piece = piece
-            self._sleep()
+            self._schedule_wake_up()
         else:
             at = piece if piece is not None else self.piece
             self.start(t_s, self._stop(t_s, at.at(t_s)))
 
-    def _sleep(self) -> None:
+    def _schedule_wake_up(self) -> None:
         self._wake_s = min(
             self.piece.end_s,
             self._marks[-1].t_s if self._marks else math.inf,

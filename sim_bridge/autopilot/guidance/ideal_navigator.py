@@ -1,12 +1,10 @@
-"""The ideal navigator: timed legs flown on time, with the corners of speed and course rounded to what can be flown.
+"""The ideal navigator: flies timed legs on time, with rounded corners that the vehicle can fly.
 
-Knows: a path and when to be where on it. Does not know: MAVLink, home, what comes before and after.
-No autopilot flies legs like this (theirs miss the schedule by seconds); it is the behaviour that the mission's author
-has in mind.
+No autopilot flies legs like this (theirs miss the schedule by seconds); it is what the author of a mission intends.
 
-Velocity is constant on a leg and passes from one leg's to the next's along a smooth step centred on the waypoint's
-instant. Steps may overlap: velocity is simply the sum of all steps so far. A rounded corner costs no time, and passes
-its waypoint at 5/32 of the change of velocity times the half width of the step.
+Velocity is constant on a leg. It changes to that of the next leg along a smooth step centred on the time of the
+waypoint. Steps may overlap: velocity is the sum of all steps so far. A rounded corner costs no time, and passes its
+waypoint at a distance of 5/32 of the change of velocity times the half width of the step.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ _PEAKS = (15 / 16, 1.4434, 7.5)  # of its first three derivatives
 
 @dataclass(frozen=True)
 class IdealLeg:
-    """Straight line to a waypoint in common local NED, and the time for it; a pause is a leg that leads nowhere."""
+    """A straight line to a waypoint in common local NED, and its duration. A pause is a leg without length."""
 
     to_ned_m: Array  # (3,)
     duration_s: float
@@ -39,9 +37,9 @@ class IdealLeg:
 def fly_legs(
     start_s: float, start: Array, legs: list[IdealLeg], limits: MotionLimits
 ) -> tuple[list[Piece], list[float]]:
-    """Pieces from rest at `start` (4,) (north, east, down, yaw) through all waypoints to rest at the last.
+    """Return the pieces from rest at `start` (4,) through all waypoints to rest, and the time at each waypoint.
 
-    Returns the pieces and the instant each waypoint is passed. Yaw stays.
+    `start` is north, east, down and yaw. Yaw is constant.
     """
     points, times, passed = [start[:3]], [start_s], []
     for leg in legs:
@@ -72,28 +70,31 @@ class _Steps:
 
     @classmethod
     def between(cls, times_s: Array, points_ned_m: Array, limits: MotionLimits) -> _Steps:
-        """One step per waypoint; the first begins at the start, the last ends at the end: both are at rest."""
-        lengths_s, ways = np.diff(times_s), np.diff(points_ned_m, axis=0)
+        """Return one step per waypoint. The first begins at the start, the last ends at the end: both are at rest."""
+        lengths_s, displacements = np.diff(times_s), np.diff(points_ned_m, axis=0)
         centre = times_s.copy()
-        speeds = ways / lengths_s[:, None]
+        speeds = displacements / lengths_s[:, None]
         rest = np.zeros((1, 3))
         half = np.array([_half_width_s(c, limits) for c in np.diff(np.concatenate([rest, speeds, rest]), axis=0)])
         half[0], half[-1] = min(half[0], 0.4 * lengths_s[0]), min(half[-1], 0.4 * lengths_s[-1])
         half[1:-1] = np.minimum(half[1:-1], np.minimum(times_s[1:-1] - times_s[0], times_s[-1] - times_s[1:-1]))
-        # Moving these two inwards shortens the first and last leg's time at speed: both are flown that much faster.
+        # Moving these two inwards shortens the time at speed on the first and last leg: both are flown faster.
         centre[0] += half[0]
         centre[-1] -= half[-1]
-        speeds = ways / np.diff(centre)[:, None]
+        speeds = displacements / np.diff(centre)[:, None]
         return cls(centre, half, np.diff(np.concatenate([rest, speeds, rest]), axis=0))
 
     def breaks_s(self) -> list[float]:
-        """Instants where one polynomial ends and the next begins; those too close to matter are one."""
+        """The times where one polynomial ends and the next begins; times closer than 1 µs are merged."""
         edges = np.sort(np.concatenate([self.centre_s - self.half_s, self.centre_s + self.half_s]))
         first = np.concatenate([[True], np.diff(edges) > _SAME_S])
         return [*edges[first][:-1].tolist(), float(edges[-1])]
 
     def velocity_terms(self, inside_s: float, at_s: float) -> Array:
-        """Position's Taylor terms (TERMS - 1, 3) from the first power on, about `at_s`, in the piece at `inside_s`."""
+        """Return the Taylor terms of position about `at_s`, (TERMS - 1, 3), from the first power on.
+
+        They are those of the piece that contains `inside_s`.
+        """
         r_inside = (inside_s - self.centre_s) / self.half_s
         over, within = r_inside >= 1.0, np.abs(r_inside) < 1.0
         r = (at_s - self.centre_s[within]) / self.half_s[within]
@@ -106,8 +107,10 @@ class _Steps:
 
 
 def _half_width_s(change_mps: Array, limits: MotionLimits) -> float:
-    """Half the duration in which velocity can change by so much without asking more than the limits."""
+    """Return half the shortest duration of this change of velocity within the limits."""
     level, climb = float(np.hypot(change_mps[0], change_mps[1])), abs(float(change_mps[2]))
-    asked = (limits.horizontal_mps2, limits.horizontal_mps3, limits.horizontal_mps4)
-    widths = [(peak * level / limit) ** (1.0 / k) for k, (peak, limit) in enumerate(zip(_PEAKS, asked, strict=True), 1)]
+    bounds = (limits.horizontal_mps2, limits.horizontal_mps3, limits.horizontal_mps4)
+    widths = [
+        (peak * level / limit) ** (1.0 / k) for k, (peak, limit) in enumerate(zip(_PEAKS, bounds, strict=True), 1)
+    ]
     return float(max(*widths, _PEAKS[0] * climb / limits.vertical_mps2, 0.1))

@@ -1,9 +1,7 @@
-"""A mission's items as a course, worked out while it is flown.
+"""Turns mission items into a path, section by section, while the mission is flown.
 
-Knows: which items move a vehicle and how long they last. Does not know: modes, arming, who reports what.
-
-Waypoints up to the next item that is none are flown in one go, by the guide's navigator; without one on time, as a
-smooth curve, and delays between them do not break it.
+Consecutive waypoints are flown together by the navigator of the path generator. Without a navigator they are flown on
+time, as one smooth curve, and delays between them do not interrupt it.
 """
 
 from __future__ import annotations
@@ -29,14 +27,14 @@ from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 _DAY_S = 86400.0
 _NEAR_M = 1.0
 _FASTEST_MPS = 20.0  # ArduPilot's bound of WPNAV_SPEED
-_MOVED_M = 0.05  # less is no reason to fly anywhere
-_AHEAD = 5  # pieces of a navigator's flight that are worked out at once
-_SETTLE_S = 8.0  # at the last waypoint of a mission that ends there
+_MOVED_M = 0.05  # a target closer than this counts as reached
+_AHEAD = 5  # pieces of a navigator's flight that are computed at once
+_SETTLE_S = 8.0  # time to come to rest at the last waypoint of a mission that ends there
 
 
 @dataclass(frozen=True)
 class _Waypoint:
-    """Item `seq`; a pause is a waypoint where the one before was."""
+    """Waypoint of item `seq`; a pause is a waypoint at the position of the one before."""
 
     seq: int
     place_ned_m: Array
@@ -46,55 +44,58 @@ class _Waypoint:
 
 
 def fly_mission(
-    guide: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool
+    path_generator: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem], first: int, landed: bool
 ) -> PiecePath:
-    """The items from seq `first` on; item 0 is home. A vehicle on the ground starts with NAV_TAKEOFF."""
-    stretches = MissionGuidance(guide, t_s, flat, items).stretches(first, landed)
-    return replace(next(stretches), rest=stretches)
+    """Return the path of the items from seq `first` on; item 0 is home.
+
+    A vehicle on the ground starts with NAV_TAKEOFF.
+    """
+    sections = MissionGuidance(path_generator, t_s, flat, items).sections(first, landed)
+    return replace(next(sections), continuation=sections)
 
 
 class MissionGuidance:
-    """Turns items into pieces and marks, with the vehicle's motion at the end of what is there so far."""
+    """Generates pieces and marks; keeps the time and motion at the end of the pieces generated so far."""
 
-    def __init__(self, guide: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem]) -> None:
-        self._guide = guide
+    def __init__(self, path_generator: PathGenerator, t_s: float, flat: Array, items: Sequence[MissionItem]) -> None:
+        self._path_generator = path_generator
         self._items = items
         self._pieces: list[Piece] = []
         self._marks: list[Mark] = []
         self._t_s = t_s
         self._flat = flat
-        self._item_ned_m: Array | None = None  # where the last item with a position was
-        self._speed_mps = guide.speed_mps
+        self._item_ned_m: Array | None = None  # position of the last item that has one
+        self._speed_mps = path_generator.speed_mps
         self._waypoints: list[_Waypoint] = []
-        self._onwards: Iterator[Piece] | None = None  # what the navigator would do next
+        self._onward: Iterator[Piece] | None = None  # the pieces with which the navigator would continue
         self._airborne_from_s = -math.inf
         self._climbing_until_s = -math.inf
         self._landing_from_s = math.inf
 
-    def stretches(self, first: int, landed: bool) -> Iterator[PiecePath]:
-        """The course from item `first` on, bit by bit."""
+    def sections(self, first: int, landed: bool) -> Iterator[PiecePath]:
+        """Generate the path from item `first` on, section by section."""
         navs = [seq for seq in range(max(first, 1), len(self._items)) if is_navigation(self._items[seq].command)]
         self._marks.append(Mark(self._t_s, current=navs[0]))
         if landed:
             self._airborne_from_s = self._t_s
         else:
-            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+            self._follow(brake(self._t_s, self._flat, self._path_generator.limits))
         for seq in range(max(first, 1), len(self._items)):
             yield from self._take(seq, self._items[seq])
             if self._pieces:
-                yield self._stretch()
+                yield self._section()
         yield from self._fly_waypoints()
-        if self._onwards is not None:
+        if self._onward is not None:
             self._wait(_SETTLE_S)
-            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+            self._follow(brake(self._t_s, self._flat, self._path_generator.limits))
         if self._marks and not self._pieces:
-            self._follow(brake(self._t_s, self._flat, self._guide.limits))
+            self._follow(brake(self._t_s, self._flat, self._path_generator.limits))
         if self._pieces:
-            yield self._stretch()
+            yield self._section()
 
     def _take(self, seq: int, item: MissionItem) -> Iterator[PiecePath]:
         command, (p1, p2, *_) = item.command, item.params
-        ideal = self._guide.navigator is None
+        ideal = self._path_generator.navigator is None
         if command == Command.DO_CHANGE_SPEED and p1 in (0.0, 1.0) and p2 > 0:
             self._speed_mps = min(p2, _FASTEST_MPS)
         elif command == Command.NAV_WAYPOINT:
@@ -116,13 +117,13 @@ class MissionGuidance:
             self._land(item)
         elif command == MavCommand.NAV_RETURN_TO_LAUNCH:
             yield from self._fly_waypoints()
-            self._take_over(self._guide.return_home(self._t_s, self._flat))
+            self._take_over(self._path_generator.return_home(self._t_s, self._flat))
 
     def _fly_waypoints(self) -> Iterator[PiecePath]:
         waypoints, self._waypoints = self._waypoints, []
         if not waypoints:
             return
-        navigator = self._guide.navigator
+        navigator = self._path_generator.navigator
         if navigator is None:
             self._fly_on_time(waypoints)
         else:
@@ -136,7 +137,7 @@ class MissionGuidance:
             duration_s = waypoint.hold_s if waypoint.pause else length_m / waypoint.speed_mps
             legs.append(IdealLeg(waypoint.place_ned_m, duration_s))
             origin = waypoint.place_ned_m
-        pieces, passed = fly_legs(self._t_s, self._flat[0], legs, self._guide.limits)
+        pieces, passed = fly_legs(self._t_s, self._flat[0], legs, self._path_generator.limits)
         for piece in pieces:
             self._follow(piece)
         last = waypoints[-1]
@@ -154,20 +155,23 @@ class MissionGuidance:
             self._t_s - self._airborne_from_s,
             motion(self._flat),
         )
-        flown = follow(self._t_s, self._flat, navigator, orders)
-        for stretch in flown:
-            for index, t_s in stretch.completed:
+        sections = follow(self._t_s, self._flat, navigator, orders)
+        for section in sections:
+            for index, t_s in section.completed:
                 self._completed(waypoints[index].seq, t_s)
                 if index + 1 == orders.count:
-                    self._follow(_cut(stretch.piece, t_s))
-                    self._onwards = chain([stretch.piece], (following.piece for following in flown))
+                    self._follow(_cut_at(section.piece, t_s))
+                    self._onward = chain([section.piece], (following.piece for following in sections))
                     return
-            self._follow(stretch.piece)
+            self._follow(section.piece)
             if len(self._pieces) >= _AHEAD:
-                yield self._stretch()
+                yield self._section()
 
     def _origin(self) -> Array:
-        """A leg counts from the item before it: a hover some centimetres off must not change it."""
+        """Return the start of the next leg: the position of the item before, unless the vehicle is far from it.
+
+        So a small hover error does not change the leg.
+        """
         here = self._flat[0, :3]
         known = self._item_ned_m
         return here if known is None or np.linalg.norm(known - here) > _NEAR_M else known
@@ -177,7 +181,7 @@ class MissionGuidance:
         target[2] = min(down_m, target[2])
         if self._flat[0, 2] - target[2] > _MOVED_M:
             grounded = self._t_s == self._airborne_from_s
-            climb = self._guide.climb_out if grounded else self._guide.climb
+            climb = self._path_generator.climb_out if grounded else self._path_generator.climb
             for piece in climb(self._t_s, self._flat, float(target[2])):
                 self._follow(piece)
             self._climbing_until_s = self._t_s
@@ -188,46 +192,46 @@ class MissionGuidance:
             target = self._flat[0].copy()
             target[:2] = self._place(item)[:2]
             if np.linalg.norm(target - self._flat[0]) > _MOVED_M:
-                self._take_over(self._guide.land_at(self._t_s, self._flat, target))
+                self._take_over(self._path_generator.land_at(self._t_s, self._flat, target))
                 return
-        self._take_over(self._guide.land(self._t_s, self._flat))
+        self._take_over(self._path_generator.land(self._t_s, self._flat))
 
-    def _take_over(self, course: PiecePath) -> None:
-        self._pieces += course.pieces
-        self._landing_from_s = course.landing_from_s
-        self._onwards = None
+    def _take_over(self, path: PiecePath) -> None:
+        self._pieces += path.pieces
+        self._landing_from_s = path.landing_from_s
+        self._onward = None
 
     def _wait(self, duration_s: float) -> None:
-        """Stay; a navigator goes on coming to rest."""
+        """Hold position for `duration_s`; a navigator meanwhile comes to rest."""
         until_s = self._t_s + duration_s
         if duration_s <= 0.0:
             return
-        onwards: Iterable[Piece] = [hold(self._t_s, self._flat)] if self._onwards is None else self._onwards
+        onwards: Iterable[Piece] = [hold(self._t_s, self._flat)] if self._onward is None else self._onward
         for piece in onwards:
-            self._follow(_cut(piece, until_s), ends_run=False)
+            self._follow(_cut_at(piece, until_s), ends_run=False)
             if self._t_s >= until_s:
                 return
 
     def _until_time_of_day_s(self, item: MissionItem) -> float:
-        """Seconds until the UTC time of day that parameters 2 to 4 name; a time just gone by is tomorrow's."""
+        """Return the seconds until the UTC time of day in parameters 2 to 4, on the next day if it has passed."""
         hour, minute, second = item.params[1:]
         if min(hour, minute, second) < 0:
             return 0.0
-        return (hour * 3600.0 + minute * 60.0 + second - self._guide.epoch_unix_s - self._t_s) % _DAY_S
+        return (hour * 3600.0 + minute * 60.0 + second - self._path_generator.epoch_unix_s - self._t_s) % _DAY_S
 
     def _follow(self, piece: Piece, *, ends_run: bool = True) -> None:
         self._pieces.append(piece)
         self._t_s, self._flat = piece.end_s, piece.at(piece.end_s)
         if ends_run:
-            self._onwards = None
+            self._onward = None
 
-    def _stretch(self) -> PiecePath:
-        stretch = PiecePath(tuple(self._pieces), tuple(self._marks), self._climbing_until_s, self._landing_from_s)
+    def _section(self) -> PiecePath:
+        section = PiecePath(tuple(self._pieces), tuple(self._marks), self._climbing_until_s, self._landing_from_s)
         self._pieces, self._marks = [], []
-        return stretch
+        return section
 
     def _completed(self, seq: int, t_s: float) -> None:
-        """The last of the DO_ items that follow counts, because they are done in the same moment."""
+        """Mark item `seq` as completed at `t_s`, together with the DO_ items that follow: they act at the same time."""
         last = seq
         while last + 1 < len(self._items) and not is_navigation(self._items[last + 1].command):
             last += 1
@@ -235,22 +239,25 @@ class MissionGuidance:
         self._marks.append(Mark(t_s, reached=last if following else seq, current=following))
 
     def _place(self, item: MissionItem) -> Array:
-        """Common local NED of an item; without coordinates it is where the vehicle is, at the item's height."""
-        guide = self._guide
+        """Return the common local NED position of an item.
+
+        An item without coordinates is where the vehicle is, at the altitude of the item.
+        """
+        path_generator = self._path_generator
         amsl_m = item.alt_m
         if item.frame != Frame.GLOBAL:
-            amsl_m += guide.origin.alt_amsl_m - guide.home_ned_m[2]
+            amsl_m += path_generator.origin.alt_amsl_m - path_generator.home_ned_m[2]
         if not (item.lat_degE7 or item.lon_degE7):
             north, east = (self._waypoints[-1].place_ned_m if self._waypoints else self._flat[0])[:2]
-            return np.array([north, east, guide.origin.alt_amsl_m - amsl_m])
-        return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), amsl_m, guide.origin)
+            return np.array([north, east, path_generator.origin.alt_amsl_m - amsl_m])
+        return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), amsl_m, path_generator.origin)
 
 
 def is_navigation(command: int) -> bool:
-    """Whether a mission item moves the vehicle or makes it wait (NAV_ items), rather than changing something."""
+    """Whether an item is a NAV_ item, which moves the vehicle or makes it wait, and not a DO_ item."""
     return command <= Command.NAV_DELAY
 
 
-def _cut(piece: Piece, end_s: float) -> Piece:
-    """The same, ending no later than `end_s`."""
+def _cut_at(piece: Piece, end_s: float) -> Piece:
+    """Return the same polynomial, ending no later than `end_s`."""
     return Piece(piece.start_s, min(piece.end_s, end_s), piece.coefficients)

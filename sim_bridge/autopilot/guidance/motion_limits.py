@@ -1,7 +1,4 @@
-"""What a vehicle's manoeuvres may ask of it, derived from its physics.
-
-Knows: thrust surplus, roll torque, the scenario's speed limits. Does not know: manoeuvres.
-"""
+"""The motion limits of manoeuvres, derived from the vehicle's physics and the scenario's limits."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from gcs.physics.quadrotor import Quadrotor
 from gcs.scenario.schema.scenario import LimitsTable
 from gcs.scenario.vehicle_ability import ability_of, physical_limits
 
-# Shares of what physics allows, so that feedback keeps the rest.
+# Shares of the physical limits; the remainder is for feedback.
 _THRUST_SHARE = 0.35
 _TILT_SHARE = 0.3
 _TORQUE_SHARE = 0.3
@@ -22,7 +19,7 @@ _SPEED_SHARE = 0.8
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Peaks that a manoeuvre keeps to; `ability` is what the vehicle can do, comfortable or not."""
+    """Peak values that a manoeuvre respects; `ability` is the most the vehicle can do, without these shares."""
 
     horizontal_mps: float
     vertical_mps: float
@@ -35,7 +32,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, vehicle: Quadrotor, limits: LimitsTable) -> MotionLimits:
-        """The comfortable share of what one type of vehicle can do."""
+        """Return the limits of one type of vehicle: shares of its physical limits."""
         g, most = vehicle.gravity_mps2, physical_limits(vehicle, limits)
         return cls(
             horizontal_mps=_SPEED_SHARE * min(limits.speed_ned_mps[:2]),

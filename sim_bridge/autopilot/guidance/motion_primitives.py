@@ -1,6 +1,6 @@
-"""Smooth ways from one state of motion to another: to a point, to a stop, up, and down to the ground.
+"""Motion primitives: smooth polynomials from one state of motion to a position, to a stop, up, and down to the ground.
 
-Knows: polynomials that meet position, velocity, acceleration and jerk at their ends. Does not know: who asks.
+They match position, velocity, acceleration and jerk at their ends.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece, hold
 
-# Peaks of the rest-to-rest polynomial of degree 7 over unit time and distance: velocity to snap.
+# Peak velocity, acceleration, jerk and snap of the rest-to-rest polynomial of degree 7 over unit time and distance.
 _SEPTIC_PEAKS = (2.1875, 7.5132, 52.5, 840.0)
-# Peaks of the smooth step of degree 5 that changes a velocity: its first three derivatives.
+# Peaks of the first three derivatives of the smooth step of degree 5 that changes a velocity.
 _STEP_PEAK, _STEP_PEAK2, _STEP_PEAK3 = 1.875, 5.7735, 60.0
 _SHORTEST_S = 0.5
-_ROUNDS, _SETTLED_M = 8, 1e-3  # to find where cruising begins
+_ROUNDS, _SETTLED_M = 8, 1e-3  # iterations to find the point where cruise begins, and their tolerance
 
 
 def _conditions(n: int) -> Array:
-    """Matrix from coefficients to n derivatives at 0 and n at 1, inverted."""
+    """Return the inverse of the matrix from coefficients to n derivatives at 0 and n derivatives at 1."""
     at_0 = np.diag([float(math.factorial(j)) for j in range(n)])
     at_1 = np.array([[float(math.perm(k, j)) for k in range(2 * n)] for j in range(n)])
     return np.asarray(np.linalg.inv(np.vstack([np.hstack([at_0, np.zeros((n, n))]), at_1])))
 
 
-@lru_cache(maxsize=256)  # a navigator's pieces all last equally long
+@lru_cache(maxsize=256)  # all pieces of a navigator have the same duration
 def _inverse(n: int, duration_s: float) -> Array:
-    """The same matrix for a polynomial over `duration_s`."""
+    """Return the same matrix for a polynomial over `duration_s`."""
     powers = duration_s ** np.arange(2 * n)
     return np.asarray(_CONDITIONS[n] * np.tile(powers[:n], 2) / powers[:, None])
 
@@ -43,12 +43,12 @@ _CONDITIONS = {n: _conditions(n) for n in (3, 4)}
 
 
 def _polynomial(start: Array, end: Array, duration_s: float) -> Array:
-    """Coefficients (2n, C) of the polynomial with `start` and `end` derivatives (n, C) over `duration_s`."""
+    """Return the coefficients (2n, C) of the polynomial with `start` and `end` derivatives (n, C) over `duration_s`."""
     return np.asarray(_inverse(len(start), duration_s).dot(np.concatenate((start, end))))
 
 
 def _shortest_s(distance: float, *peaks: float) -> float:
-    """Shortest duration whose velocity, acceleration, ... over `distance` stay below `peaks`."""
+    """Return the shortest duration whose velocity, acceleration, ... over `distance` stay below `peaks`."""
     return max(
         math.pow(factor * distance / peak, 1.0 / order)
         for order, (factor, peak) in enumerate(zip(_SEPTIC_PEAKS, peaks, strict=False), start=1)
@@ -57,7 +57,7 @@ def _shortest_s(distance: float, *peaks: float) -> float:
 
 @dataclass(frozen=True)
 class Speeds:
-    """How fast to fly, in m/s: over ground, up, down."""
+    """The speeds to fly at, in m/s: over ground, up, down."""
 
     horizontal: float
     up: float
@@ -65,9 +65,9 @@ class Speeds:
 
 
 def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -> Piece:
-    """From any motion `flat` (DERIVATIVES, 4) to rest at `target` (4,): north, east, down, yaw.
+    """Return the piece from any motion `flat` (DERIVATIVES, 4) to rest at `target` (4,): north, east, down, yaw.
 
-    From rest it keeps to `limits`; from a fast start it takes the time to brake as well.
+    From rest it respects `limits`; from a fast start it also takes the time to brake.
     """
     step = target - flat[0]
     duration = max(
@@ -90,14 +90,14 @@ def transfer(start_s: float, flat: Array, target: Array, limits: MotionLimits) -
 
 
 def bridge(start_s: float, start: Array, end_s: float, end: Array) -> Piece:
-    """From one motion to another, both (3 or more, 4): the quintic through position, velocity and acceleration."""
+    """Return the quintic from one motion to another, both (3 or more, 4), in position, velocity and acceleration."""
     c = np.zeros((TERMS, 4))
     c[:6] = _polynomial(start[:3], end[:3], end_s - start_s)
     return Piece(start_s, end_s, c)
 
 
 def brake(start_s: float, flat: Array, limits: MotionLimits) -> Piece:
-    """From any motion to rest, wherever that is reached; yaw comes to rest too."""
+    """Return the piece from any motion to rest, wherever that is; yaw also comes to rest."""
     if not np.any(flat[1:3]):
         c = np.zeros((TERMS, 4))
         c[0] = flat[0]
@@ -122,7 +122,7 @@ def _braking_time(flat: Array, limits: MotionLimits) -> float:
 
 
 def _integral(position: Array, velocity: Array) -> Array:
-    """Coefficients (TERMS, 4) of the position whose derivative has coefficients (n, 4)."""
+    """Return the coefficients (TERMS, 4) of the position whose velocity has coefficients (n, 4)."""
     n = len(velocity)
     c = np.zeros((TERMS, 4))
     c[0] = position
@@ -131,7 +131,7 @@ def _integral(position: Array, velocity: Array) -> Array:
 
 
 def travel(start_s: float, flat: Array, target: Array, speeds_mps: Speeds, limits: MotionLimits) -> list[Piece]:
-    """From any motion to rest at `target` (4,): straight there at cruising speed, or at once where it is near."""
+    """Return the pieces from any motion to rest at `target` (4,): straight at cruise speed, or one transfer if near."""
     step = target - flat[0]
     limits = replace(
         limits,
@@ -139,16 +139,16 @@ def travel(start_s: float, flat: Array, target: Array, speeds_mps: Speeds, limit
         vertical_mps=min(limits.vertical_mps, speeds_mps.down if step[2] > 0.0 else speeds_mps.up),
     )
     turn_s = _shortest_s(abs(step[3]), limits.yaw_radps)
-    way = _cruise(flat, target, limits)
-    if way is None or way.whole_s < turn_s:
+    leg = _cruise(flat, target, limits)
+    if leg is None or leg.whole_s < turn_s:
         return [transfer(start_s, flat, target, limits)]
     end = np.zeros((4, 4))
     end[0] = target
-    turn = Piece(start_s, start_s + way.whole_s, _polynomial(flat[:4], end, way.whole_s))
-    rest, cruise = np.zeros((3, 4)), np.vstack([way.velocity_mps, np.zeros((2, 4))])
+    turn = Piece(start_s, start_s + leg.whole_s, _polynomial(flat[:4], end, leg.whole_s))
+    rest, cruise = np.zeros((3, 4)), np.vstack([leg.velocity_mps, np.zeros((2, 4))])
     pieces: list[Piece] = []
     place = flat[0]
-    parts = ((flat[1:4], cruise, way.begin_s), (cruise, cruise, way.cruise_s), (cruise, rest, way.end_s))
+    parts = ((flat[1:4], cruise, leg.begin_s), (cruise, cruise, leg.cruise_s), (cruise, rest, leg.end_s))
     for before, after, lasts_s in parts:
         now_s = pieces[-1].end_s if pieces else start_s
         c = _integral(place, _polynomial(before, after, lasts_s))
@@ -159,8 +159,8 @@ def travel(start_s: float, flat: Array, target: Array, speeds_mps: Speeds, limit
 
 
 @dataclass(frozen=True)
-class _Way:
-    """Straight and level in speed, after `begin_s` of getting there and before `end_s` of coming to rest."""
+class _CruiseLeg:
+    """A straight leg at constant velocity, after `begin_s` of acceleration and before `end_s` of braking."""
 
     velocity_mps: Array  # (4,)
     begin_s: float
@@ -172,10 +172,10 @@ class _Way:
         return self.begin_s + self.cruise_s + self.end_s
 
 
-def _cruise(flat: Array, target: Array, limits: MotionLimits) -> _Way | None:
-    """How to cruise to `target` from a motion; None where there is no room for it.
+def _cruise(flat: Array, target: Array, limits: MotionLimits) -> _CruiseLeg | None:
+    """Return the cruise leg from a motion to `target`; None if the distance is too short for it.
 
-    Where cruising begins depends on its direction, and that on where it begins: a few rounds settle it.
+    The start of cruise depends on its direction, and the direction on the start: a few iterations solve this.
     """
     velocity = np.zeros(4)
     begin_s = cruise_s = end_s = 0.0
@@ -196,11 +196,11 @@ def _cruise(flat: Array, target: Array, limits: MotionLimits) -> _Way | None:
     settled = np.linalg.norm(
         _place_after(flat, velocity, begin_s) + velocity[:3] * (cruise_s + 0.5 * end_s) - target[:3]
     )
-    return _Way(velocity, begin_s, cruise_s, end_s) if cruise_s > 0.0 and settled < _SETTLED_M else None
+    return _CruiseLeg(velocity, begin_s, cruise_s, end_s) if cruise_s > 0.0 and settled < _SETTLED_M else None
 
 
 def _place_after(flat: Array, velocity: Array, duration_s: float) -> Array:
-    """Where (3,) the quintic change of a motion into a constant velocity (4,) ends."""
+    """Return the position (3,) at the end of the quintic change of a motion into a constant velocity (4,)."""
     if duration_s <= 0.0:
         return np.asarray(flat[0, :3])
     after = np.vstack([velocity, np.zeros((2, 4))])
@@ -209,7 +209,7 @@ def _place_after(flat: Array, velocity: Array, duration_s: float) -> Array:
 
 
 def _change_time(change: Array, limits: MotionLimits) -> float:
-    """How long a smooth change of velocity (4,) takes within the limits."""
+    """Return the duration of a smooth change of velocity (4,) within the limits."""
     level, steep = math.hypot(change[0], change[1]), abs(change[2])
     return float(
         max(
@@ -226,7 +226,7 @@ def _along(limit: float, share: float) -> float:
 
 
 def rise(start_s: float, flat: Array, down_m: float, climb_mps: float, limits: MotionLimits) -> list[Piece]:
-    """Straight up to rest at `down_m`, no faster than `climb_mps`."""
+    """Return the pieces straight up to rest at `down_m`, no faster than `climb_mps`."""
     target = flat[0].copy()
     target[2] = down_m
     return travel(start_s, flat, target, Speeds(math.inf, climb_mps, math.inf), limits)
@@ -234,21 +234,21 @@ def rise(start_s: float, flat: Array, down_m: float, climb_mps: float, limits: M
 
 @dataclass(frozen=True)
 class Descent:
-    """How to come down: at `fast_mps`, then from each of `slower` (down, m; m/s) on at its speed."""
+    """How to descend: at `fast_mps`, then below each height of `slower` (down, m; m/s) at its speed."""
 
     fast_mps: float
     slower: tuple[tuple[float, float], ...]
 
 
-def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> list[Piece]:
-    """Straight down from rest until somebody stops it; a speed that there is no room for is left out.
+def descend(start_s: float, flat: Array, descent: Descent, limits: MotionLimits) -> list[Piece]:
+    """Return the pieces straight down from rest. A speed without enough height for it is left out.
 
-    The last piece never ends: only contact tells a vehicle where the ground is.
+    The last piece never ends: only ground contact ends the descent.
     """
-    speeds = [min(way.fast_mps, limits.vertical_mps), *(mps for _, mps in way.slower)]
+    speeds = [min(descent.fast_mps, limits.vertical_mps), *(mps for _, mps in descent.slower)]
     pieces: list[Piece] = []
     now_s, place, speed = start_s, flat[0], 0.0
-    for (until_m, after), mps in zip(way.slower, speeds, strict=False):
+    for (until_m, after), mps in zip(descent.slower, speeds, strict=False):
         room_m = until_m - place[2] - _change_m(speed, mps, limits) - _change_m(mps, after, limits)
         if mps <= after or room_m <= 0.0:
             continue
@@ -264,22 +264,22 @@ def descend(start_s: float, flat: Array, way: Descent, limits: MotionLimits) -> 
     return pieces
 
 
-def descend_towards(way: Piece, down: Sequence[Piece]) -> list[Piece]:
-    """A descent straight `down` and, at the same time, what is left of a level `way`; then straight down."""
-    stand = hold(way.end_s, way.at(way.end_s))
-    ends = {way.end_s, *(piece.start_s for piece in down), *(piece.end_s for piece in down)}
+def descend_towards(level: Piece, down: Sequence[Piece]) -> list[Piece]:
+    """Return a descent straight `down`, combined with the remainder of a `level` piece; then straight down."""
+    stand = hold(level.end_s, level.at(level.end_s))
+    ends = {level.end_s, *(piece.start_s for piece in down), *(piece.end_s for piece in down)}
     pieces, ahead = [], list(down)
     for start_s, end_s in pairwise(sorted(edge for edge in ends if edge >= down[0].start_s)):
         while ahead[0].end_s <= start_s:
             del ahead[0]
-        c = _shifted(way if start_s < way.end_s else stand, start_s)
+        c = _shifted(level if start_s < level.end_s else stand, start_s)
         c[:, 2] = _shifted(ahead[0], start_s)[:, 2]
         pieces.append(Piece(start_s, end_s, c))
     return pieces
 
 
 def _shifted(piece: Piece, start_s: float) -> Array:
-    """Coefficients (TERMS, 4) of the same polynomial in the time since `start_s`."""
+    """Return the coefficients (TERMS, 4) of the same polynomial in the time since `start_s`."""
     late_s = start_s - piece.start_s
     shift = [[math.comb(k, j) * late_s ** (k - j) if k >= j else 0.0 for k in range(TERMS)] for j in range(TERMS)]
     return np.asarray(np.array(shift) @ piece.coefficients)

@@ -1,7 +1,4 @@
-"""A navigator's moments as pieces: what an autopilot is known to do, flown.
-
-Knows: moments of a navigator and polynomials between them. Does not know: which navigator, mission items.
-"""
+"""Flies an autopilot's navigator: its states become polynomial pieces."""
 
 from __future__ import annotations
 
@@ -20,14 +17,14 @@ _PIECE_S = 0.2
 
 @dataclass(frozen=True)
 class NavigatorPath:
-    """One piece, and the waypoints completed within it, by index, with their instants."""
+    """One piece, and the waypoints completed within it: index and time."""
 
     piece: Piece
     completed: tuple[tuple[int, float], ...]
 
 
 def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorOrders) -> Iterator[NavigatorPath]:
-    """Fly orders from a motion `flat` (DERIVATIVES, 4), without end, as far as it is asked for; yaw stays."""
+    """Generate the pieces of a navigator from a motion `flat` (DERIVATIVES, 4), without end; yaw is constant."""
     steps = round(_PIECE_S / navigator.step_s)
     yaw_rad = flat[0, 3]
     begin_s, begin = start_s, flat.copy()
@@ -44,7 +41,7 @@ def follow(start_s: float, flat: Array, navigator: Navigator, orders: NavigatorO
 
 
 def motion(flat: Array) -> NavigatorState:
-    """The motion `flat` (DERIVATIVES, 4) as a navigator takes it over."""
+    """Return the motion `flat` (DERIVATIVES, 4) as the initial state of a navigator."""
     position, velocity, acceleration = (vector(*flat[k, :3]) for k in range(3))
     return NavigatorState(0.0, position, velocity, acceleration)
 

@@ -1,7 +1,4 @@
-"""Works out courses: everything a vehicle will do until somebody decides otherwise.
-
-Knows: how manoeuvres follow one another. Does not know: modes, arming, clocks, mission items.
-"""
+"""Generates complete paths: take-off, flight to a position, stop, landing and return."""
 
 from __future__ import annotations
 
@@ -26,15 +23,15 @@ from sim_bridge.autopilot.guidance.motion_primitives import (
 )
 from sim_bridge.autopilot.guidance.piece import Piece, PiecePath, hold
 
-_MOVED_M = 0.05  # less is no reason to fly anywhere
+_MOVED_M = 0.05  # a target closer than this counts as reached
 _LEVEL_MPS = 0.05
-_LOOKS = 101  # for when it comes near
+_LOOKS = 101  # sample points to find where the vehicle is within `arrive_m` of its landing point
 _FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
 
 
 @dataclass(frozen=True)
 class PathGenerator:
-    """What a vehicle needs to know to work out courses: its abilities, its speeds, its home.
+    """The limits, speeds and home of a vehicle, from which paths are generated.
 
     Its `navigator` flies the waypoints of missions; without one they are flown on time.
     """
@@ -49,62 +46,67 @@ class PathGenerator:
     epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
     climb_mps: float = math.inf
     takeoff_mps: float = math.inf
-    floats_s: float = 0.0  # just off the ground, before a take-off climbs
-    return_wait_s: float = 0.0  # over home, before it descends
-    slow_below_m: float = 10.0  # above home: there it descends at `land_mps`
-    crawl_below_m: float = 0.0  # ... and there at `crawl_mps`
+    liftoff_pause_s: float = 0.0  # just above the ground, before a take-off climbs
+    return_wait_s: float = 0.0  # above home, before the descent
+    slow_below_m: float = 10.0  # above home: below this height it descends at `land_mps`
+    crawl_below_m: float = 0.0  # ... and below this one at `crawl_mps`
     crawl_mps: float = 0.0
-    arrive_m: float = 0.0  # nearer than that counts as over the place where it lands
-    rally_ned_m: tuple[Array, ...] = ()  # each (2,): where it returns to if they are nearer than home
+    arrive_m: float = 0.0  # within this distance the vehicle counts as above its landing point
+    rally_ned_m: tuple[Array, ...] = ()  # each (2,): the vehicle returns to the nearest one if it is nearer than home
     navigator: Navigator | None = None
 
     def take_off(self, t_s: float, flat: Array, height_m: float) -> PiecePath:
-        """Straight up to `height_m` above home."""
+        """Return the path straight up to `height_m` above home."""
         pieces = self.climb_out(t_s, flat, self.home_ned_m[2] - height_m)
         return PiecePath(tuple(pieces), climbing_until_s=pieces[-1].end_s)
 
     def climb_out(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
-        """Off the ground and straight up to `down_m`."""
-        if self.floats_s <= 0.0:
+        """Return the pieces off the ground and straight up to `down_m`."""
+        if self.liftoff_pause_s <= 0.0:
             return self.climb(t_s, flat, down_m)
         off = transfer(t_s, flat, flat[0] - _FLOAT_M, self.limits)
         now = off.at(off.end_s)
-        float_s = max(t_s + self.floats_s, off.end_s)
+        float_s = max(t_s + self.liftoff_pause_s, off.end_s)
         floating = Piece(off.end_s, float_s, hold(off.end_s, now).coefficients)
         return [off, floating, *self.climb(float_s, now, down_m)]
 
     def climb(self, t_s: float, flat: Array, down_m: float) -> list[Piece]:
-        """Straight up to `down_m`, as fast as in a take-off."""
+        """Return the pieces straight up to `down_m`, at take-off speed."""
         return rise(t_s, flat, down_m, self.takeoff_mps, self.limits)
 
     def stop(self, t_s: float, flat: Array) -> PiecePath:
-        """Brake and stand."""
+        """Return the path that brakes and holds."""
         return PiecePath((brake(t_s, flat, self.limits),))
 
     def go_to(self, t_s: float, flat: Array, target: Array) -> PiecePath:
-        """Fly to `target` (4,): north, east, down, yaw."""
+        """Return the path to `target` (4,): north, east, down, yaw."""
         return PiecePath(tuple(self._travel(t_s, flat, target)))
 
     def land(self, t_s: float, flat: Array) -> PiecePath:
-        """Brake, then straight down."""
+        """Return the path that brakes, then descends straight down."""
         stop = brake(t_s, flat, self.limits)
         down = self._descend(stop.end_s, stop.at(stop.end_s))
         return PiecePath((stop, *down), landing_from_s=t_s)
 
     def land_at(self, t_s: float, flat: Array, target: Array) -> PiecePath:
-        """Over `target` (4,) at its height, then down; the last bit of the way while it comes down."""
-        *before, way = self._travel(t_s, flat, target)
-        t_s = way.start_s
+        """Return the path to above `target` (4,) at its height, then down.
+
+        Within `arrive_m` of the target the vehicle already descends.
+        """
+        *before, level = self._travel(t_s, flat, target)
+        t_s = level.start_s
         near = (
-            s for s in np.linspace(t_s, way.end_s, _LOOKS) if math.dist(way.at(s)[0, :2], target[:2]) <= self.arrive_m
+            s
+            for s in np.linspace(t_s, level.end_s, _LOOKS)
+            if math.dist(level.at(s)[0, :2], target[:2]) <= self.arrive_m
         )
-        from_s = float(next(near, way.end_s))
-        if self.arrive_m <= 0.0 or abs(way.at(from_s)[1, 2]) > _LEVEL_MPS:
-            down = self.land(way.end_s, way.at(way.end_s))
-            return PiecePath((*before, way, *down.pieces), landing_from_s=down.landing_from_s)
-        straight = self._descend(from_s, hold(from_s, way.at(from_s)).at(from_s))
-        first = Piece(t_s, from_s, way.coefficients)
-        return PiecePath((*before, first, *descend_towards(way, straight)), landing_from_s=from_s)
+        from_s = float(next(near, level.end_s))
+        if self.arrive_m <= 0.0 or abs(level.at(from_s)[1, 2]) > _LEVEL_MPS:
+            down = self.land(level.end_s, level.at(level.end_s))
+            return PiecePath((*before, level, *down.pieces), landing_from_s=down.landing_from_s)
+        straight = self._descend(from_s, hold(from_s, level.at(from_s)).at(from_s))
+        first = Piece(t_s, from_s, level.coefficients)
+        return PiecePath((*before, first, *descend_towards(level, straight)), landing_from_s=from_s)
 
     def _travel(self, t_s: float, flat: Array, target: Array) -> list[Piece]:
         speeds = Speeds(self.speed_mps, self.climb_mps, self.descend_mps)
@@ -114,16 +116,15 @@ class PathGenerator:
         slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
         if self.crawl_below_m > 0.0:
             slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
-        way = Descent(self.descend_mps, tuple(slower))
-        return descend(t_s, flat, way, self.limits)
+        return descend(t_s, flat, Descent(self.descend_mps, tuple(slower)), self.limits)
 
-    def haven(self, flat: Array) -> Array:
-        """Where (2,) it returns to: home or the rally point that is nearest."""
+    def return_point(self, flat: Array) -> Array:
+        """The point (2,) that the vehicle returns to: home or the nearest rally point."""
         places = (self.home_ned_m[:2], *self.rally_ned_m)
         return min(places, key=lambda place: math.dist(place, flat[0, :2]))
 
     def return_home(self, t_s: float, flat: Array) -> PiecePath:
-        """Up to the return height, over home or a rally point, down."""
+        """Return the path of an RTL: up to the return altitude, to above home or a rally point, down."""
         pieces = [brake(t_s, flat, self.limits)]
         top_ned_m = self.home_ned_m[2] - self.rtl_height_m
         over = pieces[-1].at(pieces[-1].end_s)[0].copy()
@@ -131,7 +132,7 @@ class PathGenerator:
         now = pieces[-1].at(pieces[-1].end_s)
         if now[0, 2] - over[2] > _MOVED_M:
             pieces += rise(pieces[-1].end_s, now, over[2], self.climb_mps, self.limits)
-        over[:2] = self.haven(flat)
+        over[:2] = self.return_point(flat)
         now = pieces[-1].at(pieces[-1].end_s)
         away = np.linalg.norm(now[0] - over) > _MOVED_M
         if away and self.return_wait_s <= 0.0:

@@ -1,8 +1,7 @@
-"""One polynomial of time for position and yaw, and the evaluation of a whole fleet's in one go.
+"""Polynomial pieces: the form in which every guidance law hands its reference to the controller.
 
-Knows: coefficients and derivatives. Does not know: why a vehicle flies them.
-Every guidance law ends as such pieces, so that the step that runs a hundred times a second is one small
-matrix product for all vehicles, and jerk and snap are exact.
+A piece gives position and yaw over time, so jerk and snap are exact. A path is a sequence of pieces with marks.
+`PieceBatch` evaluates the present pieces of the whole fleet with one matrix product per step of 20 ms.
 """
 
 from __future__ import annotations
@@ -33,25 +32,25 @@ class Piece:
     coefficients: Array  # (TERMS, 4)
 
     def at(self, t_s: float) -> Array:
-        """Position and yaw with their derivatives up to snap, (DERIVATIVES, 4)."""
+        """Return position and yaw with their derivatives up to snap, (DERIVATIVES, 4)."""
         return np.asarray(_basis(np.float64(t_s - self.start_s)) @ self.coefficients)
 
 
 def _basis(tau_s: Array | np.float64) -> Array:
-    """Monomials and their derivatives, tau (...) -> (..., DERIVATIVES, TERMS)."""
+    """Return monomials and their derivatives, tau (...) -> (..., DERIVATIVES, TERMS)."""
     powers = np.power.outer(tau_s, _k)
     return np.asarray(_FACTORS * powers[..., _EXPONENTS])
 
 
 def hold(start_s: float, flat: Array) -> Piece:
-    """Stand where `flat` (DERIVATIVES, 4) or (4,) says, for ever."""
+    """Return the piece that holds at `flat` (DERIVATIVES, 4) or (4,), without end."""
     c = np.zeros((TERMS, 4))
     c[0] = flat if flat.ndim == 1 else flat[0]
     return Piece(start_s, math.inf, c)
 
 
 class PieceBatch:
-    """The current piece of every vehicle, evaluated together."""
+    """The present piece of every vehicle, evaluated together."""
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         self._start_s = np.array([p.start_s for p in pieces])
@@ -59,14 +58,14 @@ class PieceBatch:
         self._current = list(pieces)
 
     def put(self, row: int, piece: Piece) -> None:
-        """Give one vehicle its piece; free when it has not changed."""
+        """Set the piece of one vehicle; costs nothing if it has not changed."""
         if self._current[row] is not piece:
             self._current[row] = piece
             self._start_s[row] = piece.start_s
             self._coefficients[row] = piece.coefficients
 
     def reference(self, t_s: float) -> Reference:
-        """What all vehicles are asked to do at `t_s`."""
+        """Return the reference of all vehicles at `t_s`."""
         flat = _basis(t_s - self._start_s) @ self._coefficients  # (V, DERIVATIVES, 4)
         ned = flat[:, :, :3]
         return Reference(ned[:, 0], ned[:, 1], ned[:, 2], ned[:, 3], ned[:, 4], flat[:, 0, 3], flat[:, 1, 3])
@@ -74,7 +73,7 @@ class PieceBatch:
 
 @dataclass(frozen=True)
 class Mark:
-    """At `t_s` mission item `reached` was completed, and `current` begins; either may be absent."""
+    """At `t_s` mission item `reached` was completed and `current` begins; either may be None."""
 
     t_s: float
     reached: int | None = None
@@ -83,13 +82,13 @@ class Mark:
 
 @dataclass(frozen=True)
 class PiecePath:
-    """Pieces one after the other, then what `rest` has; after the last the vehicle stands where it ended.
+    """Pieces in sequence, followed by the paths of `continuation`; after the last piece the vehicle holds position.
 
-    The rest is worked out as it is flown, course by course; each says anew what is climbing and what is landing.
+    A continuation generates its paths while they are flown. Each path states its own climb and landing times.
     """
 
     pieces: tuple[Piece, ...]
     marks: tuple[Mark, ...] = ()
     climbing_until_s: float = -math.inf  # a take-off from the ground
     landing_from_s: float = math.inf
-    rest: Iterator[PiecePath] | None = None
+    continuation: Iterator[PiecePath] | None = None

@@ -1,12 +1,9 @@
-"""Following a stream of setpoints that carry their time.
+"""Follows a stream of setpoints that carry their time.
 
-Knows: what each setpoint says, when it counts, and what to do when no next one comes. Does not know: MAVLink.
-
-Setpoints stamped a little ahead wait for their time, so that a stream sent early is flown the same at any
-speed-up. From one setpoint to the next the vehicle flies the parabola of acceleration through the last, the
-present and the next one: position, velocity and acceleration are anchored anew at every setpoint, and jerk and
-snap come from accelerations alone. Positions are no source for them: float32 at 1.5 km rounds to 0.1 mm, which
-is 10^4 m/s^4 at 25 Hz.
+Setpoints stamped ahead of time wait for their time, so a stream sent early is flown the same at any speed-up. From
+one setpoint to the next the vehicle flies the parabola of acceleration through the last, the present and the next
+one. Position, velocity and acceleration are reset at every setpoint; jerk and snap come from accelerations alone.
+Positions cannot provide them: float32 at 1.5 km rounds to 0.1 mm, which is 10^4 m/s^4 at 25 Hz.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.guidance.piece import TERMS, Piece
 
-# Setpoints further apart than this are no stream: nothing is interpolated between them.
+# Setpoints further apart than this are not interpolated.
 LONGEST_GAP_S = 1.0
 _KEPT_AHEAD = 256
 
@@ -29,7 +26,7 @@ _KEPT_AHEAD = 256
 class StampedSetpoint:
     """One setpoint in simulated time and the common local NED frame; columns north, east, down, yaw.
 
-    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and nothing.
+    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and zero.
     """
 
     t_s: float
@@ -47,24 +44,24 @@ class SetpointFollower:
 
     @property
     def next_s(self) -> float:
-        """When the next waiting setpoint comes into force; inf when none waits."""
+        """The time at which the next waiting setpoint takes effect; inf if none waits."""
         return self._ahead[0].t_s if self._ahead else math.inf
 
     @property
     def newest(self) -> StampedSetpoint | None:
-        """The latest setpoint known, in force or waiting."""
+        """The latest known setpoint, in effect or waiting."""
         return self._ahead[-1] if self._ahead else self._current
 
     def awaits_more_after_s(self, t_s: float) -> float | None:
-        """The newest instant of a stamped stream whose next setpoint is needed to fly on from `t_s`; else None.
+        """The newest time of a stamped stream whose next setpoint is needed to fly on from `t_s`; else None.
 
-        The one that comes into force at `t_s` does not do: how it is flown depends on the next.
+        The setpoint that takes effect at `t_s` is not enough: its piece depends on the next one.
         """
         newest = self.newest
         return newest.t_s if newest is not None and newest.stamped and newest.t_s <= t_s else None
 
     def add(self, setpoint: StampedSetpoint) -> None:
-        """Take in a setpoint: one for a known instant replaces it, one older than that in force is dropped."""
+        """Add a setpoint. One for a known time replaces it; one older than the one in effect is dropped."""
         if self._current is not None and setpoint.t_s <= self._current.t_s:
             if setpoint.t_s == self._current.t_s:
                 self._current = setpoint
@@ -74,12 +71,15 @@ class SetpointFollower:
         del self._ahead[_KEPT_AHEAD:]
 
     def advance(self, t_s: float) -> None:
-        """Let the setpoints whose time has come pass into force."""
+        """Put the setpoints whose time has come into effect."""
         while self._ahead and self._ahead[0].t_s <= t_s:
             self._last, self._current = self._current, self._ahead.pop(0)
 
     def piece(self, timeout_s: float) -> Piece | None:
-        """From the setpoint in force to the next; without one, on with its acceleration for `timeout_s`."""
+        """The piece from the setpoint in effect to the next; without a next one, extrapolated at constant acceleration.
+
+        The extrapolation ends after `timeout_s`.
+        """
         now = self._current
         if now is None:
             return None

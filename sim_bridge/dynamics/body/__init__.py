@@ -1,1 +1,1 @@
-"""Bodies and the air: Eq. 1, motors, batteries, sensors, wind, failures."""
+"""The vehicle bodies and the air: Eq. 1, motors, batteries, sensors, wind and failures."""

@@ -1,9 +1,7 @@
 """A fleet of bodies: motors, plant, wind, sensors, estimators and controllers of V vehicles, stepped as one batch.
 
-Knows: the order of things within one control period. Does not know: modes, missions, messages, where
-references come from. Truth flows to the sensors and to whoever judges a flight, never to the controller.
-
-Inside, arrays have components first, (12, V), so that a component is one contiguous row; outside, vehicles come first.
+The true state goes to the sensors and to the assessment of a flight, never to the controller. Inside, arrays have
+components first, (12, V), so that a component is one contiguous row; outside, vehicles come first.
 """
 
 from __future__ import annotations
@@ -33,8 +31,8 @@ _STEPS_PER_GUST = round(GUST_PERIOD_S / CONTROL_PERIOD_S)
 class Airframes:
     """V vehicles of one type. The same seed and the same inputs give the same flight, bit for bit.
 
-    `faults`: one schedule of breakdowns per vehicle (`sim_bridge.dynamics.body.failures`). `battery`: what every
-    vehicle draws and has left. `sensors` of one `grade`, `estimator`, `controller`: for those who study them.
+    `faults`: one schedule of failures per vehicle (`sim_bridge.dynamics.body.failures`). `battery`: consumption and
+    charge of every vehicle. `sensors` of one `grade`, `estimator` and `controller` are open to inspection.
     """
 
     def __init__(
@@ -52,9 +50,9 @@ class Airframes:
     ) -> None:
         """Stand the vehicles on the ground, motors off, below or above pads (V, 3), with yaw (V,).
 
-        ground_height_m maps north and east (V,) to height (V,). `limits` are the controls the autopilots
-        allow themselves (Eq. 51); without them, all that the motors can do. `power` is by default what presets
-        or the size say. Raise ValueError if shapes disagree or the thrust cannot lift the vehicle.
+        `ground_height_m` maps north and east (V,) to height (V,). `limits` are the controls that the autopilots use
+        (Eq. 51); the default is all that the motors can do. The default of `power` is that of the preset, or typical
+        for the size. Raises ValueError if shapes disagree or the thrust cannot lift the vehicle.
         """
         vehicles = len(pads_ned_m)
         if pads_ned_m.shape != (vehicles, 3) or yaw_ned_rad.shape != (vehicles,):
@@ -70,28 +68,28 @@ class Airframes:
         self.controller = Controller(quadrotor, limits, vehicles, CONTROL_PERIOD_S)
         self.battery = Battery(power or power_train_of(quadrotor), quadrotor, vehicles)
         self.faults = Failures(vehicles)
-        self._strength: Array | None = None  # (4, V) of motors, where any is weak
+        self._strength: Array | None = None  # (4, V) of the motors; None if all have full thrust
         self._steps = 0
         self._still = np.zeros((4, vehicles))
-        self._rotors = self._commanded = self._given = self._still
-        self._more_wind: Array | None = None  # (3, V) beyond the field, where faults ask for it
+        self._rotors = self._commanded = self._applied = self._still
+        self._fault_wind: Array | None = None  # (3, V) added to the field by faults
         self._wind = self._draw_wind()
         self._gnss = np.full((6, vehicles), np.nan)
 
     @property
     def t_s(self) -> float:
-        """Time since construction, counted in control periods."""
+        """The time since construction, counted in control periods."""
         return self._steps / _STEPS_PER_S
 
     @property
     def truth(self) -> Array:
-        """True states (V, 12), for judges and sensors only."""
+        """True states (V, 12), for assessment and sensors only."""
         return self._plant.state.T
 
     @property
     def control(self) -> Array:
-        """Controls (V, 4) that the rotors gave in the last step."""
-        return self._given.T
+        """Controls (V, 4) that the rotors produced in the last step."""
+        return self._applied.T
 
     @property
     def rotors_radps(self) -> Array:
@@ -115,22 +113,22 @@ class Airframes:
 
     @property
     def innovation(self) -> Ratios:
-        """Innovation test ratios of the filters; above 1 a measurement was refused."""
+        """Innovation test ratios of the filters; above 1 the measurement was rejected."""
         return self.estimator.ratios
 
     @property
     def accuracy(self) -> Accuracy:
-        """Standard deviations of position, velocity and heading, as the filters see them."""
+        """Standard deviations of position, velocity and heading, as estimated by the filters."""
         return self.estimator.accuracy
 
     @property
     def coasting(self) -> Mask:
-        """Vehicles (V,) that have done without GNSS for longer than a second, because it is missing or refused."""
+        """Vehicles (V,) without accepted GNSS for longer than 1 s: missing or rejected."""
         return self.estimator.coasting
 
     @property
     def gnss_ned(self) -> Array:
-        """What the receivers said last (V, 6): position (m) and velocity (m/s), NaN where there was no fix."""
+        """The last GNSS measurements (V, 6): position (m) and velocity (m/s), NaN without a fix."""
         return self._gnss.T
 
     @property
@@ -140,21 +138,21 @@ class Airframes:
 
     @property
     def healthy(self) -> Mask:
-        """Vehicles (V,) whose filter has converged, agrees with its sensors and knows its place."""
+        """Vehicles (V,) whose filter has converged, agrees with its sensors and is sure of its position."""
         return self.estimator.healthy
 
     def step(self, reference: Reference, motors_on: Mask) -> None:
         """Advance by CONTROL_PERIOD_S: command from the estimate, move, measure, estimate.
 
-        Motors do not turn where motors_on (V,) is False, nor before the filter is aligned (two seconds).
+        Motors do not turn where `motors_on` (V,) is False, nor before the filter is aligned (2 s).
         """
         if self.t_s >= self.faults.due_s:
-            self._break()
+            self._apply_failures()
         if self._steps % _STEPS_PER_GUST == 0:
             self._wind = self._draw_wind()
         plant, estimator = self._plant, self.estimator
-        self._drive(reference, motors_on & estimator.aligned)
-        plant.step(self._given, self._wind)
+        self._step_rotors(reference, motors_on & estimator.aligned)
+        plant.step(self._applied, self._wind)
         inertial = self.sensors.read_inertial(plant.state, plant.specific_force_mps2)
         estimator.propagate(inertial, plant.landed, any_landed=plant.any_landed)
         self._steps += 1
@@ -166,13 +164,13 @@ class Airframes:
             else:
                 estimator.update(landed, sensors.read_baro(truth), compass=sensors.read_compass(truth))
             if self.battery.empty.any():
-                self._weaken()
+                self._update_motor_strength()
 
-    def _drive(self, reference: Reference, spin: Mask) -> None:
-        """Let the rotors turn."""
+    def _step_rotors(self, reference: Reference, spin: Mask) -> None:
+        """Compute the rotor speeds of this step, and draw their energy."""
         turning = spin.all()
         if not turning and not spin.any():
-            self._rotors = self._commanded = self._given = squared = self._still
+            self._rotors = self._commanded = self._applied = squared = self._still
         else:
             plant = self._plant
             wanted = self.controller.command(
@@ -183,24 +181,24 @@ class Airframes:
                 squared, self._rotors = squared * spin, self._rotors * spin
             self._commanded = wanted if free and turning else self._motors.control(squared)
             weak = self._strength
-            self._given = self._commanded if weak is None else self._motors.control(squared * weak)
+            self._applied = self._commanded if weak is None else self._motors.control(squared * weak)
         self.battery.draw(self._rotors, squared, CONTROL_PERIOD_S)
 
-    def _break(self) -> None:
-        """Take note of what has broken, and of what is well again."""
+    def _apply_failures(self) -> None:
+        """Apply the failures that are active now."""
         effects = self.faults.effects(self.t_s)
         for row, remaining in effects.drained.items():
             self.battery.drain(row, remaining)
         self.sensors.effects = effects
         self.controller.slow_down(effects.speed_max_mps)
         self._plant.push(effects.push_ned_mps2.T.copy() if effects.push_ned_mps2.any() else None)
-        self._more_wind = effects.wind_ned_mps.T if effects.wind_ned_mps.any() else None
-        self._weaken()
+        self._fault_wind = effects.wind_ned_mps.T if effects.wind_ned_mps.any() else None
+        self._update_motor_strength()
 
     def _draw_wind(self) -> Array:
         drawn = self._wind_field.draw(-self._plant.state[2])
-        return drawn if self._more_wind is None else drawn + self._more_wind
+        return drawn if self._fault_wind is None else drawn + self._fault_wind
 
-    def _weaken(self) -> None:
+    def _update_motor_strength(self) -> None:
         strength = self.sensors.effects.motor_strength.T * ~self.battery.empty
         self._strength = None if strength.min() == 1.0 else strength

@@ -1,10 +1,7 @@
-"""Where the energy goes: what the rotors draw from a battery, and what the battery then shows.
+"""Power consumption of the rotors, and the state of the battery.
 
-Knows: momentum theory of a hovering rotor, a lithium-polymer cell's voltage over its charge, Ohm's law. Does not
-know: flight, telemetry, failsafes.
-
-What a rotor draws (`gcs.physics.rotor_power`) is, at constant air density, a constant times the cube of its speed,
-because Eq. 2 has T = K_T Ω². Air is that at the sea.
+A rotor's power (`gcs.physics.rotor_power`) follows momentum theory of hover. At constant air density it is a constant
+times the cube of its speed, because Eq. 2 has T = K_T Ω². The air density is that at sea level.
 """
 
 from __future__ import annotations
@@ -20,11 +17,11 @@ from gcs.scenario.schema.scenario import Power
 from sim_bridge.dynamics.body.failures import ROTORS
 from sim_bridge.dynamics.body.plant import Mask
 
-SETTLE_PERIOD_S = 0.2  # between two looks at voltage and current
+SETTLE_PERIOD_S = 0.2  # between two updates of voltage and current
 _TYPICAL_HOVER_H = 0.25
 _NOMINAL_CELL_V = 3.7
 
-# Open-circuit voltage of one lithium-polymer cell over the share of its charge that is left.
+# Open-circuit voltage of one lithium-polymer cell over the remaining share of its charge.
 _CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 _CELL_V = np.array([3.27, 3.61, 3.69, 3.73, 3.77, 3.79, 3.82, 3.87, 3.92, 4.0, 4.08, 4.2])
 
@@ -42,7 +39,7 @@ class PowerTrain:
 
     @classmethod
     def typical(cls, q: Quadrotor) -> PowerTrain:
-        """For a vehicle nobody described: propellers as wide as an arm is long twice, a quarter of an hour of hover."""
+        """Return the power train of an undescribed vehicle: propeller radius 0.508 times the arm, 15 min of hover."""
         cells = 3 if q.mass_kg < 1.0 else 4 if q.mass_kg < 3.0 else 6
         unit = cls(0.508 * q.arm_m, 0.55, 3.0, cells, 1.0, 0.0)
         current_A = unit.hover_power_W(q) / (3.8 * cells)
@@ -50,7 +47,7 @@ class PowerTrain:
         return cls(unit.propeller_radius_m, unit.efficiency, 3.0, cells, capacity_Ah, 0.02 * cells / capacity_Ah)
 
     def described(self, power: Power | None) -> PowerTrain:
-        """The same with what a scenario says of battery and propellers."""
+        """Return the same with the battery and propellers of a scenario."""
         if power is None:
             return self
         return replace(
@@ -61,11 +58,11 @@ class PowerTrain:
         )
 
     def cube_coefficient(self, q: Quadrotor) -> float:
-        """Electrical power of one rotor per cubed speed, W s³."""
+        """Return the electrical power of one rotor per cubed speed, W s³."""
         return float(induced_power_W(q.thrust_coeff_Ns2, self.propeller_radius_m)) / self.efficiency
 
     def hover_power_W(self, q: Quadrotor) -> float:
-        """What hovering draws, W."""
+        """Return the power in hover, W."""
         rotor_radps = math.sqrt(q.weight_N / (ROTORS * q.thrust_coeff_Ns2))
         return ROTORS * self.cube_coefficient(q) * rotor_radps**3 + self.avionics_W
 
@@ -74,14 +71,14 @@ class Battery:
     """The batteries of V vehicles of one type.
 
     `voltage_V` and `current_A` at the terminals, `power_W` of the rotors, `used_J` of chemical energy, losses included,
-    `used_Ah` and `remaining` (share of the charge), each (V,), as of the last settling, every SETTLE_PERIOD_S.
+    `used_Ah` and `remaining` (share of the charge), each (V,), as of the last update, every SETTLE_PERIOD_S.
     """
 
     def __init__(self, train: PowerTrain, q: Quadrotor, vehicles: int) -> None:
-        """Full batteries; motors off."""
+        """Start with full batteries and motors off."""
         self.train = train
         self._per_cube = train.cube_coefficient(q)
-        self._cubes = np.zeros(vehicles)  # ∫ Σ Ω³ dt since the last settling
+        self._cubes = np.zeros(vehicles)  # ∫ Σ Ω³ dt since the last update
         self._since_s = 0.0
         self.used_J = np.zeros(vehicles)
         self.used_Ah = np.zeros(vehicles)
@@ -103,11 +100,11 @@ class Battery:
 
     @property
     def open_circuit_V(self) -> Array:
-        """Voltage at rest (V,)."""
+        """Open-circuit voltage (V,)."""
         return np.asarray(self.train.cells * np.interp(self.remaining, _CHARGE, _CELL_V))
 
     def draw(self, rotors_radps: Array, squared: Array, step_s: float) -> None:
-        """Rotors turned for step_s, at speeds (4, V) whose squares are known."""
+        """Draw the energy of rotors that turned for `step_s` at speeds (4, V) with these squares."""
         self._cubes += step_s * np.add.reduce(squared * rotors_radps)
         self._since_s += step_s
         if self._since_s >= SETTLE_PERIOD_S - 1e-9:
@@ -119,7 +116,7 @@ class Battery:
             self._since_s = 0.0
 
     def drain(self, row: int, remaining: float) -> None:
-        """Leave one vehicle no more than this share of its charge."""
+        """Limit the remaining charge of one vehicle to this share."""
         used_Ah = self.used_Ah.copy()
         used_Ah[row] = max(used_Ah[row], (1.0 - remaining) * self.train.capacity_Ah)
         self._take(used_Ah)
@@ -130,7 +127,7 @@ class Battery:
         self.remaining = np.maximum(1.0 - used_Ah / self.train.capacity_Ah, 0.0)
 
     def _solve(self) -> None:
-        """Where the terminals give the power, P = (V₀ - I R) I, up to the most that the cells can give."""
+        """Solve for the current that gives the power, P = (V₀ - I R) I, at most the maximum power of the cells."""
         rest, ohm = self.open_circuit_V, self.train.resistance_ohm
         power = self.power_W + self.train.avionics_W
         if ohm > 0.0:

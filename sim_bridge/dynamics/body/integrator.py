@@ -1,11 +1,10 @@
-"""Eq. 1 for a whole fleet at once: one integration step made for it, and the rotation that its angles mean.
+"""Integrates Eq. 1 for a whole fleet at once, with a step made for it.
 
-Knows: arrays with components first, (12, V), so that each component is one contiguous row and a step of six
-vehicles costs hardly more than one of one. Does not know: ground, motors, estimates.
-
-With Euler rates for body rates, Eq. 1 falls into three parts that need no general integrator: rates, which hear of
-nothing else (Taylor); angles, which are integrals of the rates; and velocity, which is a first-order lag on a
-direction of thrust that the angles give (exponential decay and two-point Gauss quadrature, fourth order).
+Arrays have components first, (12, V). Each component is one contiguous row, so a step of six vehicles costs hardly
+more than a step of one. Eq. 1 takes Euler rates for body rates, so it falls into three parts that need no general
+integrator: rates, which depend on nothing else (Taylor); angles, which are integrals of the rates; and velocity,
+a first-order lag on a direction of thrust that the angles give (exponential decay and two-point Gauss quadrature,
+fourth order).
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ class Turn(NamedTuple):
 
     @classmethod
     def of(cls, attitude_rad: Array) -> Turn:
-        """From angles (3, V)."""
+        """Return them for angles (3, V)."""
         s, c = np.sin(attitude_rad), np.cos(attitude_rad)
         return cls(s[0], s[1], s[2], c[0], c[1], c[2])
 
     def thrust_axis(self) -> Array:
-        """Where the rotors blow to, down in body axes, as a unit vector (3, V) in NED."""
+        """Return the body's down axis, along which the rotors blow, as a unit vector (3, V) in NED."""
         lean = self.sp * self.cr
         out = np.empty((3, *lean.shape))
         out[0] = self.cy * lean + self.sy * self.sr
@@ -48,7 +47,7 @@ class Turn(NamedTuple):
         return out
 
     def to_ned(self, body: Array) -> Array:
-        """Turn vectors (3, V) from body axes (forward, right, down) to north, east, down."""
+        """Rotate vectors (3, V) from body axes (forward, right, down) to north, east, down."""
         x, y, z = body
         right, down = self.cr * y - self.sr * z, self.sr * y + self.cr * z
         ahead = self.cp * x + self.sp * down
@@ -71,9 +70,9 @@ class Turn(NamedTuple):
 
 
 class Stepper:
-    """Advances states by a fixed step under controls and wind that are held meanwhile.
+    """Advances states by a fixed step under constant controls and wind.
 
-    A wind array is not changed after it was given: the next wind is another array.
+    A wind array must not be changed after it was passed: the next wind is another array.
     """
 
     def __init__(self, q: Quadrotor, step_s: float) -> None:
@@ -87,7 +86,7 @@ class Stepper:
         self._damping_out = -self._damping
         self._gravity = np.array([[0.0], [0.0], [q.gravity_mps2]])
         self._drag = (np.array(q.drag_Nspm) / q.mass_kg)[:, None]
-        self._wind_ned_mps = self._steady = self._gravity  # of the last step; nobody's wind
+        self._wind_ned_mps = self._steady = self._gravity  # of the last step; before the first one no valid wind
         self._push: Array | None = None
         # Rows: angles at the two Gauss points and at the end, rates at the end; columns: angles, rates and their
         # first three derivatives at the start.
@@ -100,12 +99,12 @@ class Stepper:
         self._weights = 0.5 * h * np.stack([_decay(self._drag, left), _lag(self._drag, left)])  # (2, 2, 3, 1)
 
     def push(self, push_ned_mps2: Array | None) -> None:
-        """From now on something pushes the vehicles by these accelerations (3, V), or nothing does."""
+        """Set the external accelerations (3, V) from now on; None for none."""
         self._push = push_ned_mps2
         self._wind_ned_mps = self._gravity
 
     def __call__(self, state: Array, control: Array, wind_ned_mps: Array) -> tuple[Array, Turn]:
-        """State (12, V), control (4, V), wind (3, V) -> state at the end, and the turn just before it."""
+        """State (12, V), control (4, V), wind (3, V) -> state at the end, and the rotation just before it."""
         vehicles = state.shape[1]
         stack = np.empty((5, 3, vehicles))
         stack[:2] = state[6:].reshape(2, 3, vehicles)
@@ -115,7 +114,7 @@ class Stepper:
         first[:] = self._lever * control[1:] + self._coupling * (near * far) - self._damping * rates
         near_1, far_1 = first.take(_NEXT, axis=0), first.take(_AFTER, axis=0)
         second[:] = self._coupling * (near_1 * far + near * far_1) - self._damping * first
-        np.multiply(self._damping_out, second, out=stack[4])  # what the coupling adds here is far below anything else
+        np.multiply(self._damping_out, second, out=stack[4])  # the coupling's share is negligible here
         turned = self._taylor.dot(stack.reshape(5, 3 * vehicles)).reshape(4, 3, vehicles)
 
         s, c = np.sin(turned[:2]), np.cos(turned[:2])
@@ -142,7 +141,7 @@ class Stepper:
         return out, Turn(sr[1], sp[1], sy[1], cr[1], cp[1], cy[1])
 
     def specific_force(self, state: Array, control: Array, wind_ned_mps: Array, turn: Turn) -> Array:
-        """What an accelerometer feels, (3, V) in body axes: thrust, drag and pushes, not gravity."""
+        """Return the specific force (3, V) in body axes, as an accelerometer senses it: thrust, drag and pushes."""
         pushed = self._drag * (wind_ned_mps - state[3:6])
         if self._push is not None:
             pushed += self._push
@@ -152,12 +151,12 @@ class Stepper:
 
 
 def _decay(rate: Array, time_s: NDArray[np.float64] | float) -> Array:
-    """What is left of a velocity."""
+    """Return the remaining share of a velocity."""
     return np.asarray(np.exp(-rate * time_s))
 
 
 def _lag(rate: Array, time_s: NDArray[np.float64] | float) -> Array:
-    """Way that a velocity still goes: (1 - exp(-rate time)) / rate."""
+    """Return the distance that a decaying velocity covers: (1 - exp(-rate time)) / rate."""
     decay = rate * time_s
     safe = np.where(decay > 0.0, decay, 1.0)
     return np.asarray(time_s * np.where(decay > 0.0, -np.expm1(-safe) / safe, 1.0))

@@ -1,7 +1,4 @@
-"""From wanted controls to rotors and back: Eq. 2 with limits and with motors that give less than they should.
-
-Knows: the mixer, as one matrix product where nothing is at a limit. Does not know: who wants what, and why.
-"""
+"""Converts controls to rotor speeds and back: Eq. 2 with limits and weak motors."""
 
 from __future__ import annotations
 
@@ -20,9 +17,9 @@ class Motors:
         self._unmix = np.linalg.inv(self._mix)
 
     def speeds(self, wanted: Array) -> tuple[Array, Array, bool]:
-        """Wanted controls (4, V) -> squared speeds and speeds (4, V), and whether all of it can be had.
+        """Wanted controls (4, V) -> squared speeds and speeds (4, V), and whether they give the wanted controls.
 
-        What cannot be had is given up as `gcs.physics.quadrotor.rotors_from_control` has it: yaw first.
+        At a limit `gcs.physics.quadrotor.rotors_from_control` decides what is given up: yaw first.
         """
         squared = self._unmix.dot(wanted)
         if squared.min() >= 0.0 and squared.max() <= self._top:
@@ -31,5 +28,5 @@ class Motors:
         return speeds * speeds, speeds, False
 
     def control(self, squared: Array) -> Array:
-        """What squared speeds (4, V) give, times the share of thrust each motor has left: controls (4, V)."""
+        """Return the controls (4, V) of squared speeds (4, V), each times the remaining share of its motor's thrust."""
         return np.asarray(self._mix.dot(squared))

@@ -1,7 +1,4 @@
-"""What really happens to the vehicles: Eq. 1, the ground under it, and what an inertial unit feels of both.
-
-Knows: true states, forces, contact. Does not know: sensor errors, estimates, references, who commands the rotors.
-"""
+"""The true motion of the vehicles: Eq. 1, the ground, and the specific force an inertial unit senses."""
 
 from __future__ import annotations
 
@@ -16,8 +13,8 @@ from sim_bridge.dynamics.body.integrator import Stepper
 Ground = Callable[[Array, Array], Array]  # north_m (V,), east_m (V,) -> height_m (V,)
 Mask = NDArray[np.bool_]
 
-# Between two looks at the ground, which cost as much as moving, a vehicle is trusted to come no closer to it than if
-# it went straight for a slope of 70 degrees and gained speed like a stone.
+# A ground check costs as much as a step, so the next one is scheduled. Until then a vehicle is assumed to approach the
+# ground no faster than in a straight line towards a slope of 70 degrees, accelerating at _GAIN_MPS2.
 _STEEPEST = 3.0
 _GAIN_MPS2 = 10.0
 
@@ -46,11 +43,11 @@ class Plant:
         self.specific_force_mps2 = np.tile(self._at_rest, len(pads_ned_m))
 
     def push(self, push_ned_mps2: Array | None) -> None:
-        """From now on something pushes the vehicles by these accelerations (3, V), or nothing does."""
+        """Set the external accelerations (3, V) from now on; None for none."""
         self._stepper.push(push_ned_mps2)
 
     def step(self, control: Array, wind_ned_mps: Array) -> None:
-        """Advance by one step under controls (4, V) and wind (3, V), both held."""
+        """Advance by one step under controls (4, V) and wind (3, V), both constant."""
         if self.any_landed:
             stays = self.landed & (control[0] <= self._weight_N)
             if stays.all():

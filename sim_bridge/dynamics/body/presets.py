@@ -1,7 +1,4 @@
-"""Types of vehicle that are known by heart: what a scenario's table leaves out about them.
-
-Knows: constants of bodies, limits, propellers and batteries. Does not know: who flies them.
-"""
+"""Vehicle presets: body, limits, propellers and battery of known types, for what a scenario leaves out."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from sim_bridge.dynamics.control.lqr_gains import ControlLimits
 
 @dataclass(frozen=True, slots=True)
 class VehiclePreset:
-    """One type: its body (Eq. 1, Eq. 2), the controls it allows itself, and where its energy comes from."""
+    """One type: its body (Eq. 1, Eq. 2), the control limits, and the power train."""
 
     name: str
     quadrotor: Quadrotor
@@ -61,5 +58,5 @@ PRESETS = MappingProxyType({preset.name: preset for preset in (F150, FIELD)})
 
 
 def power_train_of(q: Quadrotor) -> PowerTrain:
-    """Propellers and battery of the preset with this body, else what is typical for its size."""
+    """Return the power train of the preset with this body, else one typical for its size."""
     return next((p.power for p in PRESETS.values() if p.quadrotor == q), None) or PowerTrain.typical(q)

@@ -1,10 +1,9 @@
-"""What the vehicles can know of themselves: inertial unit, compass, barometer, GNSS receiver, with seeded errors.
+"""Sensor models with seeded errors: inertial unit, compass, barometer, GNSS receiver.
 
-Knows: the error model of every sensor, and a grade for each kind of receiver. Does not know: what an estimator makes
-of it. White noise is added to each sample; slow errors are Gauss-Markov processes or random walks. The gyro measures
-Euler rates, because Eq. 1 takes Euler rates as body rates. One random stream per vehicle and sensor: a vehicle's
-errors depend on the seed and on its place in the fleet, never on how many others fly. What is broken (`effects`)
-changes samples, not streams: after an outage the errors are those of a flight without one.
+White noise is added to each sample; slow errors are Gauss-Markov processes or random walks. The gyro measures Euler
+rates, because Eq. 1 takes Euler rates as body rates. Each vehicle and sensor has its own random stream. So the errors
+of a vehicle depend on the seed and on its row, never on the number of vehicles. Failures (`effects`) change samples,
+not streams: after an outage the errors are those of a flight without one.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from sim_bridge.dynamics.body.plant import Mask
 
 INERTIAL_PERIOD_S = 0.02
 BARO_PERIOD_S = 0.1
-COMPASS_PERIOD_S = GNSS_PERIOD_S = 0.2  # by turns
+COMPASS_PERIOD_S = GNSS_PERIOD_S = 0.2  # alternating
 
-_BLOCK = 256  # samples drawn ahead
+_BLOCK = 256  # samples drawn at once
 
 
 class Steps(NamedTuple):
@@ -38,26 +37,26 @@ class Steps(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GaussMarkov:
-    """A slowly varying error that comes back: stationary standard deviation and correlation time."""
+    """A slowly varying error with zero mean: stationary standard deviation and correlation time."""
 
     sigma: float
     time_s: float
 
     def steps(self, period_s: float) -> Steps:
-        """The process at samples `period_s` apart."""
+        """Return the process at samples `period_s` apart."""
         keep = math.exp(-period_s / self.time_s)
         return Steps(self.sigma, keep, self.sigma * math.sqrt(1.0 - keep * keep))
 
 
 @dataclass(frozen=True, slots=True)
 class RandomWalk:
-    """A bias that wanders: standard deviation when switched on, and its growth per square root of a second."""
+    """A drifting bias: standard deviation at power-on, and its growth per square root of a second."""
 
     start: float
     per_root_s: float
 
     def steps(self, period_s: float) -> Steps:
-        """The process at samples `period_s` apart."""
+        """Return the process at samples `period_s` apart."""
         return Steps(self.start, 1.0, self.per_root_s * math.sqrt(period_s))
 
 
@@ -66,7 +65,7 @@ NO_DRIFT = GaussMarkov(0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class SensorGrade:
-    """One sensor fit; standard deviations are per sample where white."""
+    """One set of sensors; standard deviations of white errors are per sample."""
 
     name: str
     gnss_horizontal_m: float
@@ -101,7 +100,7 @@ GRADES = MappingProxyType({grade.name: grade for grade in (RTK, GNSS)})
 
 
 class _Errors:
-    """Errors of C channels for V vehicles: white and slow ones, drawn and summed ahead in blocks for speed."""
+    """White and slow errors of C channels for V vehicles, drawn and summed in blocks for speed."""
 
     def __init__(self, seeds: list[np.random.SeedSequence], white: Array, slow: list[Steps]) -> None:
         self._generators = [np.random.default_rng(seed) for seed in seeds]
@@ -113,7 +112,7 @@ class _Errors:
         self._all = self._slow = np.empty((0, *self.slow.shape))
 
     def draw(self) -> Array:
-        """Errors (C, V) of the next sample."""
+        """Return the errors (C, V) of the next sample."""
         if self._next == _BLOCK:
             self._draw_block()
         now = self._next
@@ -135,7 +134,7 @@ class _Errors:
 
 
 class Sensors:
-    """The sensors of V vehicles; every call is one sample period. `effects` is what is broken just now."""
+    """The sensors of V vehicles; every call is one sample period. `effects` are the present failures."""
 
     def __init__(self, grade: SensorGrade, vehicles: int, seed: int) -> None:
         children = [child.spawn(4) for child in np.random.SeedSequence(seed).spawn(vehicles)]
@@ -153,12 +152,12 @@ class Sensors:
 
     @property
     def slow_errors(self) -> Array:
-        """What a filter tries to find out, (10, V): gyro (3), accelerometer (3), barometer (1), GNSS position (3)."""
+        """The slow errors that filters estimate, (10, V): gyro (3), accelerometer (3), barometer, GNSS position (3)."""
         return np.concatenate((self._inertial.slow, self._baro.slow, self._gnss.slow[:3]))
 
     @property
     def gnss(self) -> Array:
-        """What receivers measured last (V, 6): position (m) and velocity (m/s), NED."""
+        """The last GNSS measurements (V, 6): position (m) and velocity (m/s), NED."""
         return np.asarray(self._last_gnss.T)
 
     def read_inertial(self, truth: Array, specific_force_mps2: Array) -> Array:

@@ -1,12 +1,9 @@
-"""The air the vehicles fly in: a constant wind and Dryden gusts.
+"""The wind over the fleet: a constant mean and Dryden gusts, with the low-altitude spectra of MIL-F-8785C.
 
-Knows: the Dryden spectra at low altitude (MIL-F-8785C), how gusts at two places resemble each other, how wind is
-written. Does not know: what air does to a vehicle.
-
-One field for the whole fleet: gusts are tens of metres long, so vehicles of a formation are pushed together, which is
-what spares their separation. Every place gets the same spectrum; two places d apart get gusts correlated by
-exp(-d / L), with L the length of the gust. Places are those of the pads: a formation keeps its distances, near enough.
-The field drifts past at the mean wind, or at PASSING_MPS where that is more, because vehicles fly through it.
+There is one field for the whole fleet. Gusts are tens of metres long, so the vehicles of a formation are pushed
+together, which helps their separation. Every position has the same spectrum. The gusts at two positions d apart are
+correlated by exp(-d / L), with the gust length L. Positions are those of the pads: a formation keeps its distances
+closely enough. The field drifts past at the mean wind, at least at PASSING_MPS, because vehicles fly through it.
 """
 
 from __future__ import annotations
@@ -25,7 +22,7 @@ from gcs.physics.wind import STILL, SteadyWind
 
 GUST_PERIOD_S = 0.04
 PASSING_MPS = 3.0
-HEIGHT_M = 10.0  # for which the lengths and the ratio of the spectra are taken
+HEIGHT_M = 10.0  # for which the lengths and the ratio of the spectra hold
 INTENSITIES_MPS = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 2.0}  # horizontal standard deviation
 STRONGEST_MPS = 30.0
 
@@ -38,9 +35,9 @@ _BLOCK = 200
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Mean wind (where it blows to, common local NED) and the horizontal standard deviation of its gusts.
+    """The mean wind (direction it blows to, common local NED) and the horizontal standard deviation of its gusts.
 
-    Without a mean of its own it is the wind that the scenario plans with, which may grow with height.
+    Without a mean it is the wind of the scenario, which may grow with height.
     """
 
     mean_ned_mps: tuple[float, float, float] | None = None
@@ -48,7 +45,7 @@ class Wind:
     by_height: SteadyWind = STILL
 
     def over(self, planned: SteadyWind) -> Wind:
-        """The same with the planned wind where nobody said another."""
+        """Return this wind, with the planned wind as mean if it has none."""
         if self.mean_ned_mps is not None:
             return self
         return Wind((planned.north_mps, planned.east_mps, 0.0), self.gust_mps, planned)
@@ -58,15 +55,18 @@ CALM = Wind()
 
 
 def parse_wind(wind: str = "", gusts: str = "") -> Wind:
-    """From `3@270`, 3 m/s out of the west, and `light`, `moderate`, `severe` or m/s. Raises `UsageError`."""
+    """Return the wind of `3@270` (3 m/s from the west) with gusts `light`, `moderate`, `severe` or in m/s.
+
+    Raises `UsageError`.
+    """
     mean_ned_mps = None
     if wind:
         speed, at, direction = wind.partition("@")
         speed_mps, from_deg = _number(speed), _number(direction)
         if not at or not 0.0 <= speed_mps <= STRONGEST_MPS or not -360.0 <= from_deg <= 360.0:
             raise UsageError(
-                f"--wind {wind!r} is not SPEED@DIRECTION, in m/s and degrees the wind comes from.",
-                hint="write for example --wind 3@270 for 3 m/s out of the west",
+                f"--wind {wind!r} must be SPEED@FROM: 0 to {STRONGEST_MPS:g} m/s, and degrees the wind comes from.",
+                hint="write e.g. --wind 3@270 for 3 m/s from the west",
             )
         to_rad = math.radians(from_deg) + math.pi
         mean_ned_mps = (speed_mps * math.cos(to_rad), speed_mps * math.sin(to_rad), 0.0)
@@ -75,8 +75,8 @@ def parse_wind(wind: str = "", gusts: str = "") -> Wind:
         gust_mps = _number(gusts)
     if not 0.0 <= gust_mps <= STRONGEST_MPS:
         raise UsageError(
-            f"--gusts {gusts!r} is neither {', '.join(INTENSITIES_MPS)} nor a standard deviation in m/s.",
-            hint="write for example --gusts light, or --gusts 0.8",
+            f"--gusts {gusts!r} must be {', '.join(INTENSITIES_MPS)}, or a deviation of 0 to {STRONGEST_MPS:g} m/s.",
+            hint="write e.g. --gusts light, or --gusts 0.8",
         )
     return Wind(mean_ned_mps, gust_mps)
 
@@ -89,10 +89,10 @@ def _number(text: str) -> float:
 
 
 class WindField:
-    """The wind at V places, sample by sample. The same seed gives the same wind."""
+    """The wind at V positions, sample by sample. The same seed gives the same wind."""
 
     def __init__(self, wind: Wind, places_ned_m: Array, seed: int) -> None:
-        """Places (V, 3) in common local NED."""
+        """The positions (V, 3) are in common local NED."""
         vehicles = len(places_ned_m)
         self._generators = [np.random.default_rng(child) for child in np.random.SeedSequence([seed, 2]).spawn(vehicles)]
         mean = wind.mean_ned_mps or (0.0, 0.0, 0.0)
@@ -117,7 +117,7 @@ class WindField:
         self._next = 0
 
     def draw(self, height_m: Array | float = 0.0) -> Array:
-        """Wind (3, V) for the next GUST_PERIOD_S, held, of vehicles (V,) so high above height 0."""
+        """Return the wind (3, V) for the next GUST_PERIOD_S, constant, for vehicles (V,) at these heights."""
         drawn = self._drawn()
         if not self._by_height.has_shear:
             return drawn
@@ -136,10 +136,10 @@ class WindField:
 
 
 def dryden(sigma_mps: float, time_s: float, *, transverse: bool) -> tuple[Array, Array]:
-    """Digital filter (b, a) that makes gusts of this deviation from normal numbers GUST_PERIOD_S apart.
+    """Return the digital filter (b, a) that turns normal numbers GUST_PERIOD_S apart into gusts of this deviation.
 
-    Along the wind σ √(2T) / (1 + T s), else σ √T (1 + √3 T s) / (1 + T s)², T = length over speed; scaled so that
-    what sampling does to the variance is made good.
+    Along the wind σ √(2T) / (1 + T s), else σ √T (1 + √3 T s) / (1 + T s)², T = length over speed. The gain is
+    scaled to correct the effect of sampling on the variance.
     """
     if transverse:
         b, a = bilinear([math.sqrt(3.0) * time_s, 1.0], [time_s**2, 2.0 * time_s, 1.0], 1.0 / GUST_PERIOD_S)
@@ -151,14 +151,14 @@ def dryden(sigma_mps: float, time_s: float, *, transverse: bool) -> tuple[Array,
 
 
 def _companion(b: Array, a: Array) -> tuple[Array, Array]:
-    """How lfilter's memory goes on: z' = step z + drive x, output z_0 + b_0 x."""
+    """Return the state update of lfilter: z' = step z + drive x, output z_0 + b_0 x."""
     step = np.eye(len(a) - 1, k=1)
     step[:, 0] -= a[1:]
     return step, b[1:] - a[1:] * b[0]
 
 
 class _Axis:
-    """One component of the gusts at all places."""
+    """One component of the gusts at all positions."""
 
     def __init__(self, b: Array, a: Array, like: Array) -> None:
         self._b, self._a, self._like = b, a, like
@@ -169,10 +169,10 @@ class _Axis:
         self._memory = np.zeros((len(drive), len(like)))
 
     def begin(self, normals: Array) -> None:
-        """Start as if the wind had always blown; normals (2, V)."""
+        """Start in the stationary state, from normals (2, V)."""
         self._memory = self._start @ (normals[: len(self._start)] @ self._like.T)
 
     def shape(self, normals: Array) -> Array:
-        """Normal numbers (N, V) into gusts (N, V)."""
+        """Return gusts (N, V) from normal numbers (N, V)."""
         gusts, self._memory = lfilter(self._b, self._a, normals @ self._like.T, axis=0, zi=self._memory)
         return np.asarray(gusts)

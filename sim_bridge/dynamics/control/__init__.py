@@ -1,1 +1,1 @@
-"""From reference and estimate to the controls U1..U4."""
+"""The controller: from reference and estimate to the controls U1..U4."""

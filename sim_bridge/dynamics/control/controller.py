@@ -1,11 +1,10 @@
-"""From a reference and an estimate to U1..U4: Eq. 1 inverted forward, LQR feedback back.
+"""The controller: from a reference and an estimate to U1..U4, with Eq. 1 inverted as feedforward and LQR feedback.
 
-Knows: flatness, and what to give up at a limit. Does not know: truth, sensors, who makes references.
 Inverting Eq. 1 leaves chains of integrators: position, velocity, tilt and tilt rate along and across the heading;
-height and climb; yaw and its rate. `sim_bridge.dynamics.control.position_control` says which force is wanted; here it
-becomes a tilt, and that a torque. What pushes and turns the vehicle beyond Eq. 1 is observed and taken off
-(`sim_bridge.dynamics.control.disturbance_observer`): that is the integral action. The limits hold for what acts on the
-body; what a weak motor fails to give is added on top.
+height and climb; yaw and its rate. `sim_bridge.dynamics.control.position_control` gives the wanted force; here it
+becomes a tilt, and the tilt a torque. `sim_bridge.dynamics.control.disturbance_observer` estimates disturbances beyond
+Eq. 1, and the controller compensates them: that is the integral action. The limits apply to what acts on the body; the
+lost thrust of a weak motor is added on top.
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ from sim_bridge.dynamics.control.reference import Reference
 IDLE_SHARE = 0.2  # of the weight: thrust while standing on the ground with motors on
 
 _MOMENTS = AROUND[:, None]
-# Of three values AROUND_S apart: the middle one, its first and its second derivative.
+# From three values AROUND_S apart: the middle one, its first and its second derivative.
 _DIFFERENCES = np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]]) / AROUND_S ** np.arange(3)[:, None]
 
 
 def tilt_along(force: Array, yaw_ned_rad: Array, yaw_rate_radps: Array) -> Array:
-    """Roll and pitch, their rates and accelerations (3, 2, V), that point the rotors along a force.
+    """Return roll and pitch, their rates and accelerations (3, 2, V), that point the rotors along a force.
 
-    The force (3, 3, V), at the moments AROUND now, is what Eq. 1's translation leaves to the rotors: north and east
-    components turned round, the third upwards. Central differences: the map from force to angles is smooth, and its
-    second derivative a page of algebra.
+    The force (3, 3, V), at the times AROUND now, is what Eq. 1's translation requires of the rotors: north and east
+    components negated, the third upwards. Central differences are used: the map from force to angles is smooth, and its
+    second derivative is a page of algebra.
     """
     vehicles = force.shape[-1]
     yaw = yaw_ned_rad + _MOMENTS * yaw_rate_radps
@@ -69,17 +68,18 @@ class Controller:
 
     @property
     def push(self) -> Array:
-        """What pushes and turns the vehicles beyond Eq. 1, as observed: (6, V), m/s² and rad/s²."""
+        """The observed disturbance beyond Eq. 1: (6, V), m/s² and rad/s²."""
         return self._disturbance.push
 
     def slow_down(self, speed_max_mps: Array) -> None:
-        """Let vehicles (V,) fly no faster over ground than this, whatever they are asked; inf for the others."""
+        """Limit the ground speed of vehicles (V,), whatever is commanded; inf for no limit."""
         self._law.speed_max_mps = speed_max_mps if speed_max_mps.min() < math.inf else None
 
     def command(self, reference: Reference, state: Array, applied: Array, landed: Mask, *, any_landed: bool) -> Array:
-        """Controls (4, V) for estimated states (12, V); `applied` (4, V) is what the rotors gave in the last step.
+        """Return the controls (4, V) for estimated states (12, V).
 
-        A vehicle in contact idles until its reference rises.
+        `applied` (4, V) is what the rotors produced in the last step. A vehicle in contact idles until its reference
+        rises.
         """
         attitude, rates = state[6:9], state[9:]
         turn = Turn.of(attitude)
@@ -108,8 +108,10 @@ class Controller:
 
 
 def _turning(k_rate: float, k_yaw: Array, damping: Array) -> Array:
-    """Angular acceleration (3, 14) that Eq. 1 has to be given, by what `Controller.command` puts together:
-    closing rates, tilt rates, tilt accelerations (2 each); yaw error, yaw rate; rates, coupling (3 each)."""
+    """Return the angular acceleration (3, 14) that Eq. 1 needs, per input that `Controller.command` combines.
+
+    Inputs: closing rates, tilt rates, tilt accelerations (2 each); yaw error, yaw rate; rates, coupling (3 each).
+    """
     level = np.eye(3, 2)
     yaw = np.array([[0.0, 0.0], [0.0, 0.0], k_yaw])
     follow = np.diag([k_rate, k_rate, k_yaw[1]])
@@ -117,5 +119,5 @@ def _turning(k_rate: float, k_yaw: Array, damping: Array) -> Array:
 
 
 def _within(value: Array, largest: float) -> Array:
-    """np.clip to ±largest, several times as fast on a handful of numbers."""
+    """Limit to ±largest; several times as fast as np.clip on a few numbers."""
     return np.asarray(np.minimum(np.maximum(value, -largest), largest))

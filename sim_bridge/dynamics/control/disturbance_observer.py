@@ -1,11 +1,9 @@
-"""What pushes and turns vehicles beyond what their rotors should: wind, a weak motor, a mass that is not as told.
+"""Disturbance observer: external forces and torques, such as wind, a weak motor or a wrong mass.
 
-Knows: Eq. 1 in still air, and how far velocity and rates run away from it. Does not know: where that comes from.
-
-An observer per axis: motion' = Eq. 1 + push + l1 (seen - motion), push' = l2 (seen - motion). Its output, taken off the
-wanted acceleration, is the integral action of the controller, in a form that cannot wind up: Eq. 1 is fed with the
-controls that the rotors really got, at their limits too, so what a limit withholds is not mistaken for wind. And a
-step of the reference leaves it alone. All of it is linear: one matrix per step.
+An observer per axis: motion' = Eq. 1 + push + l1 (seen - motion), push' = l2 (seen - motion). Its output is subtracted
+from the wanted acceleration: the integral action of the controller, in a form that cannot wind up. Eq. 1 gets the
+controls that the rotors really produced, also at their limits, so a limit is not mistaken for wind. A step of the
+reference does not disturb it. All of it is linear: one matrix per step.
 """
 
 from __future__ import annotations
@@ -32,7 +30,7 @@ class DisturbanceObserver:
     """`push` (6, V): accelerations beyond Eq. 1, north, east, down (m/s²) and about roll, pitch, yaw (rad/s²)."""
 
     def __init__(self, q: Quadrotor, bandwidth_radps: Array, largest: Array, period_s: float, vehicles: int) -> None:
-        """Bandwidths and largest pushes (6,), to be observed every `period_s`."""
+        """`bandwidth_radps` and `largest` push are (6,); `observe` is called every `period_s`."""
         inertia = np.array(q.inertia_kgm2)
         drag = np.concatenate([np.array(q.drag_Nspm) / q.mass_kg, np.array(q.drag_moment_Nms) / inertia])
         expected = np.zeros((_AXES, _INPUTS))
@@ -57,8 +55,11 @@ class DisturbanceObserver:
         self.push = np.zeros((_AXES, vehicles))
 
     def observe(self, seen: Array, thrust_N: Array, torque: Array, coupling_radps2: Array) -> None:
-        """Velocities and rates (6, V) now; since the last look: thrust (3, V) along the rotors' axis in NED, the other
-        controls (3, V), and what the rates do to each other (3, V)."""
+        """Update `push` from velocities and rates (6, V) now.
+
+        The other inputs are since the last call: thrust (3, V) along the rotor axis in NED, the other controls (3, V),
+        and the coupling of the rates (3, V).
+        """
         if self._motion is None:
             self._motion = seen
             return
@@ -67,7 +68,7 @@ class DisturbanceObserver:
         self.push = np.minimum(np.maximum(push, self._lowest), self._largest)
 
     def forget(self, which: Mask, seen: Array) -> None:
-        """Begin anew for vehicles (V,) that stand."""
+        """Restart the observer for vehicles (V,) that stand."""
         if self._motion is not None:
             self._motion[:, which] = seen[:, which]
         self.push[:, which] = 0.0

@@ -1,8 +1,7 @@
-"""How hard a vehicle may be pulled back to its reference: LQR gains from its constants and its authority.
+"""LQR gains from a vehicle's constants and authority, by Bryson's rule; computed once per vehicle type.
 
-Knows: chains of integrators and Bryson's rule. Does not know: flight; it is done once per vehicle type.
-No gain is tuned by hand. The weight of each state is one over the error that may use up the whole authority
-kept for feedback; a strong vehicle is held to the bandwidth that a GNSS-aided estimate and steps of 20 ms support.
+No gain is tuned by hand. The weight of each state is one over the error that may use the whole authority reserved for
+feedback. A strong vehicle is limited to the bandwidth that a GNSS-aided estimate and steps of 20 ms support.
 """
 
 from __future__ import annotations
@@ -20,21 +19,21 @@ ANGLE_SCALE_RAD = 0.2
 POSITION_BANDWIDTH_MAX_RADPS = 2.0
 TILT_BANDWIDTH_MAX_RADPS = 10.0
 YAW_BANDWIDTH_MAX_RADPS = 3.0
-PUSH_BANDWIDTH_RADPS = 1.0  # a gust's; what is learnt faster is the estimate's noise
-TWIST_BANDWIDTH_RADPS = 20.0  # a motor that fails twists at once, and what the gyro adds at this speed is little
+PUSH_BANDWIDTH_RADPS = 1.0  # that of a gust; a faster observer follows the noise of the estimate
+TWIST_BANDWIDTH_RADPS = 20.0  # a failing motor acts at once, and gyro noise is small at this bandwidth
 PUSH_MAX_MPS2 = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class ControlLimits:
-    """Largest controls a vehicle uses: U1 (N); |U2|, |U3| (N, on the arm) and |U4| (N m)."""
+    """The largest controls a vehicle uses: U1 (N); |U2|, |U3| (N, on the arm) and |U4| (N m)."""
 
     thrust_N: float
     torque: tuple[float, float, float]
 
 
 def motor_limits(q: Quadrotor) -> ControlLimits:
-    """What the rotors can do: full thrust together, and each torque while they carry the weight."""
+    """Return the controls the rotors can produce: full thrust together, and each torque while they carry the weight."""
     top = q.rotor_max_radps**2
     hover = q.weight_N / (4.0 * q.thrust_coeff_Ns2)
     room = max(min(hover, top - hover), 0.0)
@@ -43,7 +42,7 @@ def motor_limits(q: Quadrotor) -> ControlLimits:
 
 
 def chain_gain(links: tuple[float, ...], scales: tuple[float, ...], authority: float) -> Array:
-    """LQR gain (n,) of x_1' = link_1 x_2, ..., x_n' = u; cost Σ (x_i / scale_i)² + (u / authority)²."""
+    """Return the LQR gain (n,) of x_1' = link_1 x_2, ..., x_n' = u; cost Σ (x_i / scale_i)² + (u / authority)²."""
     n = len(scales)
     b = np.zeros((n, 1))
     b[-1] = 1.0
@@ -53,29 +52,29 @@ def chain_gain(links: tuple[float, ...], scales: tuple[float, ...], authority: f
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """State feedback of one vehicle type, to the acceleration (m/s² or rad/s²) that ends each chain."""
+    """State feedback of one vehicle type, to the acceleration (m/s² or rad/s²) at the end of each chain."""
 
     tilt: Array  # (4,) on distance, speed, angle, angular rate; roll and pitch alike
     height: Array  # (2,) on height, climb
     yaw: Array  # (2,) on angle, rate
-    push_radps: Array  # (6,) bandwidth of what is learnt about pushes along and turns about north, east, down
-    push_max: Array  # (6,) largest of them that are made good, m/s² and rad/s²
+    push_radps: Array  # (6,) observer bandwidth of forces along and torques about north, east, down
+    push_max: Array  # (6,) the largest of them that are compensated, m/s² and rad/s²
 
 
 def turn_authority_radps2(q: Quadrotor, limits: ControlLimits) -> Array:
-    """Largest roll, pitch and yaw accelerations (3,), roll and pitch both as the weaker of the two."""
+    """Return the largest roll, pitch and yaw accelerations (3,); roll and pitch are both the weaker of the two."""
     turn = np.array(limits.torque) * [q.arm_m, q.arm_m, 1.0] / np.array(q.inertia_kgm2)
     turn[:2] = turn[:2].min()
     return np.asarray(turn)
 
 
 def lqr_gains(q: Quadrotor, limits: ControlLimits) -> Gains:
-    """Gains for the share of the authority that is left to feedback."""
+    """Return the gains for the share of the authority reserved for feedback."""
     g = q.gravity_mps2
     turn, _, spin = FEEDBACK_SHARE * turn_authority_radps2(q, limits)
     outer = min((g * turn / POSITION_SCALE_M) ** 0.25, POSITION_BANDWIDTH_MAX_RADPS)
     inner = min(max((turn / ANGLE_SCALE_RAD) ** 0.5, outer), TILT_BANDWIDTH_MAX_RADPS)
-    angle_scale = turn / inner**2 if inner > outer else np.inf  # a weak vehicle spends everything on position
+    angle_scale = turn / inner**2 if inner > outer else np.inf  # a weak vehicle uses all authority for position
     climb = FEEDBACK_SHARE * (limits.thrust_N / q.mass_kg - g)
     height = min((climb / POSITION_SCALE_M) ** 0.5, POSITION_BANDWIDTH_MAX_RADPS)
     yaw = min((spin / ANGLE_SCALE_RAD) ** 0.5, YAW_BANDWIDTH_MAX_RADPS)

@@ -1,11 +1,8 @@
-"""From where a vehicle is and should be to the force its rotors should make, now and a moment before and after.
+"""Position controller: from position error to the force of the rotors, now and just before and after.
 
-Knows: Eq. 1's translation, LQR gains as a cascade, and what is given up first where a stage asks for too much. Does not
-know: attitude, torques, what an observer does to find a push.
-
-The gains act as a cascade whose stages are limited to what the next can follow: near the reference the same linear law,
-far from it a stable one. Where nothing is at a limit, which is nearly always, the law is one matrix, taken from the
-limited law itself by probing it.
+The LQR gains act as a cascade. Each stage is limited to what the next can follow: near the reference this is the same
+linear law, far from it a stable one. Where no stage is at a limit, nearly always, the law is one matrix, obtained by
+probing the limited law.
 """
 
 from __future__ import annotations
@@ -18,20 +15,20 @@ from gcs.physics.quadrotor import Array, Quadrotor
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits, lqr_gains, turn_authority_radps2
 from sim_bridge.dynamics.control.reference import Reference
 
-FALL_SHARE = 0.5  # of the weight: thrust that even the fastest descent keeps, so that tilt still steers
-HEIGHT_SHARE = 0.95  # of the spare thrust: what height may take; the rest always holds some tilt
+FALL_SHARE = 0.5  # of the weight: minimum thrust in a descent, so that tilt still has authority
+HEIGHT_SHARE = 0.95  # of the spare thrust: the share available to height; the remainder is for tilt
 HEIGHT_ERROR_MAX_M = 1.0
-AROUND_S = 0.02  # a moment
+AROUND_S = 0.02  # time step of the differences
 AROUND = np.array([-AROUND_S, 0.0, AROUND_S])
 
-_CARRY = np.stack([np.ones(3), AROUND, 0.5 * AROUND**2], axis=1)  # a value and two derivatives to three moments
+_CARRY = np.stack([np.ones(3), AROUND, 0.5 * AROUND**2], axis=1)  # a value and two derivatives to three times
 _INPUTS = 24
-_CHECKED = np.array([9, 10, 11, 12, 13, 3, 4, 5])  # rows of the law that have limits: stages, and the force now
+_CHECKED = np.array([9, 10, 11, 12, 13, 3, 4, 5])  # rows of the law with limits: the stages, and the force now
 _PROBE = 1e-3
 
 
 class PositionController:
-    """For vehicles of one type. `speed_max_mps` (V,): what slow ones make of any reference, or None."""
+    """For vehicles of one type. `speed_max_mps` (V,) limits the ground speed; None for no limit."""
 
     def __init__(self, q: Quadrotor, limits: ControlLimits) -> None:
         """Raise ValueError if the thrust limit does not lift the vehicle."""
@@ -44,7 +41,7 @@ class PositionController:
         self._weight = np.array([[0.0], [0.0], [q.weight_N]])
         self._drag = np.array(q.drag_Nspm)[:, None]
         self._closing_gain, self._push_gain = k_distance / k_speed, q.gravity_mps2 * k_speed / k_angle
-        # Each stage alone may ask for all the turning there is, and no more.
+        # Each stage alone may demand the whole turn authority, and no more.
         self._closing_max, self._push_max = turn_max / k_speed, q.gravity_mps2 * turn_max / k_angle
         self._height_gain, self._climb_gain = (float(k) for k in gains.height)
         self._thrust_max = limits.thrust_N
@@ -58,7 +55,9 @@ class PositionController:
         law = np.concatenate(((slopes - at_rest) / _PROBE, at_rest), axis=1)
         law[:9] = np.kron(_CARRY, np.eye(3)) @ law[:9]
         self._law = law
-        lift_max = 0.5 * (q.weight_N + self._lift_max)  # in the box that is surely free: less lift, more level
+        lift_max = 0.5 * (
+            q.weight_N + self._lift_max
+        )  # inside the box without limits: less lift, more horizontal force
         level_max = math.sqrt((limits.thrust_N**2 - lift_max**2) / 2.0)
         longest = math.sqrt(0.5) * np.array([self._closing_max] * 2 + [self._push_max] * 2)
         high = np.array([*longest, HEIGHT_ERROR_MAX_M, level_max, level_max, lift_max])
@@ -67,9 +66,9 @@ class PositionController:
         self._free_low, self._free_high = low[:, None], high[:, None]
 
     def __call__(self, reference: Reference, state: Array, push_mps2: Array) -> Array:
-        """Force (3, 3, V) at the moments AROUND now, north and east turned round, the third component upwards.
+        """Return the force (3, 3, V) at the times AROUND now, north and east negated, the third component upwards.
 
-        `state` (12, V); `push_mps2` (3, V) is what pushes the vehicles beyond Eq. 1, and is made good.
+        `state` (12, V); `push_mps2` (3, V) are the disturbances beyond Eq. 1, which are compensated.
         """
         r = reference
         inputs = np.concatenate(
@@ -93,22 +92,22 @@ class PositionController:
         return np.asarray(_CARRY.dot(force.reshape(3, -1)).reshape(force.shape))
 
     def _limited(self, inputs: Array) -> tuple[Array, Array]:
-        """Force with two derivatives (3, 3, V), and what stages ask for before limits (5, V).
+        """Return the force with two derivatives (3, 3, V), and what the stages demand before limits (5, V).
 
-        Height comes before place: the horizontal part gets what the vertical part leaves.
+        Height has priority: the horizontal part gets what the vertical part leaves.
         """
         place, velocity, acceleration, jerk, snap, here, moving, push = inputs[:_INPUTS].reshape(8, 3, -1)
         distance, speed = place - here, velocity - moving
         closing = self._closing_gain * distance[:2]
-        asked = speed[:2] + _shorten(closing, self._closing_max)
+        demand = speed[:2] + _shorten(closing, self._closing_max)
         wanted = acceleration - push
         if self.speed_max_mps is not None:
-            aim = asked + moving[:2]
+            aim = demand + moving[:2]
             slow = _shorten(aim, self.speed_max_mps)
-            asked = slow - moving[:2]
+            demand = slow - moving[:2]
             wanted[:2] = np.where((slow == aim).all(axis=0), wanted[:2], -push[:2])
-        asked *= self._push_gain
-        wanted[:2] += _shorten(asked, self._push_max)
+        demand *= self._push_gain
+        wanted[:2] += _shorten(demand, self._push_max)
         wanted[2] += self._height_gain * np.clip(distance[2], -HEIGHT_ERROR_MAX_M, HEIGHT_ERROR_MAX_M)
         wanted[2] += self._climb_gain * speed[2]
 
@@ -118,10 +117,10 @@ class PositionController:
         force[0, :2] = _shorten(force[0, :2], np.sqrt(self._thrust_max**2 - lift * lift))
         force[1] = -self._mass_kg * jerk - self._drag * acceleration
         force[2] = -self._mass_kg * snap - self._drag * jerk
-        return force, np.concatenate((closing, asked, distance[2:]))
+        return force, np.concatenate((closing, demand, distance[2:]))
 
 
 def _shorten(vector: Array, longest: Array | float) -> Array:
-    """Vectors (2, V), none longer than (V,) or one limit."""
+    """Return the vectors (2, V), shortened to at most one limit or (V,) limits."""
     length = np.hypot(vector[0], vector[1])
     return np.asarray(vector * np.minimum(1.0, longest / np.maximum(length, 1e-12)))

@@ -1,8 +1,4 @@
-"""What a fleet is asked to do at one instant.
-
-Knows: the flat outputs of every vehicle and their derivatives. Does not know: who made them, or how they
-are followed.
-"""
+"""The reference of a fleet at one time: the flat outputs of every vehicle and their derivatives."""
 
 from __future__ import annotations
 
@@ -15,10 +11,10 @@ from gcs.physics.quadrotor import Array
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Flat outputs of V vehicles at one instant, in the common local NED frame.
+    """Flat outputs of V vehicles at one time, in the common local NED frame.
 
-    A quadrotor is differentially flat in position and yaw: with position known up to snap, attitude, rates
-    and controls follow from Eq. 1 (`sim_bridge.dynamics.control.controller`).
+    A quadrotor is differentially flat in position and yaw: with position known up to snap, attitude, rates and controls
+    follow from Eq. 1 (`sim_bridge.dynamics.control.controller`).
     """
 
     position_ned_m: Array  # (V, 3)
@@ -40,6 +36,6 @@ class Reference:
 
 
 def hold(position_ned_m: Array, yaw_ned_rad: Array) -> Reference:
-    """Stand still at positions (V, 3) with yaw (V,)."""
+    """Return the reference of hover at positions (V, 3) with yaw (V,)."""
     still = np.zeros_like(position_ned_m)
     return Reference(position_ned_m, still, still, still, still, yaw_ned_rad, np.zeros_like(yaw_ned_rad))

@@ -1,1 +1,1 @@
-"""What vehicles believe: an extended Kalman filter each, stepped as one batch."""
+"""The state estimator: an extended Kalman filter per vehicle, computed as one batch."""

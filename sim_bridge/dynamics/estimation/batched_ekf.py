@@ -1,10 +1,8 @@
-"""filterpy's extended Kalman filter over stacks of matrices: one per vehicle, for hardly more than the price of one.
+"""filterpy's extended Kalman filter over stacks of matrices: V vehicles cost hardly more than one.
 
-Knows: how to hand filterpy V means and covariances where it expects one of each. Does not know: states, sensors.
-
-filterpy's `predict` and `update` run as they are. What they multiply are `Stack`s, whose `dot` and `T` act on each
-matrix by itself; `scipy.linalg.inv` does so anyway. Calls of NumPy cost a microsecond each whatever they work on, and
-filterpy makes thirty of them for one measurement: for six vehicles that is most of the work.
+filterpy's `predict` and `update` run unchanged. Their operands are `Stack`s, whose `dot` and `T` act on each matrix
+separately; `scipy.linalg.inv` does so anyway. Each NumPy call costs about a microsecond at any size, and filterpy
+makes thirty of them for one measurement: for six vehicles that is most of the work.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ class Stack(np.ndarray):
 
     @classmethod
     def of(cls, matrices: Array) -> Stack:
-        """The same numbers."""
+        """Return the same numbers as a stack."""
         return matrices.view(cls)
 
     @property
@@ -35,21 +33,21 @@ class Stack(np.ndarray):
         return self.swapaxes(-1, -2)
 
     def dot(self, other: Any, out: Any = None) -> Any:
-        """Products of each matrix with `other`, or with its own one of another stack."""
+        """Return the products of each matrix with `other`, or with the corresponding matrix of another stack."""
         return np.matmul(self, other, out=out)
 
     def __array_function__(self, func: Any, types: Any, args: Iterable[Any], kwargs: Any) -> Any:
-        """np.dot of stacks is their product matrix by matrix."""
+        """Make np.dot of stacks the product matrix by matrix."""
         if func is np.dot:
             return np.matmul(*args, **kwargs)
         return super().__array_function__(func, types, args, kwargs)
 
 
 class BatchedEkf(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's EKF for V vehicles, whose means are carried on outside.
+    """filterpy's EKF for V vehicles, whose means are propagated outside.
 
-    `x` (V, N, 1) and `P` (V, N, N) are stacks; so is what else filterpy leaves behind: `y`, `S`, `K` of the last
-    measurement, for those who took it.
+    `x` (V, N, 1) and `P` (V, N, N) are stacks. So are filterpy's results `y`, `S` and `K` of the last measurement, for
+    the vehicles that used it.
     """
 
     def __init__(self, vehicles: int, states: int) -> None:
@@ -59,12 +57,12 @@ class BatchedEkf(ExtendedKalmanFilter):  # type: ignore[misc]
 
     @property
     def means(self) -> Array:
-        """(V, N)."""
+        """The means (V, N)."""
         return np.asarray(self.x)[..., 0]
 
     @property
     def variances(self) -> Array:
-        """(V, N), of each state."""
+        """The variances (V, N) of each state."""
         return np.asarray(self.P).diagonal(axis1=1, axis2=2)
 
     def predict_x(self, u: Array) -> None:
@@ -72,27 +70,27 @@ class BatchedEkf(ExtendedKalmanFilter):  # type: ignore[misc]
         self.x = Stack.of(u[..., None])
 
     def carry_on(self, means: Array, transition: Array, noise: Array) -> None:
-        """Predict: means (V, N) worked out elsewhere, covariances by `transition` and `noise` (V, N, N)."""
+        """Predict: means (V, N) computed elsewhere, covariances by `transition` and `noise` (V, N, N)."""
         self.F, self.Q = Stack.of(transition), noise
         self.predict(means)
 
     def spread(self, h: Array) -> Array:
-        """Variances (V, M) of what a sensor with Jacobian h (M, N) is expected to show, but for its own noise."""
+        """Return the variances (V, M) of the expected measurement, Jacobian h (M, N), without the sensor's noise."""
         return np.asarray((np.matmul(h, np.asarray(self.P)) * h).sum(axis=-1))
 
-    def correct(self, who: Mask, measured: Array, h: Array, noise: Array, residual: Residual = np.subtract) -> None:
-        """Update the vehicles `who` (V,) by what they measured (V, M): Jacobian h (M, N), noise (M, M)."""
-        everyone = who.all()
-        if not everyone and not who.any():
+    def correct(self, which: Mask, measured: Array, h: Array, noise: Array, residual: Residual = np.subtract) -> None:
+        """Update the vehicles `which` (V,) with their measurements (V, M): Jacobian h (M, N), noise (M, M)."""
+        all_vehicles = which.all()
+        if not all_vehicles and not which.any():
             return
         x: Any = self.x
         p: Any = self.P
-        if not everyone:
-            self.x, self.P, measured = x[who], p[who], measured[who]
+        if not all_vehicles:
+            self.x, self.P, measured = x[which], p[which], measured[which]
         self.update(measured[..., None], _jacobian, _expected, noise, (h,), (h,), residual)
-        if not everyone:
+        if not all_vehicles:
             x, p = x.copy(), p.copy()
-            x[who], p[who] = self.x, self.P
+            x[which], p[which] = self.x, self.P
             self.x, self.P = x, p
 
 

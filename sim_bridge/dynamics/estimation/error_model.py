@@ -1,8 +1,7 @@
-"""How wrong an estimate becomes between two updates, and how wrong it is when it begins.
+"""The error model of the filter: how the errors of dead reckoning grow, and their size at the start.
 
-Knows: the linearised errors of dead reckoning with an inertial unit, and the sensors' error figures, which are those
-of `sim_bridge.dynamics.body.sensors` exactly: slow errors are states, so that nothing has to be made up. Does not
-know: filterpy, samples, flight.
+The error figures are exactly those of `sim_bridge.dynamics.body.sensors`. Slow errors are states, so no figure is
+tuned.
 
 States (19): position, velocity, Euler angles; biases of gyro and accelerometer; slow errors of barometer and of GNSS
 position. With R the rotation from body axes and f the specific force in NED, errors grow as
@@ -47,21 +46,21 @@ _HELD_SIGMA = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class ErrorModel:
-    """Covariances and transitions of one sensor fit, over one UPDATE_PERIOD_S."""
+    """Covariances and transitions of one sensor grade, over one UPDATE_PERIOD_S."""
 
     gnss: Array  # (6, 6)
     compass: Array  # (1, 1)
     baro: Array  # (1, 1)
     flying: Array  # (19, 19) process noise
     standing: Array  # (19, 19)
-    fading: Array  # (4, 1) what is left of the slow errors of barometer and GNSS
+    fading: Array  # (4, 1) remaining share of the slow errors of barometer and GNSS
     grade: SensorGrade
-    _base: Array  # (19, 19) transition in flight, without what depends on attitude
+    _base: Array  # (19, 19) transition in flight, without the parts that depend on attitude
     _at_rest: Array  # (19, 19) transition in ground contact
 
     @classmethod
     def of(cls, grade: SensorGrade) -> ErrorModel:
-        """The model of a sensor fit."""
+        """Return the model of a sensor grade."""
         t = UPDATE_PERIOD_S
         slow = [grade.baro_drift_m, *grade.gnss_drift]
         keep, renewed = np.ones(STATES), np.zeros(STATES)
@@ -95,7 +94,7 @@ class ErrorModel:
         )
 
     def transition(self, turn: Turn, force_ned_mps2: Array, landed: Mask) -> Array:
-        """Transitions (V, 19, 19) at attitudes `turn` under mean specific forces (3, V)."""
+        """Return the transitions (V, 19, 19) at attitudes `turn` under mean specific forces (3, V)."""
         t = UPDATE_PERIOD_S
         sr, sp, sy, cr, cp, cy = turn
         x, y, z = force_ned_mps2
@@ -105,7 +104,7 @@ class ErrorModel:
         out[0] = cy * cp, cy * lean - sy * cr, cy * sway + sy * sr
         out[1] = sy * cp, sy * lean + cy * cr, sy * sway - cy * sr
         out[2] = -sp, cp * sr, cp * cr
-        swing = np.empty((3, 3, vehicles))  # columns: f turned about the axes of roll, pitch and yaw
+        swing = np.empty((3, 3, vehicles))  # columns: f rotated about the axes of roll, pitch and yaw
         n, e, d = out[:, 0]
         swing[:, 0] = e * z - d * y, d * x - n * z, n * y - e * x
         swing[:, 1] = cy * z, sy * z, -(sy * y + cy * x)
@@ -125,7 +124,7 @@ class ErrorModel:
         return full
 
     def aligned(self, seconds: float) -> Array:
-        """Covariance (19, 19) of means over so many seconds on the pad; slow errors do not average out."""
+        """Return the covariance (19, 19) of means over this duration on the pad; slow errors do not average out."""
         g = self.grade
         fixes, samples = seconds / GNSS_PERIOD_S, seconds / INERTIAL_PERIOD_S
         p = np.zeros((STATES, STATES))
@@ -133,12 +132,12 @@ class ErrorModel:
         for axis, drift in enumerate(g.gnss_drift):
             mean, both = _variance_of_mean(drift, seconds), _covariance_of_mean_and_last(drift, seconds)
             p[axis, axis] = mean + g.gnss_white[axis] ** 2 / fixes
-            p[axis, 16 + axis] = p[16 + axis, axis] = -both  # where the fix is off, the position is, and is not told
+            p[axis, 16 + axis] = p[16 + axis, axis] = -both  # a GNSS error goes into the position with opposite sign
             p[16 + axis, 16 + axis] = drift.sigma**2
         p[YAW, YAW] = g.compass_rad**2 * COMPASS_PERIOD_S / seconds
         p[GYRO_BIAS, GYRO_BIAS] = g.gyro_radps**2 / samples * np.eye(3)
         p[ACCEL_BIAS, ACCEL_BIAS] = g.accel_mps2**2 / samples * np.eye(3)
-        # The barometer is set to the height that the fixes give: what is wrong with one is wrong with the other.
+        # The barometer is set to the GNSS height, so both have the same error.
         p[BARO_ERROR] = p[DOWN]
         p[:, BARO_ERROR] = p[:, DOWN]
         p[BARO_ERROR, BARO_ERROR] = p[DOWN, DOWN] + g.baro_m**2 * BARO_PERIOD_S / seconds
@@ -146,7 +145,7 @@ class ErrorModel:
 
 
 def _variance_of_mean(drift: GaussMarkov, seconds: float) -> float:
-    """Of a Gauss-Markov process averaged over a time that is short against its own."""
+    """Return the variance of a Gauss-Markov process averaged over a time that is short against its correlation time."""
     return drift.sigma**2 * (1.0 - seconds / (3.0 * drift.time_s))
 
 

@@ -1,15 +1,14 @@
-"""What the vehicles believe: dead reckoning with an inertial unit, corrected by filterpy's EKF.
+"""State estimator: dead reckoning with an inertial unit, corrected by filterpy's EKF.
 
-Knows: samples, the sensors' error figures, and a contact switch on the landing gear. Does not know: true states,
-forces, wind, motors, references; what pushes a vehicle is what its accelerometer feels.
+It uses the sensor samples, their error figures and a contact switch on the landing gear, nothing else.
 
-The means of the whole fleet are carried on in one batch at every inertial sample (50 Hz), as inertial units are
-mechanised. Every UPDATE_PERIOD_S filterpy predicts each vehicle's covariance and updates it, one sensor after the
-other: barometer (10 Hz), then GNSS or compass by turns (5 Hz each).
+The means of the whole fleet are propagated in one batch at every inertial sample (50 Hz), as in a strapdown system.
+Every UPDATE_PERIOD_S filterpy predicts each vehicle's covariance and updates it, one sensor after the other: barometer
+(10 Hz), then GNSS or compass alternately (5 Hz each).
 
-Gate: a group (`Ratios`) more than GATE_SIGMA standard deviations off is left out. Where GNSS has been left out for
-GATE_TIMEOUT_S on end, the filter is held to be in the wrong and takes its place from the next fix. Without fixes it
-coasts, and says how sure it is (`Accuracy`).
+Gate: a group (`Ratios`) more than GATE_SIGMA standard deviations off is rejected. If GNSS has been rejected for
+GATE_TIMEOUT_S without a break, the filter is assumed to be wrong and is reset to the next fix. Without fixes it coasts,
+and reports its accuracy (`Accuracy`).
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ ALIGN_S = 2.0
 GATE_SIGMA = 5.0
 GATE_TIMEOUT_S = 5.0
 COASTING_AFTER_S = 1.0
-LOST_SIGMA_M = 5.0  # a vehicle less sure of its place than this is not healthy
+LOST_SIGMA_M = 5.0  # above this position uncertainty a vehicle is not healthy
 
 _VELOCITY, _HORIZONTAL, _VERTICAL, _COMPASS, _BARO = range(5)  # columns of the ratios
 _GROUP_OF_FIX = np.array([_HORIZONTAL, _HORIZONTAL, _VERTICAL, _VELOCITY, _VELOCITY, _VELOCITY])
@@ -49,7 +48,7 @@ _GROUP_OF_FIX = np.array([_HORIZONTAL, _HORIZONTAL, _VERTICAL, _VELOCITY, _VELOC
 
 @dataclass(frozen=True, slots=True)
 class Ratios:
-    """Innovation over gate of the last sample, each (V,): above 1 it was refused."""
+    """Innovation over gate of the last sample, each (V,): above 1 it was rejected."""
 
     velocity: Array
     position_horizontal: Array
@@ -60,7 +59,7 @@ class Ratios:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """Standard deviations the filters give themselves, each (V,)."""
+    """Standard deviations as estimated by the filters, each (V,)."""
 
     position_horizontal_m: Array  # of the worse of two axes
     position_vertical_m: Array
@@ -70,10 +69,10 @@ class Accuracy:
 
 
 class Estimator:
-    """Filters of V vehicles, which begin level on the ground and average ALIGN_S of measurements there.
+    """Filters of V vehicles, which start level on the ground and average ALIGN_S of measurements there.
 
-    `aligned` (V,): who has begun. `healthy` (V,): who has, agrees with its sensors and is sure enough of its place.
-    `ekf`: filterpy's object, for those who study it.
+    `aligned` (V,): the filter has started. `healthy` (V,): it also agrees with its sensors and is sure enough of its
+    position. `ekf` is filterpy's object, open to inspection.
     """
 
     def __init__(self, grade: SensorGrade, vehicles: int, gravity_mps2: float) -> None:
@@ -113,17 +112,17 @@ class Estimator:
 
     @property
     def accuracy(self) -> Accuracy:
-        """How sure the filters are of place, velocity and heading."""
+        """Standard deviations of position, velocity and heading."""
         sigma = np.sqrt(self._variance)
         return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, 3:5].max(axis=1), sigma[:, 5], sigma[:, YAW])
 
     @property
     def coasting(self) -> Mask:
-        """Vehicles (V,) that have gone without GNSS, missing or refused, for longer than COASTING_AFTER_S."""
+        """Vehicles (V,) without accepted GNSS for longer than COASTING_AFTER_S: missing or rejected."""
         return np.asarray(self.aligned & (self._unaided_s > COASTING_AFTER_S))
 
     def propagate(self, inertial: Array, landed: Mask, *, any_landed: bool) -> None:
-        """Carry the means on by one inertial sample (6, V), as `Sensors` gives it."""
+        """Propagate the means by one inertial sample (6, V) of `Sensors`."""
         h, state = INERTIAL_PERIOD_S, self._state
         felt = inertial - self._slow[:6]
         rates = state[9:] + felt[:3]
@@ -145,7 +144,7 @@ class Estimator:
         self._state = moved
 
     def update(self, landed: Mask, baro: Array, *, compass: Array | None = None, gnss: Array | None = None) -> None:
-        """Correct the means by height (V,) and, where it is their turn, heading (V,) and GNSS fix (6, V)."""
+        """Correct the means by height (V,) and, when they are due, heading (V,) and GNSS fix (6, V)."""
         if not self.aligned.all():
             self._align(baro, compass, gnss)
             if not self.aligned.any():
@@ -153,7 +152,7 @@ class Estimator:
         self._predict(landed)
         self._take_number(_BARO, baro, H_BARO, self._model.baro)
         if compass is not None:
-            self._take_number(_COMPASS, compass, H_COMPASS, self._model.compass, _off_course)
+            self._take_number(_COMPASS, compass, H_COMPASS, self._model.compass, _heading_residual)
         if gnss is not None:
             self._take_fix(gnss)
         means = self.ekf.means.T
@@ -183,7 +182,7 @@ class Estimator:
         spread = ekf.spread(H_GNSS) + noise.diagonal()
         off = np.abs(fix - ekf.means.dot(H_GNSS.T)) / (GATE_SIGMA * np.sqrt(spread))
         ratio = np.stack((off[:, 3:].max(axis=1), off[:, :2].max(axis=1), off[:, 2]), axis=1)
-        ratio[~there] = 0.0  # nothing is refused where there is nothing
+        ratio[~there] = 0.0  # without a fix nothing is rejected
         self._ratio[:, :3] = ratio
         refused = ratio > 1.0
         self._refused_s[:, :3] = np.where(refused, self._refused_s[:, :3] + GNSS_PERIOD_S, 0.0)
@@ -192,7 +191,7 @@ class Estimator:
         self._unaided_s[agrees] = 0.0
         for i in np.flatnonzero(there & ~agrees).tolist():
             if (self._refused_s[i, :3] >= GATE_TIMEOUT_S).any():
-                self._start_again(i, fix[i])
+                self._reset_to_fix(i, fix[i])
                 self._refused_s[i, :3] = self._unaided_s[i] = 0.0
             else:
                 rows = np.flatnonzero(~refused[i, _GROUP_OF_FIX])
@@ -200,8 +199,8 @@ class Estimator:
                     me = np.arange(len(fix)) == i
                     ekf.correct(me, fix[:, rows], H_GNSS[rows], noise[np.ix_(rows, rows)])
 
-    def _start_again(self, row: int, fix: Array) -> None:
-        """Take place and velocity from a fix. They are then wrong as the fix is, in the opposite sense."""
+    def _reset_to_fix(self, row: int, fix: Array) -> None:
+        """Set position and velocity to a fix. Their error is then that of the fix, with opposite sign."""
         mean, p = self.ekf.means[row], np.array(self.ekf.P[row])
         mean[POSITION], mean[VELOCITY] = fix[:3] - mean[GNSS_ERROR], fix[3:]
         p[VELOCITY], p[:, VELOCITY] = 0.0, 0.0
@@ -213,7 +212,7 @@ class Estimator:
     def _take_number(
         self, group: int, measured: Array, h: Array, noise: Array, residual: Residual = np.subtract
     ) -> None:
-        """Let each filter have its measurement (V,), if that passes the gate."""
+        """Update each filter with its measurement (V,), if that passes the gate."""
         ekf, value = self.ekf, measured[:, None]
         sigma = np.sqrt(ekf.spread(h) + noise[0])
         off = np.abs(residual(value, ekf.means.dot(h.T))) / (GATE_SIGMA * sigma)
@@ -221,7 +220,7 @@ class Estimator:
         ekf.correct(self.aligned & (off[:, 0] <= 1.0), value, h, noise, residual)
 
     def _align(self, baro: Array, compass: Array | None, gnss: Array | None) -> None:
-        """Let those begin who have stood still with a fix for ALIGN_S."""
+        """Start the filters that have stood still with a fix for ALIGN_S."""
         pad = self._pad
         pad.height(baro)
         if compass is not None:
@@ -242,6 +241,6 @@ class Estimator:
         self.aligned = self.aligned | begin
 
 
-def _off_course(measured: Array, expected: Array) -> Array:
+def _heading_residual(measured: Array, expected: Array) -> Array:
     off = measured - expected
     return np.asarray(off - 2.0 * np.pi * np.rint(off / (2.0 * np.pi)))

@@ -1,7 +1,4 @@
-"""Means of what vehicles measure while they stand: where a filter begins.
-
-Knows: samples. Does not know: filters, how many samples are enough.
-"""
+"""Initial alignment: the means of the measurements on the pad, from which a filter starts."""
 
 from __future__ import annotations
 
@@ -11,12 +8,12 @@ from gcs.physics.quadrotor import Array
 
 
 def wrapped(angle_rad: Array) -> Array:
-    """Angles in [-π, π)."""
+    """Return the angles in [-π, π)."""
     return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)
 
 
 class InitialAlignment:
-    """Running sums over the samples of V vehicles; `fixes` (V,) counts those of GNSS."""
+    """Running sums over the samples of V vehicles; `fixes` (V,) counts GNSS fixes."""
 
     def __init__(self, vehicles: int) -> None:
         self.fixes = np.zeros(vehicles)
@@ -26,30 +23,30 @@ class InitialAlignment:
         self._samples = self._heights = self._headings = 0
 
     def inertial(self, sample: Array) -> None:
-        """Take a sample (6, V) of the inertial units."""
+        """Add a sample (6, V) of the inertial units."""
         self._inertial += sample
         self._samples += 1
 
     def height(self, sample: Array) -> None:
-        """Take a height (V,) of the barometers."""
+        """Add a height (V,) of the barometers."""
         self._height += sample
         self._heights += 1
 
     def heading(self, sample: Array) -> None:
-        """Take a heading (V,) of the compasses."""
+        """Add a heading (V,) of the compasses."""
         if self._first_yaw is None:
             self._first_yaw = sample
         self._turned += wrapped(sample - self._first_yaw)
         self._headings += 1
 
     def place(self, fix: Array) -> None:
-        """Take a fix (6, V), NaN for those who have none."""
+        """Add a fix (6, V), NaN for vehicles without one."""
         there = ~np.isnan(fix[0])
         self._place[:, there] += fix[:3, there]
         self.fixes += there
 
     def means(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Place (3, V), heading (V,), height (V,), rates (3, V), specific force (3, V)."""
+        """Return position (3, V), heading (V,), height (V,), rates (3, V), specific force (3, V)."""
         assert self._first_yaw is not None
         heading = self._first_yaw + self._turned / self._headings
         inertial = self._inertial / self._samples

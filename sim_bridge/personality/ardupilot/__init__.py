@@ -1,1 +1,1 @@
-"""ArduCopter 4.5.6, as recorded."""
+"""The personality of ArduCopter 4.5.6, as recorded."""

@@ -1,7 +1,7 @@
-"""ArduCopter 4.5.6, as recorded.
+"""Behaviour of ArduCopter 4.5.6, as recorded.
 
-Knows: numbers and habits. Does not know: how they are used. It is ready after 4 s, not 40: what takes the real one
-so long is its GNSS receiver's start, and no ground station learns anything from waiting for that.
+It is ready after 4 s, not 40: the real one waits for the slow start of its GNSS receiver, which is of no use to a
+ground station.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
 from sim_bridge.personality.ardupilot.missions import MISSIONS
-from sim_bridge.personality.ardupilot.params import LINK, PARAM_HABITS, PARAMS
+from sim_bridge.personality.ardupilot.params import LINK, PARAM_TRAITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.failsafe_settings import (
     BatteryFailsafe,
@@ -129,7 +129,7 @@ _WORDS = {
 }
 
 _BATTERY_ACTIONS = {1: Intent.LAND, 2: Intent.RETURN, 3: Intent.RETURN, 4: Intent.LAND, 6: Intent.LAND}
-_GUARDS = FailsafeSettings(
+_FAILSAFES = FailsafeSettings(
     link=LinkFailsafe(
         actions=dict.fromkeys((1, 2, 3, 6), Intent.RETURN) | {4: Intent.LAND, 5: Intent.LAND, 7: Intent.HOLD},
         only_ours=True,
@@ -150,7 +150,7 @@ _GUARDS = FailsafeSettings(
             Setting.BATTERY_CRITICAL_Ah,
         ),
     ),
-    battery_patience_s=10.0,
+    battery_timeout_s=10.0,
     fence=FenceFailsafe(
         actions={1: Intent.RETURN, 2: Intent.LAND, 3: Intent.RETURN, 4: Intent.HOLD, 5: Intent.LAND},
         one_area_suffices=False,
@@ -187,8 +187,8 @@ _STREAMS = StreamTraits(
     global_from=Milestone.RUNNING,
     targets_in_guided_only=True,
     home_has_attitude=False,
-    tells_rtk=True,
-    tells_airspeed=True,
+    reports_rtk=True,
+    reports_airspeed=True,
 )
 
 _BEFORE_READY = (
@@ -209,19 +209,19 @@ ARDUPILOT = Personality(
         | Capability.MAVLINK2
         | Capability.FENCE
         | Capability.RALLY,
-        tells_uid=False,
+        sends_uid=False,
         vtol_state=3,
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_tells=False),
+    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_shows_armable=False),
     flight=FlightTraits(
         slow_below_m=10.0,
         crawl_below_m=0.0,
         landed_after_s=1.75,
         disarm_after_s=0.3,
         takeoff_share=0.8,
-        floats_s=0.0,
+        liftoff_pause_s=0.0,
         takeoff_above_sea=False,
         takeoff_in_guided=True,
         mission_start_arms=False,
@@ -229,11 +229,11 @@ ARDUPILOT = Personality(
         reposition_in=Intent.GUIDED,
         sinks_without_sticks=False,
     ),
-    streaming=StreamingTraits(from_ground=False, proof_s=0.0, coasts_s=None, comes_back=True),
+    streaming=StreamingTraits(from_ground=False, proof_s=0.0, extrapolates_s=None, comes_back=True),
     reports=ReportTraits(
         repeats=0,
         repeat_s=1.0,
-        tells_landing=False,
+        reports_landing=False,
         starts_over=True,
         empty_total=0,
         counts_home=False,
@@ -254,7 +254,7 @@ ARDUPILOT = Personality(
         heartbeat_on_change=True,
         announces_home=True,
         any_component=True,
-        waits_to_be_heard=True,
+        waits_for_contact=True,
         numbered_texts=False,
     ),
     streams=_STREAMS,
@@ -266,10 +266,10 @@ ARDUPILOT = Personality(
         before_ready=_BEFORE_READY,
         ready=0x33F,
     ),
-    guards=_GUARDS,
+    failsafes=_FAILSAFES,
     words=_WORDS,
     missions=MISSIONS,
     params=PARAMS,
-    param_habits=PARAM_HABITS,
+    param_traits=PARAM_TRAITS,
     link=LINK,
 )

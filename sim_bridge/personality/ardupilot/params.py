@@ -1,7 +1,6 @@
-"""Parameters of ArduCopter 4.5.6 and how it handles them, as recorded.
+"""Parameters of ArduCopter 4.5.6 and the traits of its parameter protocol, as recorded.
 
-Knows: names, defaults, bounds, and which of them decide something here. Does not know: what is done with them.
-The original has 1390 of them. Here are those that act, those that ground stations look for, and the first of its list.
+The original has 1390 of them. Here are those that act, those that ground stations read, and the first of its list.
 """
 
 from __future__ import annotations
@@ -12,17 +11,17 @@ from sim_bridge.personality.table import Param
 
 _INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
 
-PARAM_HABITS = ParamTraits(
+PARAM_TRAITS = ParamTraits(
     sysid="SYSID_THISMAV",
     any_case=True,
-    tells_index=False,
+    sends_index=False,
     bytes_in_float=False,
     converts=True,
     takes_nan=False,
     hash_name="",
     banner=("ArduCopter V4.5.6", "Frame: QUAD/X"),
 )
-LINK = LinkTraits(clock_step_ns=1_000, asks_time_every_s=10.0, signs=True)
+LINK = LinkTraits(clock_step_ns=1_000, timesync_period_s=10.0, signs=True)
 
 PARAMS = (
     Param("FORMAT_VERSION", 120.0, _INT16),

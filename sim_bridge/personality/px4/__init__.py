@@ -1,1 +1,1 @@
-"""PX4 1.17, as recorded."""
+"""The personality of PX4 1.17, as recorded."""

@@ -1,7 +1,4 @@
-"""PX4 1.17, as recorded.
-
-Knows: numbers and habits. Does not know: how they are used. Texts that also go out as an event end in a tab.
-"""
+"""Behaviour of PX4 1.17, as recorded. Texts that are also sent as an event end in a tab."""
 
 from __future__ import annotations
 
@@ -41,7 +38,7 @@ from sim_bridge.personality.flight_traits import (
 )
 from sim_bridge.personality.modes import Intent, Mode, Modes
 from sim_bridge.personality.px4.missions import MISSIONS
-from sim_bridge.personality.px4.params import LINK, PARAM_HABITS, PARAMS
+from sim_bridge.personality.px4.params import LINK, PARAM_TRAITS, PARAMS
 from sim_bridge.personality.table import Identity, Personality
 from sim_bridge.personality.wording import Note
 
@@ -109,7 +106,7 @@ _WORDS = {
     Note.FENCE_BREACHED: (Severity.WARNING, "Geofence violation\t"),
 }
 
-_GUARDS = FailsafeSettings(
+_FAILSAFES = FailsafeSettings(
     link=LinkFailsafe(actions={1: Intent.HOLD, 2: Intent.RETURN, 3: Intent.LAND}, only_ours=False),
     battery=(
         BatteryFailsafe(Note.BATTERY_LOW, {}, share=Setting.BATTERY_LOW_SHARE),
@@ -126,14 +123,14 @@ _GUARDS = FailsafeSettings(
             share=Setting.BATTERY_EMERGENCY_SHARE,
         ),
     ),
-    battery_patience_s=0.0,
+    battery_timeout_s=0.0,
     fence=FenceFailsafe(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
     estimate=EstimateFailsafe(6.0, {}, always=Intent.LAND),
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )
 
-# Recorded at 50 Hz, over a link without limits. Over a radio the original sends less too, and at ten times real time
-# that many messages drown a ground station.
+# Recorded at 50 Hz, over a link without rate limit. Over a radio the original also sends less, and at ten times real
+# time so many messages overload a ground station.
 _FAST_HZ = 10.0
 _STREAMS = StreamTraits(
     unasked_hz={
@@ -166,8 +163,8 @@ _STREAMS = StreamTraits(
     global_from=Milestone.LOCATED,
     targets_in_guided_only=False,
     home_has_attitude=True,
-    tells_rtk=False,
-    tells_airspeed=False,
+    reports_rtk=False,
+    reports_airspeed=False,
 )
 
 PX4 = Personality(
@@ -184,19 +181,19 @@ PX4 = Personality(
         | Capability.MAVLINK2
         | Capability.FENCE
         | Capability.RALLY,
-        tells_uid=True,
+        sends_uid=True,
         vtol_state=0,
     ),
     boot=_BOOT,
     modes=_MODES,
-    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_tells=True),
+    arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_shows_armable=True),
     flight=FlightTraits(
         slow_below_m=5.0,
         crawl_below_m=1.0,
         landed_after_s=3.3,
         disarm_after_s=2.0,
         takeoff_share=0.8,
-        floats_s=2.3,
+        liftoff_pause_s=2.3,
         takeoff_above_sea=True,
         takeoff_in_guided=False,
         mission_start_arms=True,
@@ -204,11 +201,11 @@ PX4 = Personality(
         reposition_in=Intent.HOLD,
         sinks_without_sticks=True,
     ),
-    streaming=StreamingTraits(from_ground=True, proof_s=1.0, coasts_s=0.2, comes_back=False),
+    streaming=StreamingTraits(from_ground=True, proof_s=1.0, extrapolates_s=0.2, comes_back=False),
     reports=ReportTraits(
         repeats=10,
         repeat_s=1.0,
-        tells_landing=True,
+        reports_landing=True,
         starts_over=False,
         empty_total=0xFFFF,
         counts_home=True,
@@ -229,7 +226,7 @@ PX4 = Personality(
         heartbeat_on_change=False,
         announces_home=False,
         any_component=False,
-        waits_to_be_heard=False,
+        waits_for_contact=False,
         numbered_texts=True,
     ),
     streams=_STREAMS,
@@ -241,10 +238,10 @@ PX4 = Personality(
         before_ready=229,
         ready=1023,
     ),
-    guards=_GUARDS,
+    failsafes=_FAILSAFES,
     words=_WORDS,
     missions=MISSIONS,
     params=PARAMS,
-    param_habits=PARAM_HABITS,
+    param_traits=PARAM_TRAITS,
     link=LINK,
 )

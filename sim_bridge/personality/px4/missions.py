@@ -1,16 +1,14 @@
-"""How PX4 1.17 transfers and keeps missions, fences and rally points, as recorded.
+"""Mission transfer and storage of PX4 1.17, as recorded.
 
-Knows: numbers and habits. Does not know: how they are used.
-
-There is one transfer in all, downloads included. What is being uploaded replaces the old only when it is whole. Most
-numbers are taken as they come: NaN altitudes and impossible places are kept, and read back.
+There is one transfer in total, downloads included. An upload replaces the old items only when it is complete. Most
+numbers are accepted unchecked: NaN altitudes and impossible positions are stored, and read back.
 """
 
 from __future__ import annotations
 
 from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
-from sim_bridge.protocol.missions.transfer_traits import SILENCE, Keeping, MissionAnswer, MissionTraits
+from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
 _RALLY_POINT = 5100
 _IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
@@ -26,37 +24,41 @@ _WIRE_FRAMES = {
     int(Frame.GLOBAL_RELATIVE_ALT): int(WireFrame.GLOBAL_RELATIVE_ALT_INT),
 }
 
-_KEEPING = {
-    int(MissionType.MISSION): Keeping(
-        capacity=10_000, frames=_FLOWN, told_frames=_WIRE_FRAMES, name="Mission", checks_numbers=False
+_STORAGE = {
+    int(MissionType.MISSION): StorageTraits(
+        capacity=10_000, frames=_FLOWN, read_back_frames=_WIRE_FRAMES, name="Mission", checks_numbers=False
     ),
-    int(MissionType.FENCE): Keeping(
+    int(MissionType.FENCE): StorageTraits(
         capacity=250,
-        frames=_FLOWN | dict.fromkeys(map(int, FenceCommand), _IN_PLACE),  # a waypoint is no offence in a fence
-        told_frames=dict.fromkeys(_WIRE_FRAMES, int(WireFrame.GLOBAL_INT)),
+        frames=_FLOWN | dict.fromkeys(map(int, FenceCommand), _IN_PLACE),  # a waypoint is accepted in a fence
+        read_back_frames=dict.fromkeys(_WIRE_FRAMES, int(WireFrame.GLOBAL_INT)),
         name="Fence",
         checks_numbers=False,
         vertices_min=3,
         only_param1=True,
         autocontinue=False,
     ),
-    int(MissionType.RALLY): Keeping(
-        capacity=250, frames={_RALLY_POINT: _IN_PLACE}, told_frames=_WIRE_FRAMES, name="Rally", checks_numbers=False
+    int(MissionType.RALLY): StorageTraits(
+        capacity=250,
+        frames={_RALLY_POINT: _IN_PLACE},
+        read_back_frames=_WIRE_FRAMES,
+        name="Rally",
+        checks_numbers=False,
     ),
 }
 
-# Texts that also go out as an event end in a tab.
+# Texts that are also sent as an event end in a tab.
 MISSIONS = MissionTraits(
-    keeping=_KEEPING,
-    ask_again_s=0.25,
-    give_up_s=5.0,
-    gave_up=MissionAnswer(None, "Operation timeout\t"),
+    storage=_STORAGE,
+    retry_s=0.25,
+    timeout_s=5.0,
+    timed_out=MissionAnswer(None, "Operation timeout\t"),
     int_requests=True,
     home_is_item_0=False,
     as_files=False,
     one_at_a_time=True,
     restarts=False,
-    any_item_is_life=True,
+    any_item_resets_timeout=True,
     single_precision=False,
     follows_float=True,
     stateless_reads=False,
@@ -67,7 +69,7 @@ MISSIONS = MissionTraits(
     busy=MissionAnswer(MissionResult.ERROR, "WPM: REJ. CMD: Busy\t"),
     no_space=MissionAnswer(MissionResult.NO_SPACE),
     wrong_sequence=SILENCE,
-    unasked_item=MissionAnswer(MissionResult.ERROR, "IGN MISSION_ITEM: No transfer\t"),
+    unrequested_item=MissionAnswer(MissionResult.ERROR, "IGN MISSION_ITEM: No transfer\t"),
     unknown_item=MissionAnswer(MissionResult.ERROR),
     refused_item=MissionAnswer(None, "IGN MISSION_ITEM: Invalid item\t"),
     float_item=SILENCE,

@@ -1,7 +1,6 @@
-"""Parameters of PX4 1.17 and how it handles them, as recorded.
+"""Parameters of PX4 1.17 and the traits of its parameter protocol, as recorded.
 
-Knows: names, defaults, bounds, and which of them decide something here. Does not know: what is done with them.
-The original has some 900 of them, in the order of the alphabet.
+The original has some 900 of them, in alphabetical order.
 """
 
 from __future__ import annotations
@@ -12,16 +11,16 @@ from sim_bridge.personality.table import Param
 
 _INT32, _REAL32 = 6, 9
 
-PARAM_HABITS = ParamTraits(
+PARAM_TRAITS = ParamTraits(
     sysid="MAV_SYS_ID",
     any_case=False,
-    tells_index=True,
+    sends_index=True,
     bytes_in_float=True,
     converts=False,
     takes_nan=True,
     hash_name="_HASH_CHECK",
 )
-LINK = LinkTraits(clock_step_ns=4_000_000, asks_time_every_s=float("inf"), signs=False)
+LINK = LinkTraits(clock_step_ns=4_000_000, timesync_period_s=float("inf"), signs=False)
 
 PARAMS = (
     Param("ASPD_SCALE_1", 1.0, _REAL32),

@@ -1,4 +1,1 @@
-"""Where the vehicles' bytes come from and go to: UDP, TCP, pseudo terminals.
-
-Knows: sockets, files, stations' addresses. Does not know: messages, vehicles, simulated time.
-"""
+"""The endpoints of the vehicles: UDP, TCP and pseudo terminals."""

@@ -1,8 +1,4 @@
-"""What a person writes to name an endpoint, and which addresses may be listened at.
-
-Knows: `udpout:HOST:PORT`, `udpin:PORT`, `tcpin:PORT`, `pty`, and that nobody outside this machine is let in unasked.
-Does not know: sockets.
-"""
+"""Parses endpoint texts (`udpout:HOST:PORT`, `udpin:PORT`, `tcpin:PORT`, `pty`) and limits them to this machine."""
 
 from __future__ import annotations
 
@@ -17,26 +13,26 @@ Address = tuple[str, int]
 
 
 class EndpointKind(StrEnum):
-    """How bytes travel, and who speaks first."""
+    """The transport, and which side sends first."""
 
-    UDP_OUT = "udpout"  # the vehicles call a ground station
-    UDP_IN = "udpin"  # the vehicles wait to be called
+    UDP_OUT = "udpout"  # the vehicles send to a ground station
+    UDP_IN = "udpin"  # the vehicles wait for a ground station
     TCP_IN = "tcpin"
-    PTY = "pty"  # a serial line to a program on this machine
+    PTY = "pty"  # a pseudo terminal, for a program on this machine
 
 
 @dataclass(frozen=True)
 class EndpointSpec:
     """One endpoint of a fleet.
 
-    `port` 0 takes any free one. Each vehicle has a port of its own: of a listening endpoint those from `port` on, one
-    by one, of a pty the terminal `path` and its system id. `shared`, all vehicles are at one.
+    `port` 0 takes any free one. Each vehicle has its own port: a listening endpoint uses those from `port` on, one by
+    one; a pty is named `path` and the system id. With `shared` all vehicles use one port.
     """
 
     kind: EndpointKind
     host: str = LOOPBACK
     port: int = 0
-    path: str = ""  # of a pty: the symbolic link that leads to it; none by default
+    path: str = ""  # of a pty: a symbolic link to it; default none
     shared: bool = False
 
     def __str__(self) -> str:
@@ -44,24 +40,27 @@ class EndpointSpec:
         return f"{self.kind}:{where}" if where else str(self.kind)
 
     def port_of(self, row: int) -> int:
-        """The port of one vehicle. Raises `UsageError` past the last one there is."""
+        """Return the port of one vehicle. Raises `UsageError` above 65535."""
         port = self.port + row if self.port and not self.shared and self.kind is not EndpointKind.UDP_OUT else self.port
         if port > 0xFFFF:
-            raise UsageError(f"{self} has no port left for vehicle {row + 1} of the fleet.", hint="begin lower")
+            raise UsageError(
+                f"{self}: vehicle {row + 1} of the fleet would need port {port}, above 65535.",
+                hint="choose a lower port",
+            )
         return port
 
 
 def call(port: int, host: str = LOOPBACK) -> EndpointSpec:
-    """Vehicles that call a ground station over UDP."""
+    """Return the endpoint of vehicles that send to a ground station over UDP."""
     return EndpointSpec(EndpointKind.UDP_OUT, host, port)
 
 
 CALL_GROUND = call(14550)
-_HINT = "write for example udpout:127.0.0.1:14550, udpin:14540, tcpin:5760, pty or pty:/tmp/vehicle"
+_HINT = "write e.g. udpout:127.0.0.1:14550, udpin:14540, tcpin:5760, pty or pty:/tmp/vehicle"
 
 
 def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> EndpointSpec:
-    """The endpoint that `text` names; `bind` is the address that may be listened at beside loopback.
+    """Return the endpoint that `text` names; `bind` is the address that may be listened on besides loopback.
 
     Raises `UsageError` that quotes the text.
     """
@@ -75,21 +74,21 @@ def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> Endp
     host, _, port_text = rest.rpartition(":")
     least = 1 if kind is EndpointKind.UDP_OUT else 0
     if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) <= 0xFFFF):
-        raise UsageError(f"{text!r} does not name a link: the port is a number up to 65535.", hint=_HINT)
+        raise UsageError(f"{text!r} does not name a link: the port must be a number up to 65535.", hint=_HINT)
     if kind is EndpointKind.UDP_OUT:
         if not host:
-            raise UsageError(f"{text!r} does not name a link: whom should the vehicles call?", hint=_HINT)
+            raise UsageError(f"{text!r} does not name a link: the host of the ground station is missing.", hint=_HINT)
         return EndpointSpec(kind, host, int(port_text), shared=shared)
     if host and host != bind and not is_loopback(host):
         raise UsageError(
-            f"{text!r} would listen beyond this machine, where anybody may command the vehicles.",
-            hint=f"if that is meant, add --bind {host}",
+            f"{text!r} would let other machines command the vehicles.",
+            hint=f"to allow this, add --bind {host}",
         )
     return EndpointSpec(kind, host or bind, int(port_text), shared=shared)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether nobody outside this machine can reach `host`; a name counts only if it is `localhost`."""
+    """Whether only this machine can reach `host`; of host names only `localhost` counts."""
     if host == "localhost":
         return True
     try:

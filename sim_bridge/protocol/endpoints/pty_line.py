@@ -1,7 +1,6 @@
-"""Vehicles at the far end of a serial line: a pseudo terminal that any program opens like a radio's device.
+"""A pseudo terminal that any program can open like the device of a telemetry radio. Every baud rate works.
 
-Knows: one pseudo terminal, and the name it goes by. Does not know: messages, baud rates (a terminal takes any). As on
-a real line nobody is told whether somebody listens: what is not read is lost, whole frames at a time.
+As on a real line, the sender does not know if a program listens: what is not read is lost, whole frames at a time.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ _SOURCE = "line"
 
 
 class PtyLine:
-    """One pseudo terminal; `name` is added to the spec's path."""
+    """One pseudo terminal; `name` is added to the path of the spec."""
 
     def __init__(self, spec: EndpointSpec, name: str, watch: Watch) -> None:
-        """Make the terminal. Raises `LinkError` where its name is taken or there are no terminals."""
+        """Open the terminal. Raises `LinkError` if its name is taken or no terminal is available."""
         self._watch = watch
         self._link: Path | None = None
-        self._rest = b""  # of a frame that was cut by a full buffer
+        self._rest = b""  # remainder of a frame that a full buffer cut
         try:
             self._ours, self._theirs = os.openpty()
         except OSError as error:
-            raise LinkError(f"there is no pseudo terminal to be had: {error.strerror}.") from error
+            raise LinkError(f"no pseudo terminal is available: {error.strerror}.") from error
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
         watch.add(self._ours, self)
@@ -39,18 +38,18 @@ class PtyLine:
             link = Path(spec.path + name)
             try:
                 if link.is_symlink() and link.readlink().parent == Path(device).parent:
-                    link.unlink()  # left behind by a run that was killed
+                    link.unlink()  # from an earlier run that was killed
                 link.symlink_to(device)
             except OSError as error:
                 self.close()
                 raise LinkError(
-                    f"{link} cannot be made to lead to {device}: {error.strerror}.", hint="name another path"
+                    f"the link {link} to {device} cannot be created: {error.strerror}.", hint="choose another path"
                 ) from error
             self._link = link
         self.place = PeerAddress(str(spec.kind), str(self._link or device))
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
-        """Whatever was written into the terminal."""
+        """Return the bytes written into the terminal."""
         for _ in range(PER_TURN):
             try:
                 data = os.read(self._ours, LARGEST)
@@ -61,7 +60,7 @@ class PtyLine:
             yield data, _SOURCE
 
     def heard(self, source: Source, now_s: float) -> None:
-        """Whoever is at the other end hears the vehicles anyway."""
+        """Nothing to do: the program at the other end receives all frames anyway."""
 
     def send(self, frames: Sequence[bytes], now_s: float) -> None:
         """Write frames; a frame that was begun is finished before the next."""
@@ -74,14 +73,14 @@ class PtyLine:
             self._rest = left if len(left) < len(frame) else b""
 
     def _write(self, data: bytes) -> bytes:
-        """What of `data` did not fit."""
+        """Write `data`; return the part that did not fit."""
         try:
             return data[os.write(self._ours, data) :]
         except OSError:
             return data
 
     def close(self) -> None:
-        """Let the terminal and its name go."""
+        """Close the terminal and remove its name."""
         if not self._open:
             return
         self._open = False

@@ -1,7 +1,4 @@
-"""All endpoints of a fleet: which vehicle is at which line, and what is to be sent where.
-
-Knows: lines, rows of vehicles. Does not know: messages, what a vehicle is.
-"""
+"""All endpoints of a fleet: which vehicle uses which line, and the frames to send on each."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from sim_bridge.protocol.endpoints.udp_line import UdpLine
 
 
 class Arrival(NamedTuple):
-    """Bytes that came in on line number `line`."""
+    """Bytes that arrived on line number `line`."""
 
     line: int
     data: bytes
@@ -24,20 +21,20 @@ class Arrival(NamedTuple):
 
 
 class Switchboard:
-    """Opens endpoints for vehicles with these system ids. `rows[line]` are the vehicles at a line."""
+    """Opens endpoints for vehicles with these system ids. `rows[line]` are the vehicles on a line."""
 
     def __init__(self, specs: Sequence[EndpointSpec], sysids: Sequence[int]) -> None:
-        """Open everything. Raises `LinkError` or `UsageError`, and leaves nothing open then."""
+        """Open all endpoints. Raises `LinkError` or `UsageError`, and then leaves none open."""
         self._watch = Watch()
-        self._numbers: dict[int, int] = {}  # id of a line -> its number
+        self._numbers: dict[int, int] = {}  # id() of a line -> its number
         self._lines: list[Line] = []
         self.rows: list[tuple[int, ...]] = []
         self._lines_of: list[list[int]] = [[] for _ in sysids]
         self._waiting: dict[int, list[bytes]] = {}
-        everyone = tuple(range(len(sysids)))
+        all_rows = tuple(range(len(sysids)))
         try:
             for spec in specs:
-                for rows in [everyone] if spec.shared else [(row,) for row in everyone]:
+                for rows in [all_rows] if spec.shared else [(row,) for row in all_rows]:
                     self._add(_open(spec, rows[0], "" if spec.shared else str(sysids[rows[0]]), self._watch), rows)
         except BaseException:
             self.close()
@@ -52,15 +49,15 @@ class Switchboard:
             self._lines_of[row].append(number)
 
     def places(self, row: int) -> list[PeerAddress]:
-        """Where one vehicle can be reached."""
+        """Return the addresses of one vehicle."""
         return [self._lines[number].place for number in self._lines_of[row]]
 
     def watch(self, file: int) -> None:
-        """Wake up for this file descriptor too; `receive` tells of it as line -1."""
+        """Watch this file descriptor too; `receive` reports it as line -1."""
         self._watch.add(file, None)
 
     def receive(self, timeout_s: float, now_s: float) -> Iterator[Arrival]:
-        """Everything that has come in, waiting for the first of it at most `timeout_s`."""
+        """Return all that has arrived, waiting at most `timeout_s` for the first of it."""
         for file, line in self._watch.ready(timeout_s):
             if line is None:
                 yield Arrival(-1, b"", None)
@@ -69,23 +66,23 @@ class Switchboard:
                 yield Arrival(self._numbers[id(line)], data, source)
 
     def heard(self, line: int, source: Source, now_s: float) -> None:
-        """A whole frame came from there."""
+        """Record that `source` sent a whole frame."""
         self._lines[line].heard(source, now_s)
 
     def put(self, row: int, frames: Sequence[bytes]) -> None:
-        """Frames of one vehicle, to be sent on all its lines at the next `flush`."""
+        """Queue frames of one vehicle on all its lines, for the next `flush`."""
         for number in self._lines_of[row]:
             self._waiting.setdefault(number, []).extend(frames)
 
     def flush(self, now_s: float) -> None:
-        """Send what was put."""
+        """Send the queued frames."""
         if self._waiting:
             for number, frames in self._waiting.items():
                 self._lines[number].send(frames, now_s)
             self._waiting.clear()
 
     def close(self) -> None:
-        """Let everything go."""
+        """Close all lines."""
         for line in self._lines:
             line.close()
         self._lines.clear()

@@ -1,7 +1,7 @@
-"""Vehicles on a TCP port, for any number of ground stations that connect and leave as they please.
+"""A TCP server for any number of ground stations.
 
-Knows: one listening socket and its connections. Does not know: messages. A station that does not read is not waited
-for: what does not fit into its buffer is lost to it, whole frames at a time, and the stream stays readable.
+The vehicles do not wait for a ground station that does not read. What does not fit into its buffer is lost, whole
+frames at a time, so the stream stays readable.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _BACKLOG_BYTES = 1 << 18
 
 
 class _Connection:
-    """One station; `number` tells it from earlier ones."""
+    """One ground station; `number` distinguishes it from earlier ones."""
 
     def __init__(self, sock: socket.socket, number: int) -> None:
         self.socket = sock
@@ -36,24 +36,24 @@ class _Connection:
 
 
 class TcpLine:
-    """One server; `row` is the vehicle's, or 0 where all share it."""
+    """One server; `row` is that of the vehicle, or 0 where all share it."""
 
     def __init__(self, spec: EndpointSpec, row: int, watch: Watch) -> None:
-        """Listen. Raises `LinkError` when the port is taken, or the host is not of this machine."""
+        """Listen. Raises `LinkError` if the port is taken, or the host is not of this machine."""
         self._watch = watch
         self._connections: dict[int, _Connection] = {}
         self._accepted = 0
         try:
             self._server = socket.create_server((spec.host, spec.port_of(row)))
         except OSError as error:
-            raise LinkError(f"{spec} cannot be had: {error.strerror}.", hint="name another port") from error
+            raise LinkError(f"{spec} cannot be opened: {error.strerror}.", hint="choose another port") from error
         self._server.setblocking(False)
         watch.add(self._server.fileno(), self)
         host, port = self._server.getsockname()[:2]
         self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
-        """Bytes of one connection, or a new connection, which brings none yet."""
+        """Return the bytes of one connection; a new connection has none yet."""
         connection = self._connections.get(file)
         if connection is None:
             self._accept()
@@ -71,7 +71,7 @@ class TcpLine:
             yield data, connection.number
 
     def heard(self, source: Source, now_s: float) -> None:
-        """Every connection hears the vehicles from the start."""
+        """Nothing to do: every connection receives telemetry from the start."""
 
     def send(self, frames: Sequence[bytes], now_s: float) -> None:
         """Send frames to every connection."""
@@ -79,7 +79,7 @@ class TcpLine:
             connection.send(frames)
 
     def close(self) -> None:
-        """Hang up and let the port go."""
+        """Close all connections and the port."""
         for file in list(self._connections):
             self._drop(file)
         if self._server.fileno() >= 0:

@@ -1,7 +1,6 @@
-"""Vehicles on a UDP port that call a ground station, or wait to be called, and talk to whoever talks to them.
+"""A UDP port of vehicles that send to a ground station, or wait for one, and answer every station that sends frames.
 
-Knows: one socket, the stations at its other end. Does not know: messages. A station that has been silent for long
-is talked to no more, except the one that is called by name.
+A station that has been silent for _FORGET_S gets no more frames, except the configured one.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, EndpointKin
 from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch, datagrams
 
 _BUFFER_BYTES = 1 << 20
-_MOST_STATIONS = 16  # senders of frames are believed to be stations, but not a flood of them
+_MOST_STATIONS = 16  # every sender of whole frames counts as a ground station, up to this number
 _FORGET_S = 30.0
 
 
 class UdpLine:
-    """One socket; `row` is the vehicle's, or 0 where all share it."""
+    """One socket; `row` is that of the vehicle, or 0 where all share it."""
 
     def __init__(self, spec: EndpointSpec, row: int, watch: Watch) -> None:
-        """Take the port. Raises `LinkError` when it is taken, or the host does not exist."""
+        """Open the port. Raises `LinkError` if it is taken, or the host does not exist."""
         self._watch = watch
-        self._stations: dict[Any, float] = {}  # when each was last heard
+        self._stations: dict[Any, float] = {}  # wall time of the last frame of each
         self._forget_at_s = math.inf
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -39,7 +38,7 @@ class UdpLine:
                 self._socket.bind((spec.host, spec.port_of(row)))
         except OSError as error:
             self._socket.close()
-            raise LinkError(f"{spec} cannot be had: {error.strerror}.", hint="name another port") from error
+            raise LinkError(f"{spec} cannot be opened: {error.strerror}.", hint="choose another port") from error
         except LinkError:
             self._socket.close()
             raise
@@ -48,7 +47,7 @@ class UdpLine:
         self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
 
     def _call(self, ground: Address) -> None:
-        """Call `ground`. On this machine anybody may answer; from elsewhere only who was called."""
+        """Send to `ground`. On this machine any program may answer; elsewhere only that address."""
         local = is_loopback(ground[0])
         self._socket.bind((LOOPBACK if local else "", 0))
         if not local:
@@ -56,17 +55,17 @@ class UdpLine:
         self._stations[ground] = math.inf
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
-        """Datagrams and their senders."""
+        """Return datagrams and their senders."""
         for _ in range(PER_TURN):
             try:
                 yield self._socket.recvfrom(LARGEST)
             except (BlockingIOError, InterruptedError):
                 return
-            except OSError:  # an earlier datagram met a closed port; the next one may not
+            except OSError:  # an earlier datagram reached a closed port; the next one may not
                 continue
 
     def heard(self, source: Source, now_s: float) -> None:
-        """Talk to this address from now on."""
+        """Send to this address from now on."""
         if source in self._stations:
             self._stations[source] = max(self._stations[source], now_s)
         elif len(self._stations) < _MOST_STATIONS:
@@ -74,7 +73,7 @@ class UdpLine:
             self._forget_at_s = min(self._forget_at_s, now_s + _FORGET_S)
 
     def send(self, frames: Sequence[bytes], now_s: float) -> None:
-        """Send frames to every station."""
+        """Send frames to every ground station."""
         if now_s > self._forget_at_s:
             self._stations = {s: at_s for s, at_s in self._stations.items() if now_s - at_s < _FORGET_S}
             self._forget_at_s = min(self._stations.values(), default=math.inf) + _FORGET_S
@@ -88,16 +87,16 @@ class UdpLine:
                     continue
 
     def close(self) -> None:
-        """Let the port go."""
+        """Close the port."""
         if self._socket.fileno() >= 0:
             self._watch.remove(self._socket.fileno())
             self._socket.close()
 
 
 def resolve(spec: EndpointSpec) -> Address:
-    """The host's IPv4 address. Raises `LinkError`."""
+    """Return the IPv4 address of the host. Raises `LinkError`."""
     try:
         found = socket.getaddrinfo(spec.host, spec.port, family=socket.AF_INET, type=socket.SOCK_DGRAM)
     except OSError as error:
-        raise LinkError(f"there is no host named {spec.host!r}.", hint="use an IPv4 address") from error
+        raise LinkError(f"the host {spec.host!r} is unknown.", hint="use an IPv4 address") from error
     return str(found[0][4][0]), spec.port

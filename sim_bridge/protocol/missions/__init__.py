@@ -1,1 +1,1 @@
-"""What one vehicle holds of missions, fences and rally points, and how it comes by them."""
+"""The missions, fences and rally points that one vehicle stores, and their transfers."""

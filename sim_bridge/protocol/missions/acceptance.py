@@ -1,7 +1,4 @@
-"""Which items a vehicle takes, and in which shape it keeps them and reads them back.
-
-Knows: the habits of `Keeping`. Does not know: transfers, how items are flown.
-"""
+"""Which mission items a vehicle accepts, and how it stores and reads them back."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from gcs.link.wire.message import Message
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import Command, Frame, MissionItem
 from sim_bridge.protocol.missions.fence import POLYGONS
-from sim_bridge.protocol.missions.transfer_traits import Keeping
+from sim_bridge.protocol.missions.transfer_traits import StorageTraits
 
 _HALF_CIRCLE_degE7 = 1_800_000_000
 _PARAMS = (
@@ -28,39 +25,39 @@ _PARAMS = (
 _FREE_HEADING = frozenset({int(Command.NAV_WAYPOINT), int(Command.NAV_LAND)})  # parameter 4 may be NaN
 
 
-def verdict(item: MissionItem, keeping: Keeping) -> MissionResult:
-    """Whether the vehicle takes the item, or why not."""
-    frames = keeping.frames.get(item.command)
+def item_result(item: MissionItem, storage: StorageTraits) -> MissionResult:
+    """Return ACCEPTED, or why the vehicle refuses the item."""
+    frames = storage.frames.get(item.command)
     if frames is None:
         return MissionResult.UNSUPPORTED
     if item.frame not in frames:
-        known = any(item.frame in others for others in keeping.frames.values())
+        known = any(item.frame in others for others in storage.frames.values())
         return MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME
-    return _numbers(item) if keeping.checks_numbers else MissionResult.ACCEPTED
+    return _numbers(item) if storage.checks_numbers else MissionResult.ACCEPTED
 
 
-def too_few_vertices(item: MissionItem, keeping: Keeping) -> bool:
-    """Whether the item says that it belongs to a polygon that cannot be one."""
-    return item.command in POLYGONS and not item.params[0] >= keeping.vertices_min
+def too_few_vertices(item: MissionItem, storage: StorageTraits) -> bool:
+    """Whether the item belongs to a polygon with fewer vertices than this autopilot accepts."""
+    return item.command in POLYGONS and not item.params[0] >= storage.vertices_min
 
 
-def kept(item: MissionItem, keeping: Keeping) -> MissionItem:
-    """The item as it is kept."""
+def as_stored(item: MissionItem, storage: StorageTraits) -> MissionItem:
+    """Return the item as the vehicle stores it."""
     params, frame, alt_m = item.params, item.frame, item.alt_m
-    if keeping.only_param1:
+    if storage.only_param1:
         params = (params[0], 0.0, 0.0, 0.0)
-    if keeping.land_param4 is not None and item.command == Command.NAV_LAND and params[3] == 0.0:
-        params = (*params[:3], keeping.land_param4)
-    if keeping.plain_frame is not None and not has_position(item.command):
-        frame = keeping.plain_frame
-    elif keeping.whole_centimetres:
+    if storage.land_param4 is not None and item.command == Command.NAV_LAND and params[3] == 0.0:
+        params = (*params[:3], storage.land_param4)
+    if storage.plain_frame is not None and not has_position(item.command):
+        frame = storage.plain_frame
+    elif storage.whole_centimetres:
         alt_m = _cut(alt_m)
-    autocontinue = item.autocontinue if keeping.autocontinue is None else keeping.autocontinue
+    autocontinue = item.autocontinue if storage.autocontinue is None else storage.autocontinue
     return replace(item, params=params, frame=frame, alt_m=alt_m, autocontinue=autocontinue)
 
 
 def flyable(items: Sequence[MissionItem]) -> bool:
-    """Whether all numbers of a flight mission are numbers and all places on Earth: not all autopilots insist.
+    """Whether all numbers of a mission are finite and all positions are on Earth; not every autopilot checks this.
 
     A heading (parameter 4) may be NaN, which means any.
     """
@@ -73,7 +70,7 @@ def flyable(items: Sequence[MissionItem]) -> bool:
 
 
 def in_single_precision(message: Message) -> Message:
-    """A MISSION_ITEM with the degrees that single precision makes of it; anything else as it is."""
+    """Return a MISSION_ITEM with its degrees rounded to single precision; other messages unchanged."""
     f = message.fields
     if message.name != "MISSION_ITEM" or not (math.isfinite(f["x"]) and math.isfinite(f["y"])):
         return message
@@ -83,17 +80,17 @@ def in_single_precision(message: Message) -> Message:
 
 
 def in_wire_order(items: Sequence[MissionItem], seq: int, item: MissionItem) -> tuple[MissionItem, ...]:
-    """The items with `item` as number `seq`, replaced or added behind the last."""
+    """Return the items with `item` as number `seq`, replaced or appended."""
     return (*items[:seq], item, *items[seq + 1 :])
 
 
-def capacity(keeping: Keeping | None) -> int:
-    """How many items fit; none of an unknown type."""
-    return keeping.capacity if keeping is not None else 0
+def capacity(storage: StorageTraits | None) -> int:
+    """Return how many items fit; 0 for an unknown type."""
+    return storage.capacity if storage is not None else 0
 
 
 def types_meant(kind: int, known: Sequence[int], *, clears_all: bool) -> tuple[int, ...]:
-    """The mission types that a MISSION_CLEAR_ALL of type `kind` names."""
+    """Return the mission types that a MISSION_CLEAR_ALL of type `kind` names."""
     if kind == MissionType.ALL and clears_all:
         return tuple(known)
     return (kind,) if kind in known else ()
@@ -119,6 +116,6 @@ def _place(item: MissionItem) -> MissionResult:
 
 
 def _cut(alt_m: float) -> float:
-    """Whole centimetres towards zero, reckoned in single precision as the originals do."""
+    """Return whole centimetres towards zero, computed in single precision as the originals do."""
     with np.errstate(over="ignore"):
         return float(np.trunc(np.float32(alt_m) * np.float32(100.0))) / 100.0

@@ -1,8 +1,4 @@
-"""Fences: what their items mean, whether they make sense, and on which side of them a place is.
-
-Knows: polygons of vertices and circles, each to stay inside or outside of. Does not know: transfers, what a vehicle
-does about a breach.
-"""
+"""Fences: polygons and circles from mission items, their validity, and whether a position violates them."""
 
 from __future__ import annotations
 
@@ -32,10 +28,10 @@ class FenceShape:
     stay_outside: bool
 
     def violated(self, north_m: float, east_m: float) -> bool:
-        """Whether a vehicle there is on the wrong side; on the line it is not."""
-        return self._holds(north_m, east_m) == self.stay_outside
+        """Whether a vehicle at this position is on the wrong side; on the line it is not."""
+        return self._contains(north_m, east_m) == self.stay_outside
 
-    def _holds(self, north_m: float, east_m: float) -> bool:
+    def _contains(self, north_m: float, east_m: float) -> bool:
         if self.radius_m > 0.0:
             centre = self.corners_ned_m[0]
             return math.hypot(north_m - centre[0], east_m - centre[1]) <= self.radius_m
@@ -48,7 +44,7 @@ class FenceShape:
 
 
 def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[FenceShape, ...]:
-    """The polygons and circles that whole fence items make; what makes none is left out."""
+    """Return the polygons and circles that the fence items form; incomplete ones are left out."""
     found: list[FenceShape] = []
     at = 0
     while at < len(items):
@@ -66,7 +62,7 @@ def shapes(items: Sequence[MissionItem], origin: Origin) -> tuple[FenceShape, ..
 
 
 def what_is_wrong(items: Sequence[MissionItem]) -> tuple[Severity, str] | None:
-    """Why these items make no fence, in the words ArduPilot has for it; None where they do."""
+    """Return why these items are not a valid fence, in ArduPilot's words; None if they are."""
     missing, first = 0, None
     for item in items:
         if item.command in POLYGONS:
@@ -86,12 +82,12 @@ def what_is_wrong(items: Sequence[MissionItem]) -> tuple[Severity, str] | None:
 
 
 def encloses(items: Sequence[MissionItem], place: Origin) -> bool:
-    """Whether a fence makes sense and leaves `place` on the right side of everything; an empty one does."""
+    """Whether a fence is valid and not violated at `place`; an empty fence is."""
     return not _unfinished(items) and not any(shape.violated(0.0, 0.0) for shape in shapes(items, place))
 
 
 def count_shapes(items: Sequence[MissionItem]) -> int:
-    """How many polygons and circles the items of a fence begin."""
+    """Return how many polygons and circles the items of a fence begin."""
     number, missing = 0, 0
     for item in items:
         if item.command in POLYGONS and missing:
@@ -103,13 +99,13 @@ def count_shapes(items: Sequence[MissionItem]) -> int:
 
 
 def _unfinished(items: Sequence[MissionItem]) -> bool:
-    """Whether some vertex belongs to no whole polygon."""
+    """Whether a vertex belongs to no complete polygon."""
     whole = sum(len(shape.corners_ned_m) for shape in shapes(items, Origin(0.0, 0.0, 0.0)) if not shape.radius_m)
     return whole != sum(item.command in POLYGONS for item in items)
 
 
 def places(items: Sequence[MissionItem], origin: Origin) -> Array:
-    """Where items are, north and east in metres (N, 2)."""
+    """Return the positions of the items, north and east in metres (N, 2)."""
     lat_deg = np.array([from_degE7(item.lat_degE7) for item in items])
     lon_deg = np.array([from_degE7(item.lon_degE7) for item in items])
     ned_m = geodetic_to_ned(lat_deg, lon_deg, np.full(len(items), origin.alt_amsl_m), origin)

@@ -1,8 +1,7 @@
 """Missions, fence and rally points as ArduPilot's files: @MISSION/mission.dat, fence.dat and rally.dat.
 
-Knows: the layout (`gcs.link.mission_protocol.mission_dat`), what makes a file invalid: another magic, a number of
-items that is not its length's, an item that is all zeros, which is a piece that never came. Does not know: how files
-travel, which items please (`shelf`).
+`gcs.link.mission_protocol.mission_dat` has the layout. A file is invalid with another magic number, with a count of
+items that does not match its length, or with an item that is all zeros: a part that never arrived.
 """
 
 from __future__ import annotations
@@ -16,38 +15,38 @@ from gcs.mavlink import MissionType
 from sim_bridge.protocol.missions.store import MissionStore
 
 WRITTEN_MAX = HEADER.size + 0xFFFF * ITEM.size
-_KEEP_OTHERS = 1  # an option: items before `start` and behind the last stay
+_KEEP_OTHERS = 1  # an option: keep items before `start` and after the last
 _KINDS = {path_of(kind): kind for kind in (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY)}
 
 
 def items_in(message: Message) -> range:
-    """The numbers of the items of which a piece of a file that is written here has something."""
-    asked = read_payload(message)
-    if asked is None or asked.opcode != FtpOpcode.WRITE_FILE:
+    """Return the numbers of the items that a WRITE_FILE request touches."""
+    request = read_payload(message)
+    if request is None or request.opcode != FtpOpcode.WRITE_FILE:
         return range(0)
-    first, end = asked.offset - HEADER.size, asked.offset + len(asked.data) - HEADER.size
+    first, end = request.offset - HEADER.size, request.offset + len(request.data) - HEADER.size
     return range(max(first, 0) // ITEM.size, max(-(-end // ITEM.size), 0))
 
 
 class MissionFiles:
     """The virtual folder of one vehicle."""
 
-    def __init__(self, shelf: MissionStore) -> None:
-        self._shelf = shelf
+    def __init__(self, store: MissionStore) -> None:
+        self._store = store
 
     def has(self, path: str) -> bool:
         """Whether there is such a file."""
         return path in _KINDS
 
     def read(self, path: str) -> bytes:
-        """The file as it would be now. Raises KeyError."""
+        """Return the present content of the file. Raises KeyError."""
         kind = _KINDS[path]
-        told = self._shelf.told(kind)
-        rows = (ITEM.pack(*(message.fields[name] for name in FIELDS)) for message in told)
-        return HEADER.pack(MAGIC, kind, 0, 0, len(told)) + b"".join(rows)
+        messages = self._store.read_back(kind)
+        rows = (ITEM.pack(*(message.fields[name] for name in FIELDS)) for message in messages)
+        return HEADER.pack(MAGIC, kind, 0, 0, len(messages)) + b"".join(rows)
 
     def write(self, path: str, data: bytes) -> bool:
-        """Take a file that was closed; False where it is refused. Raises KeyError."""
+        """Store a file that was closed; return False if it is refused. Raises KeyError."""
         kind = _KINDS[path]
         if len(data) < HEADER.size:
             return False
@@ -62,4 +61,4 @@ class MissionFiles:
             )
         except PeerError:
             return False
-        return self._shelf.replace(kind, items, start=start, clear=not options & _KEEP_OTHERS)
+        return self._store.replace(kind, items, start=start, clear=not options & _KEEP_OTHERS)

@@ -1,8 +1,4 @@
-"""How one make of autopilot transfers and keeps missions, fences and rally points, as tables.
-
-Knows: what can differ. Does not know: any autopilot's values (they stand in `sim_bridge.personality`), how they are
-used.
-"""
+"""What differs between autopilots in the transfer and storage of missions, fences and rally points."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ from gcs.mission.model import MissionItem
 
 
 class MissionAnswer(NamedTuple):
-    """What is said to something unwelcome: a MISSION_ACK, a STATUSTEXT, both, or (as it is here) nothing."""
+    """The answer to an irregular message: a MISSION_ACK, a STATUSTEXT, both, or (by default) none."""
 
     result: MissionResult | None = None
     text: str = ""
@@ -26,92 +22,91 @@ SILENCE = MissionAnswer()
 
 
 @dataclass(frozen=True)
-class Keeping:
-    """How items of one mission type are taken and kept.
+class StorageTraits:
+    """How items of one mission type are accepted and stored.
 
-    `frames` are those an item may have, by command: commands that are not in it are UNSUPPORTED, frames that no
-    command has are UNSUPPORTED_FRAME. Frames are those of files (0, 2, 3, 10); `told_frames` are those that items
-    are read back in.
+    `frames` are the permitted frames by command. A command that is not in it is UNSUPPORTED; a frame that no command
+    has is UNSUPPORTED_FRAME. Frames are those of files (0, 2, 3, 10). `read_back_frames` are those of downloads.
     """
 
     capacity: int
     frames: Mapping[int, frozenset[int]]
-    told_frames: Mapping[int, int]
-    name: str  # in texts
-    total: str = ""  # parameter that tells how many there are
-    received: str = ""  # STATUSTEXT after a whole transfer
+    read_back_frames: Mapping[int, int]
+    name: str  # in STATUSTEXTs
+    total: str = ""  # parameter with the number of items
+    received: str = ""  # STATUSTEXT after a complete transfer
     received_severity: Severity = Severity.INFO
     cleared: str = ""  # STATUSTEXT after a clear, of the same severity
-    item_by_item: bool = False  # kept as they come: a transfer that breaks off leaves some new and some old ones
-    checks_numbers: bool = True  # refuses NaN and places that are not on Earth
-    checks_shapes: bool = False  # refuses a fence whose polygons and circles make no sense, once it has all
-    vertices_min: int = 0  # refuses a polygon that says it has fewer, at its first vertex
-    only_param1: bool = False  # the other parameters are forgotten
-    plain_frame: int | None = None  # what items without a position are kept in; None is what they came in
+    item_by_item: bool = False  # stored as they arrive: an interrupted transfer leaves some new and some old ones
+    checks_numbers: bool = True  # refuses NaN and positions that are not on Earth
+    checks_shapes: bool = False  # refuses an invalid fence, when it is complete
+    vertices_min: int = 0  # refuses a polygon with fewer, at its first vertex
+    only_param1: bool = False  # the other parameters are not stored
+    plain_frame: int | None = None  # frame of stored items without a position; None: as uploaded
     land_param4: float | None = None
     whole_centimetres: bool = False
-    autocontinue: bool | None = None  # None is what it came with
+    autocontinue: bool | None = None  # None: as uploaded
 
 
 @dataclass(frozen=True)
 class MissionTraits:
-    """Transfers. Times in seconds."""
+    """Mission transfers. Times in seconds."""
 
-    keeping: Mapping[int, Keeping]  # by mission type
-    ask_again_s: float  # for an item that does not come
-    give_up_s: float  # without an item
-    gave_up: MissionAnswer  # {name} is the mission type's
-    int_requests: bool  # asks with MISSION_REQUEST_INT
+    storage: Mapping[int, StorageTraits]  # by mission type
+    retry_s: float  # until a missing item is requested again
+    timeout_s: float  # without any item
+    timed_out: MissionAnswer  # {name} is that of the mission type
+    int_requests: bool  # requests with MISSION_REQUEST_INT
     home_is_item_0: bool
-    as_files: bool  # serves and takes them by MAVLink FTP too
-    one_at_a_time: bool  # one transfer in all, downloads included; else one upload for each mission type
-    restarts: bool  # a second MISSION_COUNT begins anew; else only the first request is repeated
-    any_item_is_life: bool  # an item out of sequence counts as a sign that the station is there
+    as_files: bool  # also transfers them by MAVLink FTP
+    one_at_a_time: bool  # one transfer in total, downloads included; else one upload per mission type
+    restarts: bool  # a second MISSION_COUNT restarts the upload; else only the first request is repeated
+    any_item_resets_timeout: bool  # an item out of sequence restarts the timeout too
     single_precision: bool  # the degrees of a MISSION_ITEM become integers in single precision
-    follows_float: bool  # a MISSION_ITEM is followed by requests for MISSION_ITEM; else by a reproach
-    stateless_reads: bool  # items are read without a MISSION_REQUEST_LIST before
-    cancellable: bool  # a MISSION_ACK of the station may end the transfer
-    clears_all: bool  # mission type 255 stands for all of them
-    first_is_current: bool  # item 0 reads back as `current` before anything was flown
+    follows_float: bool  # after a MISSION_ITEM it requests MISSION_ITEM; else it sends a warning
+    stateless_reads: bool  # items can be read without a MISSION_REQUEST_LIST first
+    cancellable: bool  # a MISSION_ACK of the ground station can end the transfer
+    clears_all: bool  # mission type 255 clears all types
+    first_is_current: bool  # item 0 reads back as `current` before the first flight
     second_station: MissionAnswer
-    busy: MissionAnswer  # the same station, in the middle of a transfer
+    busy: MissionAnswer  # to the same ground station, during a transfer
     no_space: MissionAnswer  # {capacity} is the number of items that fit
     wrong_sequence: MissionAnswer
-    unasked_item: MissionAnswer
-    unknown_item: MissionAnswer  # that is asked for and not there
+    unrequested_item: MissionAnswer
+    unknown_item: MissionAnswer  # a requested item that does not exist
     refused_item: MissionAnswer  # after a MISSION_ACK with the reason
     float_item: MissionAnswer
     read_while_busy: MissionAnswer
     unknown_type: MissionAnswer  # in a MISSION_COUNT
-    unknown_type_read: MissionAnswer | None  # None is MISSION_COUNT 0
+    unknown_type_read: MissionAnswer | None  # None: MISSION_COUNT 0
     bad_shape: MissionAnswer
-    home_outside: MissionAnswer  # said some time after a fence was stored that home is not inside of, or that is none
+    home_outside: MissionAnswer  # sent some time after a fence was stored that is invalid or does not contain home
     home_outside_after_s: float
 
 
 @dataclass
 class Upload:
-    """A transfer to this vehicle that is under way."""
+    """An upload to this vehicle that is under way."""
 
     peer_sysid: int
     peer_compid: int
     kind: int
     count: int
     int_requests: bool
-    asked_s: float
+    requested_s: float
     heard_s: float
     items: list[MissionItem] = field(default_factory=list)
-    reproached: bool = False
+    float_warned: bool = False
 
     @property
     def seq(self) -> int:
-        """The item that is awaited."""
+        """The next item to receive."""
         return len(self.items)
 
 
 @dataclass
 class Download:
-    """A transfer from this vehicle that is under way, where the autopilot keeps track of that."""
+    """A download from this vehicle that is under way, where the autopilot tracks it."""
 
     peer_sysid: int
     peer_compid: int

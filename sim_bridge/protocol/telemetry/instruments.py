@@ -1,7 +1,4 @@
-"""What one vehicle's telemetry is made from: its row of the fleet's bodies, its clock, its place on Earth.
-
-Knows: how rows, clocks and places belong together. Does not know: messages, decisions, truth.
-"""
+"""The data of one vehicle's telemetry: its row of the fleet, its clock, and its position on Earth."""
 
 from __future__ import annotations
 
@@ -17,8 +14,8 @@ from sim_bridge.autopilot.failsafe import Readings
 from sim_bridge.dynamics.body.airframes import Airframes
 
 
-class Whereabouts:
-    """Where all vehicles are on Earth, worked out once for all of them when the first one asks."""
+class GeodeticPositions:
+    """The geodetic positions of all vehicles, computed for all of them when the first is requested."""
 
     def __init__(self, airframes: Airframes, origin: Origin) -> None:
         self._airframes = airframes
@@ -27,13 +24,13 @@ class Whereabouts:
         self._fixed = _Places(math.nan, [])
 
     def of(self, row: int, t_s: float) -> Origin:
-        """Estimated place of one vehicle at `t_s`, which is now."""
+        """Return the estimated position of one vehicle at `t_s`, which is now."""
         if t_s != self._estimated.t_s:
             self._estimated = self._all(t_s, self._airframes.estimate[:, :3])
         return self._estimated.places[row]
 
     def fixed(self, row: int, t_s: float) -> Origin:
-        """Place of one vehicle at `t_s`, which is now, as its receiver had it last; nowhere without a fix."""
+        """Return the last GNSS position of one vehicle at `t_s`, which is now; the origin without a fix."""
         if t_s != self._fixed.t_s:
             self._fixed = self._all(t_s, np.nan_to_num(self._airframes.sensors.gnss[:, :3]))
         return self._fixed.places[row]
@@ -44,7 +41,7 @@ class Whereabouts:
 
 
 class _Places(NamedTuple):
-    """Of all vehicles at one instant."""
+    """The positions of all vehicles at one time."""
 
     t_s: float
     places: list[Origin]
@@ -52,10 +49,10 @@ class _Places(NamedTuple):
 
 @dataclass
 class Instruments:
-    """One row of a fleet's airframes, its clock and its place on Earth."""
+    """One row of a fleet's airframes, its clock and its position on Earth."""
 
     airframes: Airframes
-    whereabouts: Whereabouts
+    geodetic: GeodeticPositions
     row: int
     pad_ned_m: Array  # (3,): origin of the vehicle's LOCAL_NED
     origin: Origin
@@ -71,16 +68,16 @@ class Instruments:
 
     @property
     def healthy(self) -> bool:
-        """Whether the estimate can be flown on."""
+        """Whether the estimate is good enough to fly on."""
         return bool(self.airframes.healthy[self.row])
 
     @property
     def boot_ms(self) -> int:
-        """The vehicle's own clock: milliseconds since its boot."""
+        """The boot clock: milliseconds since the vehicle's boot."""
         return round(self.t_s * 1000.0) + self.boot_offset_ms
 
     def simulated_s(self, boot_ms: int) -> float:
-        """Simulated time of an instant of the vehicle's clock."""
+        """Return the simulated time of a time of the boot clock."""
         return (boot_ms - self.boot_offset_ms) / 1000.0
 
     @property
@@ -90,22 +87,22 @@ class Instruments:
 
     @property
     def here(self) -> Origin:
-        """Where the vehicle thinks it is."""
-        return self.whereabouts.of(self.row, self.t_s)
+        """The estimated position."""
+        return self.geodetic.of(self.row, self.t_s)
 
     @property
     def fixed(self) -> Origin:
-        """Where its receiver says it is."""
-        return self.whereabouts.fixed(self.row, self.t_s)
+        """The last GNSS position."""
+        return self.geodetic.fixed(self.row, self.t_s)
 
     def place(self, ned_m: Array) -> Origin:
-        """A point of common local NED on Earth."""
+        """Return the geodetic position of a point in common local NED."""
         lat, lon, alt = ned_to_geodetic(ned_m, self.origin)
         return Origin(float(lat), float(lon), float(alt))
 
     @property
     def gnss(self) -> Array:
-        """What the receiver measured last (6,): position and velocity, common local NED."""
+        """The last GNSS measurement (6,): position and velocity, common local NED."""
         return np.asarray(self.airframes.sensors.gnss[self.row])
 
     @property
@@ -115,7 +112,7 @@ class Instruments:
 
     @property
     def battery(self) -> tuple[float, float, float, float]:
-        """Volt, ampere, share of the charge that is left, Ah drawn."""
+        """Volt, ampere, remaining share of the charge, Ah drawn."""
         battery, row = self.airframes.battery, self.row
         volt, ampere, left = battery.voltage_V[row], battery.current_A[row], battery.remaining[row]
         return float(volt), float(ampere), float(left), float(battery.used_Ah[row])
@@ -127,7 +124,7 @@ class Instruments:
 
     @property
     def readings(self) -> Readings:
-        """What failsafes look at."""
+        """The measurements that failsafes check."""
         volt, _, share, used_Ah = self.battery
         left_Ah = share * self.airframes.battery.train.capacity_Ah
         return Readings(self.estimate[:3], volt, used_Ah, left_Ah, share, self.healthy)

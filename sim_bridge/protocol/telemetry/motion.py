@@ -1,7 +1,4 @@
-"""How a vehicle moves, and how it is meant to: attitude, position, speeds, and their targets.
-
-Knows: fields and units of these messages. Does not know: when they are due.
-"""
+"""Telemetry of motion: attitude, position, velocity, and their setpoints."""
 
 from __future__ import annotations
 
@@ -17,12 +14,12 @@ from sim_bridge.personality import Intent, Milestone
 from sim_bridge.protocol.telemetry.sources import Builder, Sources
 
 _FULL = int(SetpointMask.IGNORE_YAW_RATE)
-_GROUND_LEVEL = 63  # mask of a target that is only "stay down"
+_GROUND_LEVEL = 63  # mask of the setpoint of a vehicle on the ground
 _PWM_OFF, _PWM_IDLE, _PWM_RANGE = 900, 1000, 1000
 
 
 def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
-    """Body to NED, w first."""
+    """Return the rotation from body to NED, w first."""
     sr, cr = math.sin(0.5 * roll_rad), math.cos(0.5 * roll_rad)
     sp, cp = math.sin(0.5 * pitch_rad), math.cos(0.5 * pitch_rad)
     sy, cy = math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
@@ -34,12 +31,12 @@ def quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]
     ]
 
 
-def _attitude(tell: Sources) -> Message:
-    roll, pitch, yaw, p, q, r = tell.instruments.estimate[6:].tolist()
+def _attitude(sources: Sources) -> Message:
+    roll, pitch, yaw, p, q, r = sources.instruments.estimate[6:].tolist()
     return Message(
         "ATTITUDE",
         {
-            "time_boot_ms": tell.instruments.boot_ms,
+            "time_boot_ms": sources.instruments.boot_ms,
             "roll": roll,
             "pitch": pitch,
             "yaw": math.remainder(yaw, math.tau),
@@ -50,17 +47,17 @@ def _attitude(tell: Sources) -> Message:
     )
 
 
-def _attitude_quaternion(tell: Sources) -> Message:
-    roll, pitch, yaw, p, q, r = tell.instruments.estimate[6:].tolist()
+def _attitude_quaternion(sources: Sources) -> Message:
+    roll, pitch, yaw, p, q, r = sources.instruments.estimate[6:].tolist()
     q1, q2, q3, q4 = quaternion(roll, pitch, yaw)
-    fields = {"time_boot_ms": tell.instruments.boot_ms, "q1": q1, "q2": q2, "q3": q3, "q4": q4}
+    fields = {"time_boot_ms": sources.instruments.boot_ms, "q1": q1, "q2": q2, "q3": q3, "q4": q4}
     return Message("ATTITUDE_QUATERNION", {**fields, "rollspeed": p, "pitchspeed": q, "yawspeed": r})
 
 
-def _local_position(tell: Sources) -> Message | None:
-    if not tell.reached(tell.personality.streams.local_from):
+def _local_position(sources: Sources) -> Message | None:
+    if not sources.reached(sources.personality.streams.local_from):
         return None
-    instruments = tell.instruments
+    instruments = sources.instruments
     state = instruments.estimate
     x, y, z = (state[:3] - instruments.pad_ned_m).tolist()
     vx, vy, vz = state[3:6].tolist()
@@ -70,13 +67,13 @@ def _local_position(tell: Sources) -> Message | None:
     )
 
 
-def _global_position(tell: Sources) -> Message | None:
-    if not tell.reached(tell.personality.streams.global_from):
+def _global_position(sources: Sources) -> Message | None:
+    if not sources.reached(sources.personality.streams.global_from):
         return None
-    instruments = tell.instruments
+    instruments = sources.instruments
     state = instruments.estimate
     fields = {"lat": 0, "lon": 0, "alt": 0}
-    if tell.reached(Milestone.PLACED):
+    if sources.reached(Milestone.PLACED):
         place = instruments.here
         fields = {"lat": to_degE7(place.lat_deg), "lon": to_degE7(place.lon_deg)}
         fields["alt"] = round(place.alt_amsl_m * 1000.0)
@@ -86,7 +83,7 @@ def _global_position(tell: Sources) -> Message | None:
         {
             "time_boot_ms": instruments.boot_ms,
             **fields,
-            "relative_alt": round((tell.autopilot.guide.home_ned_m[2] - state[2]) * 1000.0),
+            "relative_alt": round((sources.autopilot.path_generator.home_ned_m[2] - state[2]) * 1000.0),
             "vx": round(vx),
             "vy": round(vy),
             "vz": round(vz),
@@ -95,28 +92,28 @@ def _global_position(tell: Sources) -> Message | None:
     )
 
 
-def _vfr_hud(tell: Sources) -> Message:
-    instruments = tell.instruments
+def _vfr_hud(sources: Sources) -> Message:
+    instruments = sources.instruments
     state = instruments.estimate
     speed = math.hypot(state[3], state[4])
     return Message(
         "VFR_HUD",
         {
-            "airspeed": speed if tell.personality.streams.tells_airspeed else math.nan,
+            "airspeed": speed if sources.personality.streams.reports_airspeed else math.nan,
             "groundspeed": speed,
             "heading": round(math.degrees(state[8])) % 360,
-            "throttle": round(100.0 * float(np.mean(_throttle(tell)))),
+            "throttle": round(100.0 * float(np.mean(_throttle(sources)))),
             "alt": instruments.origin.alt_amsl_m - float(state[2]),
             "climb": -float(state[5]),
         },
     )
 
 
-def _altitude(tell: Sources) -> Message:
-    instruments = tell.instruments
+def _altitude(sources: Sources) -> Message:
+    instruments = sources.instruments
     down_m = float(instruments.estimate[2])
     amsl_m = instruments.origin.alt_amsl_m - down_m
-    relative_m = float(tell.autopilot.guide.home_ned_m[2]) - down_m
+    relative_m = float(sources.autopilot.path_generator.home_ned_m[2]) - down_m
     return Message(
         "ALTITUDE",
         {
@@ -131,28 +128,28 @@ def _altitude(tell: Sources) -> Message:
     )
 
 
-def _local_target(tell: Sources) -> Message | None:
-    if tell.personality.streams.targets_in_guided_only and tell.autopilot.mode.intent is not Intent.GUIDED:
+def _local_target(sources: Sources) -> Message | None:
+    if sources.personality.streams.targets_in_guided_only and sources.autopilot.mode.intent is not Intent.GUIDED:
         return None
-    mask, flat = _target(tell)
-    x, y, z = (flat[0, :3] - tell.instruments.pad_ned_m).tolist()
-    fields = {"time_boot_ms": tell.instruments.boot_ms, "coordinate_frame": int(WireFrame.LOCAL_NED)}
+    mask, flat = _target(sources)
+    x, y, z = (flat[0, :3] - sources.instruments.pad_ned_m).tolist()
+    fields = {"time_boot_ms": sources.instruments.boot_ms, "coordinate_frame": int(WireFrame.LOCAL_NED)}
     return Message("POSITION_TARGET_LOCAL_NED", {**fields, "type_mask": mask, "x": x, "y": y, "z": z, **_rates(flat)})
 
 
-def _global_target(tell: Sources) -> Message | None:
-    if not tell.autopilot.flying:
+def _global_target(sources: Sources) -> Message | None:
+    if not sources.autopilot.flying:
         return None
-    mask, flat = _target(tell)
-    place = tell.instruments.place(flat[0, :3])
-    fields = {"time_boot_ms": tell.instruments.boot_ms, "coordinate_frame": int(WireFrame.GLOBAL_INT)}
+    mask, flat = _target(sources)
+    place = sources.instruments.place(flat[0, :3])
+    fields = {"time_boot_ms": sources.instruments.boot_ms, "coordinate_frame": int(WireFrame.GLOBAL_INT)}
     where = {"lat_int": to_degE7(place.lat_deg), "lon_int": to_degE7(place.lon_deg), "alt": place.alt_amsl_m}
     return Message("POSITION_TARGET_GLOBAL_INT", {**fields, "type_mask": mask, **where, **_rates(flat)})
 
 
-def _attitude_target(tell: Sources) -> Message:
-    """What leads along the path in still air: attitude from the acceleration wanted."""
-    _, flat = _target(tell)
+def _attitude_target(sources: Sources) -> Message:
+    """The attitude and thrust for the wanted acceleration in still air."""
+    _, flat = _target(sources)
     yaw = float(flat[0, 3])
     north, east, down = flat[2, :3].tolist()
     ahead, right = north * math.cos(yaw) + east * math.sin(yaw), east * math.cos(yaw) - north * math.sin(yaw)
@@ -160,20 +157,20 @@ def _attitude_target(tell: Sources) -> Message:
     return Message(
         "ATTITUDE_TARGET",
         {
-            "time_boot_ms": tell.instruments.boot_ms,
+            "time_boot_ms": sources.instruments.boot_ms,
             "type_mask": 0,
             "q": quaternion(math.atan2(right, pull), -math.atan2(ahead, pull), math.remainder(yaw, math.tau)),
             "body_roll_rate": 0.0,
             "body_pitch_rate": 0.0,
             "body_yaw_rate": float(flat[1, 3]),
-            "thrust": float(np.mean(_throttle(tell))),
+            "thrust": float(np.mean(_throttle(sources))),
         },
     )
 
 
-def _nav_output(tell: Sources) -> Message:
-    _, flat = _target(tell)
-    state = tell.instruments.estimate
+def _nav_output(sources: Sources) -> Message:
+    _, flat = _target(sources)
+    state = sources.instruments.estimate
     north, east = (flat[0, :2] - state[:2]).tolist()
     course = round(math.degrees(math.atan2(flat[1, 1], flat[1, 0])))
     return Message(
@@ -191,18 +188,18 @@ def _nav_output(tell: Sources) -> Message:
     )
 
 
-def _servo_output(tell: Sources) -> Message:
-    off = not tell.autopilot.armed
-    pwm = [_PWM_OFF] * 4 if off else [round(_PWM_IDLE + _PWM_RANGE * share) for share in _throttle(tell).tolist()]
-    fields = {"time_usec": tell.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0}
+def _servo_output(sources: Sources) -> Message:
+    off = not sources.autopilot.armed
+    pwm = [_PWM_OFF] * 4 if off else [round(_PWM_IDLE + _PWM_RANGE * share) for share in _throttle(sources).tolist()]
+    fields = {"time_usec": sources.instruments.boot_ms * 1000 & 0xFFFFFFFF, "port": 0}
     fields |= {f"servo{n}_raw": value for n, value in enumerate(pwm + [_PWM_OFF] * 4, start=1)}
     return Message("SERVO_OUTPUT_RAW", fields)
 
 
-def _target(tell: Sources) -> tuple[int, Array]:
-    """What is wanted now: mask and (DERIVATIVES, 4)."""
-    pilot = tell.autopilot
-    return _FULL if pilot.flying else _GROUND_LEVEL, pilot.piece.at(tell.instruments.t_s)
+def _target(sources: Sources) -> tuple[int, Array]:
+    """Return the mask of the present setpoint and its derivatives (DERIVATIVES, 4)."""
+    autopilot = sources.autopilot
+    return _FULL if autopilot.flying else _GROUND_LEVEL, autopilot.piece.at(sources.instruments.t_s)
 
 
 def _rates(flat: Array) -> dict[str, float]:
@@ -211,10 +208,10 @@ def _rates(flat: Array) -> dict[str, float]:
     return {**motion, "yaw": math.remainder(float(flat[0, 3]), math.tau), "yaw_rate": yaw_rate}
 
 
-def _throttle(tell: Sources) -> Array:
-    """Rotor speeds (4,) as shares of the fastest."""
-    airframes = tell.instruments.airframes
-    return np.asarray(airframes.rotors_radps[tell.instruments.row] / airframes.rotor_max_radps)
+def _throttle(sources: Sources) -> Array:
+    """Return the rotor speeds (4,) as shares of the maximum."""
+    airframes = sources.instruments.airframes
+    return np.asarray(airframes.rotors_radps[sources.instruments.row] / airframes.rotor_max_radps)
 
 
 BUILDERS: dict[int, Builder] = {

@@ -1,7 +1,4 @@
-"""What every message is built from.
-
-Knows: the parts. Does not know: messages.
-"""
+"""The parts of a vehicle from which telemetry messages are built."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from sim_bridge.protocol.telemetry.instruments import Instruments
 
 @dataclass(frozen=True)
 class Sources:
-    """One vehicle's parts that tell anything."""
+    """The parts of one vehicle that telemetry reads."""
 
     instruments: Instruments
     autopilot: EmulatedAutopilot
@@ -25,8 +22,8 @@ class Sources:
     personality: Personality
 
     def reached(self, milestone: Milestone) -> bool:
-        """Whether the vehicle has come so far on the way to being ready."""
+        """Whether the vehicle has reached this milestone of its start-up."""
         return self.autopilot.readiness.reached(milestone)
 
 
-Builder = Callable[[Sources], Message | None]  # None: nothing to tell yet
+Builder = Callable[[Sources], Message | None]  # None: no data yet

@@ -1,7 +1,4 @@
-"""Which messages are due, and which a vehicle can send at all.
-
-Knows: intervals in simulated time, the streams of its personality. Does not know: what is in the messages.
-"""
+"""Message rates: which messages a vehicle can send, and which are due, in simulated time."""
 
 from __future__ import annotations
 
@@ -11,16 +8,16 @@ from gcs.link.wire.message import Message
 from sim_bridge.protocol.telemetry import motion, places, vitals
 from sim_bridge.protocol.telemetry.sources import Builder, Sources
 
-_LONGEST_US = 2**31 - 1  # that MESSAGE_INTERVAL can tell
+_LONGEST_US = 2**31 - 1  # the largest interval that MESSAGE_INTERVAL can hold
 _BUILDERS: dict[int, Builder] = {**vitals.BUILDERS, **motion.BUILDERS, **places.BUILDERS}
 _SAME_S = 1e-6
 _FAST_S = 0.2
-_LATER_S = 1e12  # than any flight
+_LATER_S = 1e12  # after any flight
 _ALL_GROUPS = 0  # REQUEST_DATA_STREAM's id for every group
 
 
 class Telemetry:
-    """Builds messages and says which are due."""
+    """Builds messages, and decides which are due."""
 
     def __init__(self, sources: Sources) -> None:
         self.sources = sources
@@ -31,7 +28,7 @@ class Telemetry:
         self._next_s = -math.inf
 
     def due(self, t_s: float) -> list[Message]:
-        """Messages whose time has come."""
+        """Return the messages that are due."""
         if t_s < self._next_s - _SAME_S:
             return []
         if math.isinf(self._next_s):
@@ -47,24 +44,24 @@ class Telemetry:
         return messages
 
     def build(self, number: int) -> Message | None:
-        """One message by number, now; None where there is no such message, or nothing to say yet."""
+        """Return message `number` as of now; None if it is unknown or has no data yet."""
         builder = self._known.get(number)
         return builder(self.sources) if builder is not None else None
 
     def knows(self, number: int) -> bool:
-        """Whether the vehicle can send message `number` at all."""
+        """Whether the vehicle can send message `number`."""
         return number in self._known
 
     def streams(self, number: int) -> bool:
-        """Whether it can send message `number` as often as it is asked to."""
+        """Whether the rate of message `number` can be changed."""
         return self.knows(number) and number not in self._streams.fixed
 
     def interval_us(self, number: int) -> int:
-        """MESSAGE_INTERVAL's value: microseconds, -1 when it is not sent by itself."""
+        """Return the value of MESSAGE_INTERVAL: microseconds, -1 if the message is not streamed."""
         return round(self._interval_s[number] * 1e6) if number in self._interval_s else -1
 
     def set_interval(self, number: int, interval_us: float) -> None:
-        """Send message `number` every so often from now on; below 0 never, 0 is up to the autopilot."""
+        """Send message `number` at this interval; below 0 never, 0 at the autopilot's default."""
         self._interval_s.pop(number, None)
         self._due_s.pop(number, None)
         if interval_us == 0.0 and self._streams.default_hz:
@@ -75,7 +72,7 @@ class Telemetry:
             self._next_s = min(self._next_s, t_s)
 
     def set_group(self, group: int, rate_hz: float) -> None:
-        """REQUEST_DATA_STREAM: send a group of messages so often, 0 for never."""
+        """REQUEST_DATA_STREAM: send a group of messages at this rate, 0 for never."""
         groups = self._streams.groups
         numbers = groups.get(group, frozenset()) if group != _ALL_GROUPS else frozenset().union(*groups.values())
         for number in sorted(numbers):
@@ -85,6 +82,6 @@ class Telemetry:
         return interval_s if interval_s >= _FAST_S else interval_s / self._streams.fast_share
 
     def _switch_on(self, t_s: float) -> None:
-        """Every message comes for the first time after its own interval."""
+        """Schedule every message for the first time after its own interval."""
         for number, interval_s in self._interval_s.items():
             self._due_s.setdefault(number, t_s + self.sources.personality.boot.pace * interval_s)

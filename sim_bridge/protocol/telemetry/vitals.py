@@ -1,7 +1,4 @@
-"""How a vehicle is: HEARTBEAT, sensors, filter, battery, receiver, ground contact.
-
-Knows: fields and units of these messages. Does not know: when they are due.
-"""
+"""Telemetry of state and health: HEARTBEAT, sensors, filter, battery, receiver, ground contact."""
 
 from __future__ import annotations
 
@@ -21,48 +18,48 @@ _DILUTION = {"rtk": (60, 100), "gnss": (121, 200)}  # of precision, in hundredth
 _LARGEST_INT16 = 0x7FFF
 
 
-def heartbeat(tell: Sources) -> Message:
-    """HEARTBEAT."""
-    pilot, habits = tell.autopilot, tell.personality
-    flags = int(pilot.mode.flags)
-    if pilot.mode.intent is Intent.GUIDED and pilot.setpoints.ever:
-        flags |= habits.modes.streamed
-    if pilot.armed:
+def heartbeat(sources: Sources) -> Message:
+    """Return HEARTBEAT."""
+    autopilot, personality = sources.autopilot, sources.personality
+    flags = int(autopilot.mode.flags)
+    if autopilot.mode.intent is Intent.GUIDED and autopilot.setpoints.ever:
+        flags |= personality.modes.streamed
+    if autopilot.armed:
         flags |= ModeFlag.ARMED
     return Message(
         "HEARTBEAT",
         {
             "type": int(MavType.QUADROTOR),
-            "autopilot": int(habits.identity.autopilot),
+            "autopilot": int(personality.identity.autopilot),
             "base_mode": flags,
-            "custom_mode": pilot.mode.number,
-            "system_status": int(_status(tell)),
+            "custom_mode": autopilot.mode.number,
+            "system_status": int(_status(sources)),
             "mavlink_version": 3,
         },
     )
 
 
-def _status(tell: Sources) -> MavState:
-    pilot = tell.autopilot
-    if not tell.reached(Milestone.RUNNING):
-        return tell.personality.boot.starting
-    if pilot.failing:
+def _status(sources: Sources) -> MavState:
+    autopilot = sources.autopilot
+    if not sources.reached(Milestone.RUNNING):
+        return sources.personality.boot.starting
+    if autopilot.failing:
         return MavState.CRITICAL
-    if not tell.personality.arming.status_tells:
-        return MavState.ACTIVE if pilot.helm.ground.aloft else MavState.STANDBY
-    if pilot.armed:
+    if not sources.personality.arming.status_shows_armable:
+        return MavState.ACTIVE if autopilot.mode_actions.ground.aloft else MavState.STANDBY
+    if autopilot.armed:
         return MavState.ACTIVE
-    return MavState.STANDBY if pilot.can_arm(tell.instruments.t_s) else MavState.UNINIT
+    return MavState.STANDBY if autopilot.can_arm(sources.instruments.t_s) else MavState.UNINIT
 
 
-def _sys_status(tell: Sources) -> Message:
-    health, instruments = tell.personality.health, tell.instruments
+def _sys_status(sources: Sources) -> Message:
+    health, instruments = sources.personality.health, sources.instruments
     present, enabled, healthy = health.present, health.enabled, health.healthy
-    if not tell.reached(Milestone.FIXED):
+    if not sources.reached(Milestone.FIXED):
         present, enabled = present & ~health.gnss, enabled & ~health.gnss
-    if not (tell.reached(Milestone.FIXED) and instruments.has_fix):
+    if not (sources.reached(Milestone.FIXED) and instruments.has_fix):
         healthy &= ~health.gnss
-    if tell.autopilot.can_arm(instruments.t_s):
+    if sources.autopilot.can_arm(instruments.t_s):
         healthy |= _PREARM
     volt, ampere, share, _ = instruments.battery
     counts = ("drop_rate_comm", "errors_comm", "errors_count1", "errors_count2", "errors_count3", "errors_count4")
@@ -81,8 +78,8 @@ def _sys_status(tell: Sources) -> Message:
     )
 
 
-def _battery_status(tell: Sources) -> Message:
-    volt, ampere, share, used_Ah = tell.instruments.battery
+def _battery_status(sources: Sources) -> Message:
+    volt, ampere, share, used_Ah = sources.instruments.battery
     return Message(
         "BATTERY_STATUS",
         {
@@ -93,19 +90,19 @@ def _battery_status(tell: Sources) -> Message:
             "voltages": [min(round(volt * 1000.0), _UNKNOWN)] + [_UNKNOWN] * 9,
             "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
             "current_consumed": round(used_Ah * 1000.0),
-            "energy_consumed": round(tell.instruments.used_J / 100.0),
+            "energy_consumed": round(sources.instruments.used_J / 100.0),
             "battery_remaining": math.ceil(share * 100.0),
             "charge_state": 1,
         },
     )
 
 
-def _ekf_status(tell: Sources) -> Message:
-    ratios, row = tell.instruments.airframes.innovation, tell.instruments.row
+def _ekf_status(sources: Sources) -> Message:
+    ratios, row = sources.instruments.airframes.innovation, sources.instruments.row
     return Message(
         "EKF_STATUS_REPORT",
         {
-            "flags": _filter_flags(tell),
+            "flags": _filter_flags(sources),
             "velocity_variance": float(ratios.velocity[row]),
             "pos_horiz_variance": float(ratios.position_horizontal[row]),
             "pos_vert_variance": float(ratios.position_vertical[row]),
@@ -115,14 +112,14 @@ def _ekf_status(tell: Sources) -> Message:
     )
 
 
-def _estimator_status(tell: Sources) -> Message:
-    instruments = tell.instruments
+def _estimator_status(sources: Sources) -> Message:
+    instruments = sources.instruments
     ratios, accuracy, row = instruments.airframes.innovation, instruments.airframes.accuracy, instruments.row
     return Message(
         "ESTIMATOR_STATUS",
         {
             "time_usec": instruments.boot_ms * 1000,
-            "flags": _filter_flags(tell),
+            "flags": _filter_flags(sources),
             "vel_ratio": float(ratios.velocity[row]),
             "pos_horiz_ratio": float(ratios.position_horizontal[row]),
             "pos_vert_ratio": float(ratios.position_vertical[row]),
@@ -135,23 +132,23 @@ def _estimator_status(tell: Sources) -> Message:
     )
 
 
-def _filter_flags(tell: Sources) -> int:
-    health = tell.personality.health
-    return health.ready if tell.autopilot.ready and tell.instruments.healthy else health.before_ready
+def _filter_flags(sources: Sources) -> int:
+    health = sources.personality.health
+    return health.ready if sources.autopilot.ready and sources.instruments.healthy else health.before_ready
 
 
-def _gps_raw(tell: Sources) -> Message:
-    instruments = tell.instruments
+def _gps_raw(sources: Sources) -> Message:
+    instruments = sources.instruments
     fields = {"time_usec": 0, "fix_type": 0, "lat": 0, "lon": 0, "alt": 0}
     fields |= {"eph": _UNKNOWN, "epv": _UNKNOWN, "vel": 0, "cog": 0, "satellites_visible": 0}
-    if tell.reached(Milestone.FIXED) and instruments.has_fix:
+    if sources.reached(Milestone.FIXED) and instruments.has_fix:
         v_north, v_east = instruments.gnss[3:5].tolist()
         grade = instruments.airframes.grade
         place = instruments.fixed
         eph, epv = _DILUTION.get(grade.name, _DILUTION["gnss"])
         fields = {
             "time_usec": instruments.boot_ms * 1000,
-            "fix_type": _RTK_FIXED if grade.name == "rtk" and tell.personality.streams.tells_rtk else _FIX_3D,
+            "fix_type": _RTK_FIXED if grade.name == "rtk" and sources.personality.streams.reports_rtk else _FIX_3D,
             "lat": to_degE7(place.lat_deg),
             "lon": to_degE7(place.lon_deg),
             "alt": round(place.alt_amsl_m * 1000.0),
@@ -168,13 +165,13 @@ def _gps_raw(tell: Sources) -> Message:
     return Message("GPS_RAW_INT", fields)
 
 
-def _extended_state(tell: Sources) -> Message:
-    state, kind = int(tell.autopilot.landed_state), tell.personality.identity.vtol_state
+def _extended_state(sources: Sources) -> Message:
+    state, kind = int(sources.autopilot.landed_state), sources.personality.identity.vtol_state
     return Message("EXTENDED_SYS_STATE", {"vtol_state": kind, "landed_state": state})
 
 
-def _fence_status(tell: Sources) -> Message:
-    failsafe = tell.failsafe
+def _fence_status(sources: Sources) -> Message:
+    failsafe = sources.failsafe
     return Message(
         "FENCE_STATUS",
         {

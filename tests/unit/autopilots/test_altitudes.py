@@ -17,7 +17,7 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 from sim_bridge.personality import by_name
-from sim_bridge.protocol.missions.acceptance import kept
+from sim_bridge.protocol.missions.acceptance import as_stored
 
 _ALTITUDES = st.floats(-500.0, 9000.0)
 
@@ -47,9 +47,9 @@ def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
 def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Autopilot) -> None:
     """Lengths of what an emulated vehicle keeps, at the speeds it is told, are the times between waypoints."""
     origin = local_origin(simulation1_plan.scenario)
-    keeping = by_name(firmware.key).missions.keeping[0]
+    storage = by_name(firmware.key).missions.storage[0]
     for mission in build_missions(simulation1_plan, firmware=firmware):
-        items = [kept(item, keeping) for item in mission.items]
+        items = [as_stored(item, storage) for item in mission.items]
         speed_mps, before, left_s, legs = math.nan, None, math.nan, 0
         for item, arrival_s in zip(items, mission.arrival_s, strict=True):
             if item.command == Command.DO_CHANGE_SPEED:

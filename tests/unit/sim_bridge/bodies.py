@@ -28,8 +28,8 @@ class Body:
     """`told` is all that was said, `states` the landed states and `currents` the current items as they changed."""
 
     def __init__(self, personality: Personality = ARDUPILOT, *, ready: bool = True) -> None:
-        guide = PathGenerator(LIMITS, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0)
-        self.pilot = EmulatedAutopilot(personality, guide, YAW)
+        path_generator = PathGenerator(LIMITS, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0)
+        self.pilot = EmulatedAutopilot(personality, path_generator, YAW)
         self.settings = settings_of(personality)
         self.pilot.use(self.settings)
         self.t_s = 0.0

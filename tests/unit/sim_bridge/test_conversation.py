@@ -28,8 +28,8 @@ class Line:
 
     def __init__(self, personality: Personality, repo_root: Path) -> None:
         self.personality = personality
-        hangar = VehicleFactory(load_scenario(repo_root / "missions" / "field"), personality, 1, 1.8e9)
-        self.vehicle = hangar.vehicle(0)
+        factory = VehicleFactory(load_scenario(repo_root / "missions" / "field"), personality, 1, 1.8e9)
+        self.vehicle = factory.vehicle(0)
         self.ground = Codec(255, 190)
         self.steps = 0
         self.frames: list[bytes] = []
@@ -161,18 +161,18 @@ def test_px4_acknowledges_a_mode_twice_and_keeps_its_first_words_until_it_speaks
 
 
 def test_rally_points_that_are_shelved_are_returned_to(line: Line):
-    origin = line.vehicle.autopilot.guide.origin
+    origin = line.vehicle.autopilot.path_generator.origin
     point = MissionItem(5100, 3, (0.0,) * 4, round(origin.lat_deg * 1e7) + 9000, round(origin.lon_deg * 1e7), 5.0)
     line.ask("MISSION_COUNT", count=1, mission_type=2)
     (ack,) = named(line.say(item_to_message(point, 0, line.vehicle.station, mission_type=2)), "MISSION_ACK")
     assert ack["type"] == MissionResult.ACCEPTED
-    (place,) = line.vehicle.autopilot.guide.rally_ned_m
+    (place,) = line.vehicle.autopilot.path_generator.rally_ned_m
     assert place == pytest.approx([100.0, 0.0], abs=0.3)
 
 
 @pytest.mark.parametrize(("frame", "result"), [(0, 0), (3, 0), (5, 0), (6, 0), (1, 2), (10, 2), (11, 2), (99, 2)])
 def test_places_in_frames_that_it_does_not_know_are_denied_not_guessed(line: Line, frame: int, result: int):
-    origin = line.vehicle.autopilot.guide.origin
+    origin = line.vehicle.autopilot.path_generator.origin
     place = {"x": round(origin.lat_deg * 1e7) + 900, "y": round(origin.lon_deg * 1e7), "z": 10.0}
     asked = {"frame": frame, "current": 0, "autocontinue": 0, "param1": -1.0, "param2": 1.0, "param3": 0.0}
     heard = line.ask("COMMAND_INT", command=192, param4=float("nan"), **asked, **place)
@@ -183,10 +183,13 @@ def test_places_in_frames_that_it_does_not_know_are_denied_not_guessed(line: Lin
 def test_home_goes_nowhere_that_is_no_place(repo_root: Path, lat_deg: float):
     line = Line(ARDUPILOT, repo_root)
     line.vehicle.autopilot.readiness._reached.add(Milestone.READY)
-    origin, before = line.vehicle.autopilot.guide.origin, line.vehicle.autopilot.guide.home_ned_m.copy()
+    origin, before = (
+        line.vehicle.autopilot.path_generator.origin,
+        line.vehicle.autopilot.path_generator.home_ned_m.copy(),
+    )
     for latitude, result in ((lat_deg, 2), (origin.lat_deg + 0.001, 0)):
         longitude = 0.0 if latitude == 0.0 else origin.lon_deg
         place = command(179, 0.0, 0.0, 0.0, 0.0, latitude, longitude, origin.alt_amsl_m)
         (ack,) = named(line.ask("COMMAND_LONG", **place), "COMMAND_ACK")
         assert ack["result"] == result
-        assert (line.vehicle.autopilot.guide.home_ned_m == before).all() == (result == 2)
+        assert (line.vehicle.autopilot.path_generator.home_ned_m == before).all() == (result == 2)

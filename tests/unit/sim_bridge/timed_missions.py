@@ -70,8 +70,8 @@ class Fleet:
         navigator = None if ideal else personality.identity.autopilot.navigator.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
-            guide = PathGenerator(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)
-            pilot = EmulatedAutopilot(personality, guide, 0.0)
+            path_generator = PathGenerator(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)
+            pilot = EmulatedAutopilot(personality, path_generator, 0.0)
             pilot.use(settings_of(personality))
             pilot.set_mission(items_of(orders, personality, pad))
             self.pilots.append(pilot)
@@ -106,14 +106,14 @@ class Fleet:
             else:
                 assert pilot.pursue(self.t_s, Intent.MISSION) == 0
                 assert pilot.arm(self.t_s, self.bodies.estimate[row]) == 0
-        while not all(pilot.flying and pilot.helm.path.at_rest for pilot in self.pilots):
+        while not all(pilot.flying and pilot.mode_actions.path.at_rest for pilot in self.pilots):
             self.step()
             assert self.t_s < patience_s
         return [self._flight(row) for row in range(len(self.pilots))]
 
     def _flight(self, row: int) -> Flight:
         t_s, seq, position = (np.array(column) for column in zip(*self._rows[row], strict=True))
-        first_leg = 4 + self.pilots[row].helm.progress.first
+        first_leg = 4 + self.pilots[row].mode_actions.progress.first
         changes = np.flatnonzero(np.diff(seq) > 0) + 1
         begin, *reached = changes[seq[changes] >= first_leg].tolist()
         left_s = float(t_s[begin])

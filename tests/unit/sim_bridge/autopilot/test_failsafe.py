@@ -194,7 +194,7 @@ def test_nobody_arms_who_does_not_know_any_more_where_it_is(personality: Persona
 @pytest.mark.parametrize(("north_m", "lands_at_m"), [(50.0, (60.0, 5.0)), (20.0, (0.0, 0.0))])
 def test_it_returns_to_the_nearest_of_home_and_rally_points(personality: Personality, north_m, lands_at_m):
     body = Watched(personality)
-    body.pilot.helm.rally([np.add(HOME[:2], [60.0, 5.0]), np.add(HOME[:2], [200.0, 0.0])])
+    body.pilot.mode_actions.rally([np.add(HOME[:2], [60.0, 5.0]), np.add(HOME[:2], [200.0, 0.0])])
     body.go(north_m)
     body.run(40.0)
     assert body.mode(Intent.RETURN) == OK
@@ -205,10 +205,10 @@ def test_it_returns_to_the_nearest_of_home_and_rally_points(personality: Persona
 @BOTH
 def test_speeds_up_and_down_have_commands_of_their_own(personality: Personality):
     body = Watched(personality)
-    before_mps = body.pilot.guide.speed_mps
+    before_mps = body.pilot.path_generator.speed_mps
     assert body.pilot.set_speed(body.t_s, 2.0, 0.7) == OK
     assert body.pilot.set_speed(body.t_s, 3.0, 0.5) == OK
-    assert body.pilot.guide.speed_mps == before_mps
+    assert body.pilot.path_generator.speed_mps == before_mps
     body.go(0.0, 30.0)
     body.run(15.0)
     assert body.pilot.piece.at(body.t_s)[1, 2] == pytest.approx(-0.7, abs=0.01)

@@ -89,12 +89,12 @@ def test_a_wrong_fault_file_is_named(tmp_path, text):
 # When
 
 
-def began(agenda: FaultSchedule, t_s: float) -> list[str]:
-    return [fault.kind.name for fault in agenda.step(t_s) or ()]
+def began(schedule: FaultSchedule, t_s: float) -> list[str]:
+    return [fault.kind.name for fault in schedule.step(t_s) or ()]
 
 
-def active(agenda: FaultSchedule) -> list[str]:
-    return [fault.kind.name for fault in agenda.active]
+def active(schedule: FaultSchedule) -> list[str]:
+    return [fault.kind.name for fault in schedule.active]
 
 
 def agenda_of(*texts: str) -> FaultSchedule:
@@ -102,61 +102,61 @@ def agenda_of(*texts: str) -> FaultSchedule:
 
 
 def test_a_fault_without_a_time_is_always_in_force():
-    agenda = agenda_of("loss=0.1")
-    assert began(agenda, 0.0) == ["loss"]
-    assert agenda.step(1000.0) is None
-    assert active(agenda) == ["loss"]
+    schedule = agenda_of("loss=0.1")
+    assert began(schedule, 0.0) == ["loss"]
+    assert schedule.step(1000.0) is None
+    assert active(schedule) == ["loss"]
 
 
 def test_times_count_from_take_off_and_again_from_the_next_one():
-    agenda = agenda_of("slow=1@10..30")
-    assert agenda.awaits_takeoff
-    assert agenda.step(50.0) is None
+    schedule = agenda_of("slow=1@10..30")
+    assert schedule.awaits_takeoff
+    assert schedule.step(50.0) is None
     for moment_s in (60.0, 200.0):
-        agenda.took_off(moment_s)
-        assert began(agenda, moment_s + 9.99) == []
-        assert began(agenda, moment_s + 10.0) == ["slow"]
-        assert active(agenda) == ["slow"]
-        assert agenda.step(moment_s + 29.99) is None
-        assert began(agenda, moment_s + 30.0) == []
-        assert active(agenda) == []
+        schedule.took_off(moment_s)
+        assert began(schedule, moment_s + 9.99) == []
+        assert began(schedule, moment_s + 10.0) == ["slow"]
+        assert active(schedule) == ["slow"]
+        assert schedule.step(moment_s + 29.99) is None
+        assert began(schedule, moment_s + 30.0) == []
+        assert active(schedule) == []
 
 
 def test_an_upload_strikes_once_at_its_item():
-    agenda = agenda_of("reboot@upload:2")
-    assert not agenda.awaits_upload(1)
-    assert agenda.awaits_upload(2)
-    agenda.uploaded(2, 7.0)
-    assert began(agenda, 7.0) == ["reboot"]
-    assert active(agenda) == []
-    assert not agenda.awaits_upload(2)
+    schedule = agenda_of("reboot@upload:2")
+    assert not schedule.awaits_upload(1)
+    assert schedule.awaits_upload(2)
+    schedule.uploaded(2, 7.0)
+    assert began(schedule, 7.0) == ["reboot"]
+    assert active(schedule) == []
+    assert not schedule.awaits_upload(2)
 
 
 def test_what_strikes_at_once_is_over_at_once_and_the_rest_keeps_its_order():
-    agenda = agenda_of("loss=0.1@start:1", "reboot@start:1", "loss=0.5@start:2..3")
-    assert began(agenda, 1.5) == ["loss", "reboot"]
-    assert began(agenda, 2.0) == ["loss"]
-    assert [fault.values[0] for fault in agenda.active] == [0.1, 0.5]
-    agenda.step(3.0)
-    assert [fault.values[0] for fault in agenda.active] == [0.1]
+    schedule = agenda_of("loss=0.1@start:1", "reboot@start:1", "loss=0.5@start:2..3")
+    assert began(schedule, 1.5) == ["loss", "reboot"]
+    assert began(schedule, 2.0) == ["loss"]
+    assert [fault.values[0] for fault in schedule.active] == [0.1, 0.5]
+    schedule.step(3.0)
+    assert [fault.values[0] for fault in schedule.active] == [0.1]
 
 
 def test_ending_a_kind_ends_what_is_in_force_and_what_is_to_come():
-    agenda = agenda_of("loss=0.1", "delay=1", "loss=0.3@start:9", "loss=0.2@5")
-    agenda.step(0.0)
-    agenda.end([f.LOSS])
-    agenda.step(0.0)
-    agenda.took_off(1.0)
-    assert began(agenda, 100.0) == []
-    assert active(agenda) == ["delay"]
+    schedule = agenda_of("loss=0.1", "delay=1", "loss=0.3@start:9", "loss=0.2@5")
+    schedule.step(0.0)
+    schedule.end([f.LOSS])
+    schedule.step(0.0)
+    schedule.took_off(1.0)
+    assert began(schedule, 100.0) == []
+    assert active(schedule) == ["delay"]
 
 
 def test_a_live_fault_counts_from_now():
-    agenda = FaultSchedule(())
-    agenda.add(make_fault(f.LOSS, (0.2,), when=When(1.0, 3.0)), 40.0)
-    assert [began(agenda, t_s) for t_s in (40.5, 41.0)] == [[], ["loss"]]
-    agenda.step(43.0)
-    assert active(agenda) == []
+    schedule = FaultSchedule(())
+    schedule.add(make_fault(f.LOSS, (0.2,), when=When(1.0, 3.0)), 40.0)
+    assert [began(schedule, t_s) for t_s in (40.5, 41.0)] == [[], ["loss"]]
+    schedule.step(43.0)
+    assert active(schedule) == []
 
 
 # By MAVLink

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
-from sim_bridge.faults.lossy_link import OVERTAKEN_S, LossyLink, Trouble, break_bits, content
+from sim_bridge.faults.lossy_link import OVERTAKEN_S, LinkImpairment, LossyLink, break_bits, content
 
 FRAMES = 4000
 
@@ -26,10 +26,10 @@ def said(frames: list[bytes]) -> list[int]:
     return [m.fields["time_unix_usec"] for f in frames for m in Codec(9, 9).decode(f) if m.name == "SYSTEM_TIME"]
 
 
-def carried(trouble: Trouble, *, beats: int = 0, seed: int = 3, count: int = FRAMES) -> list[bytes]:
+def carried(impairment: LinkImpairment, *, beats: int = 0, seed: int = 3, count: int = FRAMES) -> list[bytes]:
     """What comes of `count` frames sent at 25 Hz with other traffic among them."""
     link, codec = LossyLink(seed, 1), Codec(255, 190)
-    link.trouble = trouble
+    link.impairment = impairment
     arrived = []
     for n in range(count):
         arrived += link.take(0.04 * n)
@@ -52,18 +52,18 @@ def test_without_trouble_everything_passes_at_once():
 def test_chances_hold(chance):
     """Within four standard deviations of a binomial."""
     width = 4.0 * (FRAMES * chance * (1.0 - chance)) ** 0.5
-    assert abs(len(carried(Trouble(loss=chance))) - FRAMES * (1.0 - chance)) < width
-    assert abs(len(carried(Trouble(duplicate=chance))) - FRAMES * (1.0 + chance)) < width
-    broken = FRAMES - len(said(carried(Trouble(corrupt=chance))))
+    assert abs(len(carried(LinkImpairment(loss=chance))) - FRAMES * (1.0 - chance)) < width
+    assert abs(len(carried(LinkImpairment(duplicate=chance))) - FRAMES * (1.0 + chance)) < width
+    broken = FRAMES - len(said(carried(LinkImpairment(corrupt=chance))))
     assert abs(broken - FRAMES * chance) < width
-    in_turn = said(carried(Trouble(reorder=chance)))
+    in_turn = said(carried(LinkImpairment(reorder=chance)))
     overtaken = sum(1 for n in range(FRAMES) if n + 1 < FRAMES and in_turn.index(n) > in_turn.index(n + 1))
     assert abs(overtaken - FRAMES * chance * (1.0 - chance)) < width
 
 
 def test_delay_lies_where_it_should_and_all_values_are_as_likely():
     link, codec = LossyLink(1), Codec(255, 190)
-    link.trouble = Trouble(delay_s=0.3, jitter_s=0.1)
+    link.impairment = LinkImpairment(delay_s=0.3, jitter_s=0.1)
     for n in range(FRAMES):
         link.put(setpoint(n, codec), 10.0)
     arrived = [len(list(link.take(10.0 + 0.01 * k))) for k in range(50)]
@@ -76,33 +76,36 @@ def test_delay_lies_where_it_should_and_all_values_are_as_likely():
 
 def test_an_overtaken_frame_comes_after_those_that_left_within_a_tenth_of_a_second():
     link, codec = LossyLink(5), Codec(255, 190)
-    link.trouble = Trouble(reorder=1.0)
+    link.impairment = LinkImpairment(reorder=1.0)
     link.put(setpoint(1, codec), 0.0)
-    link.trouble = Trouble()
+    link.impairment = LinkImpairment()
     link.put(setpoint(2, codec), 0.9 * OVERTAKEN_S)
     link.put(setpoint(3, codec), 1.1 * OVERTAKEN_S)
     assert said(list(link.take(1.0))) == [2, 1, 3]
 
 
 @pytest.mark.parametrize(
-    "trouble",
-    [Trouble(loss=0.3), Trouble(loss=0.1, duplicate=0.2, reorder=0.2, corrupt=0.1, delay_s=0.2, jitter_s=0.2)],
+    "impairment",
+    [
+        LinkImpairment(loss=0.3),
+        LinkImpairment(loss=0.1, duplicate=0.2, reorder=0.2, corrupt=0.1, delay_s=0.2, jitter_s=0.2),
+    ],
 )
-def test_the_fate_of_a_frame_does_not_depend_on_other_traffic(trouble):
-    alone = said(carried(trouble))
+def test_the_fate_of_a_frame_does_not_depend_on_other_traffic(impairment):
+    alone = said(carried(impairment))
     assert alone != list(range(FRAMES))
-    assert said(carried(trouble, beats=1)) == said(carried(trouble, beats=4)) == alone
+    assert said(carried(impairment, beats=1)) == said(carried(impairment, beats=4)) == alone
 
 
 def test_other_seeds_and_directions_have_other_fates():
-    fates = [tuple(said(carried(Trouble(loss=0.5), seed=seed, count=200))) for seed in range(20)]
+    fates = [tuple(said(carried(LinkImpairment(loss=0.5), seed=seed, count=200))) for seed in range(20)]
     assert len(set(fates)) == 20
 
 
 def test_what_is_said_again_has_a_new_chance():
     """A command that is repeated until it is heard must be heard some day."""
     link, codec = LossyLink(2), Codec(255, 190)
-    link.trouble = Trouble(loss=0.5)
+    link.impairment = LinkImpairment(loss=0.5)
     for n in range(400):
         link.put(beat(codec), float(n))
     assert 150 < len(list(link.take(1e9))) < 250
@@ -129,7 +132,7 @@ def test_content_is_payload_number_and_source():
 
 def test_a_flood_does_not_fill_the_memory():
     link, codec = LossyLink(2), Codec(255, 190)
-    link.trouble = Trouble(delay_s=1e6)
+    link.impairment = LinkImpairment(delay_s=1e6)
     frame = beat(codec)
     for _ in range(20_000):
         link.put(frame, 0.0)

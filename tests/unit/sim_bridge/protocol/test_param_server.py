@@ -59,7 +59,7 @@ def test_a_list_has_every_parameter_once_with_its_index(personality):
 
 @BOTH
 def test_it_knows_its_own_system_id(personality):
-    name = personality.param_habits.sysid
+    name = personality.param_traits.sysid
     params = ParamServer(personality, 7)
     assert params[name] == 7.0
     assert told(read(params, name))[1] == (bits(7) if personality is PX4 else 7.0)
@@ -156,8 +156,8 @@ def test_what_the_vehicle_changes_itself_is_news_once():
     params.change("MIS_TOTAL", 4)
     params.change("MIS_TOTAL", 5)
     params.change("RALLY_TOTAL", 0)  # as it was
-    assert [told([m])[:2] for m in params.news()] == [("MIS_TOTAL", 4.0), ("MIS_TOTAL", 5.0)]
-    assert params.news() == []
+    assert [told([m])[:2] for m in params.changes()] == [("MIS_TOTAL", 4.0), ("MIS_TOTAL", 5.0)]
+    assert params.changes() == []
 
 
 def test_settings_are_in_si_units_and_within_bounds():

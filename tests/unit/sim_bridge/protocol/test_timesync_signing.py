@@ -10,7 +10,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import TICKS_PER_S, Signature
 from sim_bridge.personality import ARDUPILOT, PX4
-from sim_bridge.protocol.timesync_signing import TimeKeeper, Trust
+from sim_bridge.protocol.timesync_signing import SigningState, TimesyncResponder
 
 ME = Station(3, 1)
 KEY = bytes(range(32))
@@ -36,7 +36,7 @@ def came(signature: Signature | None) -> Message:
 @pytest.mark.parametrize(("personality", "step_ns"), [(ARDUPILOT, 1_000), (PX4, 4_000_000)], ids=["ardupilot", "px4"])
 @given(t_ns=st.integers(1, 10**15))
 def test_the_clock_goes_on_in_the_originals_steps(personality, step_ns, t_ns):
-    (answer,) = TimeKeeper(personality.link, ME).receive(asked(), t_ns)
+    (answer,) = TimesyncResponder(personality.link, ME).receive(asked(), t_ns)
     assert answer.fields["ts1"] == 17
     assert answer.fields["tc1"] % step_ns == 0
     assert 0 <= t_ns - answer.fields["tc1"] < step_ns
@@ -44,20 +44,20 @@ def test_the_clock_goes_on_in_the_originals_steps(personality, step_ns, t_ns):
 
 def test_answers_are_not_answered():
     answer = Message("TIMESYNC", {"tc1": 5, "ts1": 17}, 255, 190)
-    assert TimeKeeper(ARDUPILOT.link, ME).receive(answer, S) == []
+    assert TimesyncResponder(ARDUPILOT.link, ME).receive(answer, S) == []
 
 
 def test_ardupilot_asks_every_ten_seconds_px4_never():
-    asks = TimeKeeper(ARDUPILOT.link, ME)
+    asks = TimesyncResponder(ARDUPILOT.link, ME)
     questions = [(t, m.fields) for t in range(5, 40) for m in asks.due(t * S)]
     assert [t for t, _ in questions] == [15, 25, 35]
     assert questions[0][1] == {"tc1": 0, "ts1": 15 * S + 3}
-    never = TimeKeeper(PX4.link, ME)
+    never = TimesyncResponder(PX4.link, ME)
     assert [m for t in range(100) for m in never.due(t * S)] == []
 
 
 def test_after_set_up_only_signed_messages_are_heard_and_all_are_signed():
-    trust = Trust(ARDUPILOT.link)
+    trust = SigningState(ARDUPILOT.link)
     assert trust.believes(came(None), 0.0)
     assert trust.signature(0.0) is None
     trust.set_up(set_up(), 0.0, armed=False)
@@ -71,7 +71,7 @@ def test_after_set_up_only_signed_messages_are_heard_and_all_are_signed():
 
 
 def test_a_key_of_zeros_switches_it_off():
-    trust = Trust(ARDUPILOT.link)
+    trust = SigningState(ARDUPILOT.link)
     trust.set_up(set_up(), 0.0, armed=False)
     trust.set_up(set_up(bytes(32), 0), 1.0, armed=False)
     assert trust.believes(came(None), 1.0)
@@ -79,19 +79,19 @@ def test_a_key_of_zeros_switches_it_off():
 
 
 def test_nobody_changes_the_key_of_a_vehicle_that_is_armed():
-    trust = Trust(ARDUPILOT.link)
+    trust = SigningState(ARDUPILOT.link)
     trust.set_up(set_up(), 0.0, armed=True)
     assert trust.signature(0.0) is None
 
 
 def test_a_key_of_another_length_is_none():
-    trust = Trust(ARDUPILOT.link)
+    trust = SigningState(ARDUPILOT.link)
     trust.set_up(set_up(b"short"), 0.0, armed=False)
     assert trust.signature(0.0) is None
 
 
 def test_px4_does_not_know_it():
-    trust = Trust(PX4.link)
+    trust = SigningState(PX4.link)
     trust.set_up(set_up(), 0.0, armed=False)
     assert trust.signature(0.0) is None
     assert trust.believes(came(None), 0.0)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sim_bridge.sim.lockstep import PATIENCE_S, REMIND_S, Lockstep
+from sim_bridge.sim.lockstep import REMIND_S, TIMEOUT_S, Lockstep
 
-LATE_S = 100.0 + PATIENCE_S
+LATE_S = 100.0 + TIMEOUT_S
 
 
 def test_who_knows_how_it_goes_on_waits_for_nothing():
@@ -26,8 +26,8 @@ def test_one_that_was_given_up_is_waited_for_as_soon_as_anything_newer_comes():
     assert patience.wait_s({0: 5.0, 1: 5.2}, LATE_S + 0.1) > 0.0  # still late, but it goes on
     assert patience.wait_s({0: 5.0}, LATE_S + 0.2) == 0.0
     assert patience.wait_s({0: 5.0, 1: 5.4}, LATE_S + 0.3) > 0.0
-    assert patience.wait_s({0: 5.0, 1: 5.4}, LATE_S + 0.3 + PATIENCE_S - 0.01) > 0.0  # the whole of it again
-    assert patience.wait_s({0: 5.0, 1: 5.4}, LATE_S + 0.3 + PATIENCE_S) == 0.0
+    assert patience.wait_s({0: 5.0, 1: 5.4}, LATE_S + 0.3 + TIMEOUT_S - 0.01) > 0.0  # the whole of it again
+    assert patience.wait_s({0: 5.0, 1: 5.4}, LATE_S + 0.3 + TIMEOUT_S) == 0.0
 
 
 def test_the_ground_station_is_reminded_while_it_is_waited_for():

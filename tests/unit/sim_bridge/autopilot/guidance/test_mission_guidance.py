@@ -32,14 +32,14 @@ ITEMS: tuple[MissionItem, ...] = (
 )
 
 
-def guide(navigator: Navigator | None) -> PathGenerator:
+def path_generator(navigator: Navigator | None) -> PathGenerator:
     return PathGenerator(STRONG, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0, navigator=navigator)
 
 
 def whole(course: PiecePath) -> tuple[list[Piece], list[Mark], PiecePath]:
     """All pieces and marks, and the last part."""
     pieces, marks = list(course.pieces), list(course.marks)
-    for part in course.rest or ():
+    for part in course.continuation or ():
         pieces += part.pieces
         marks += part.marks
         course = part
@@ -48,7 +48,7 @@ def whole(course: PiecePath) -> tuple[list[Piece], list[Mark], PiecePath]:
 
 @ALL
 def test_every_piece_goes_on_where_the_last_ended(navigator):
-    pieces, marks, last = whole(fly_mission(guide(navigator), 5.0, ON_THE_GROUND, ITEMS, 1, landed=True))
+    pieces, marks, last = whole(fly_mission(path_generator(navigator), 5.0, ON_THE_GROUND, ITEMS, 1, landed=True))
     assert pieces[0].start_s == 5.0
     for before, after in itertools.pairwise(pieces):
         ended, begins = before.at(before.end_s), after.at(before.end_s)
@@ -64,7 +64,7 @@ def test_every_piece_goes_on_where_the_last_ended(navigator):
 
 @ALL
 def test_holds_and_delays_last(navigator):
-    _, marks, _ = whole(fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True))
+    _, marks, _ = whole(fly_mission(path_generator(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True))
     at_s = {mark.reached: mark.t_s for mark in marks}
     if navigator is None:  # on time: 30 m at 3 m/s, a hold of 2 s, and a delay that is part of the curve
         assert at_s[4] - at_s[3] == pytest.approx(np.hypot(30.0, 2.0) / 3.0 + 2.0, abs=0.05)
@@ -76,7 +76,7 @@ def test_holds_and_delays_last(navigator):
 
 @pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 def test_a_mission_that_ends_at_a_waypoint_comes_to_rest_there(navigator):
-    pieces, _, _ = whole(fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS[:4], 1, landed=True))
+    pieces, _, _ = whole(fly_mission(path_generator(navigator), 0.0, ON_THE_GROUND, ITEMS[:4], 1, landed=True))
     end = pieces[-1].at(pieces[-1].end_s)
     np.testing.assert_allclose(end[0, :3], HOME + np.array([30.0, 0.0, -8.0]), atol=0.5)
     np.testing.assert_allclose(end[1:3], 0.0, atol=1e-6)
@@ -84,11 +84,11 @@ def test_a_mission_that_ends_at_a_waypoint_comes_to_rest_there(navigator):
 
 @pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", "px4"])
 def test_only_what_is_flown_is_worked_out(navigator):
-    course = fly_mission(guide(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True)
+    course = fly_mission(path_generator(navigator), 0.0, ON_THE_GROUND, ITEMS, 1, landed=True)
     known_s = course.pieces[-1].end_s
-    assert course.rest is not None
+    assert course.continuation is not None
     for _ in range(3):
-        part = next(course.rest)
+        part = next(course.continuation)
         assert part.pieces[0].start_s == known_s
         known_s = part.pieces[-1].end_s
     assert known_s < 25.0
@@ -96,4 +96,4 @@ def test_only_what_is_flown_is_worked_out(navigator):
 
 def test_a_navigator_nobody_knows_is_refused(capsys):
     assert run(["missions/field", "--nav", "best"]) == 2
-    assert "neither own nor ideal" in capsys.readouterr().err
+    assert "--nav must be own or ideal" in capsys.readouterr().err

@@ -77,7 +77,7 @@ def test_takeoff_is_a_mode_that_waits_for_arming_and_ends_in_hold():
     body = body_of()
     assert body.pilot.take_off(body.t_s, 4.0) == OK
     assert body.pilot.mode.number == px4_mode(4, 2)
-    assert body.pilot.helm.progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NO_MISSION, 1)
+    assert body.pilot.mode_actions.progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NO_MISSION, 1)
     body.run(3.0)
     assert not body.pilot.armed
     assert body.arm() == OK
@@ -126,7 +126,7 @@ def test_landing_takes_its_time_and_the_mode_goes_back_to_the_last_that_could_be
 def test_arming_in_mission_mode_starts_the_mission_which_is_told_as_px4_does():
     body = body_of()
     body.pilot.set_mission(mission(PX4))
-    progress = body.pilot.helm.progress
+    progress = body.pilot.mode_actions.progress
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.NOT_STARTED, 2)
     assert body.mode(Intent.MISSION) == OK
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.ACTIVE, 1)
@@ -285,7 +285,7 @@ def test_the_closer_to_home_the_lower_it_returns(north_m, height_m):
     body = body_of()
     body.fly(3.0)
     body.pilot.reposition(body.t_s, np.array([HOME[0] + north_m, HOME[1], HOME[2] - 3.0, YAW]), change_mode=True)
-    body.run_until(lambda: body.pilot.helm.path.at_rest)
+    body.run_until(lambda: body.pilot.mode_actions.path.at_rest)
     body.mode(Intent.RETURN)
     text = f"RTL: start return at {488.0 - HOME[2] + height_m:.0f} m ({height_m:.0f} m above destination)\t"
     assert body.texts()[-1] == text
@@ -320,7 +320,7 @@ def test_a_takeoff_is_told_at_once_and_floats_before_it_climbs():
 def test_a_landing_counts_as_a_mission_that_is_flown_to_its_end():
     body = body_of()
     body.pilot.set_mission(mission(PX4))
-    progress = body.pilot.helm.progress
+    progress = body.pilot.mode_actions.progress
     body.fly()
     assert progress.state(body.intent, flying=body.pilot.flying) == (MissionState.COMPLETE, 2)
     body.mode(Intent.LAND)
