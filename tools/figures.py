@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import gcs
-from gcs.flight.assessment.flight_plot import draw_all
+from gcs.flight.assessment.flight_plot import draw_map
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -27,11 +27,11 @@ CLOSE_UP_S = 228.0
 
 
 def simulation1(plan: Plan, folder: Path) -> Iterator[Path]:
-    """The formation close up behind the highest mountain of its track; tracks, map and formation, as after a flight."""
+    """The formation close up behind the highest mountain of its track, and the map."""
     camera = camera_near(plan, CLOSE_UP_S, (4.6, 3.4, 1.55), turn_deg=10.0)
     yield save(draw_view(plan, CLOSE_UP_S, camera), folder / "close_up.png")
     t_s = np.arange(plan.t_start_s, plan.t_end_s, STEP_S)
-    yield from draw_all(plan.scenario, plan.sysids, t_s, plan.states(t_s)[..., POSITION], folder)
+    yield save(draw_map(plan.scenario, plan.sysids, plan.states(t_s)[..., POSITION]), folder / "map.png")
 
 
 def changes(plan: Plan, folder: Path) -> Iterator[Path]:
@@ -47,7 +47,7 @@ def changes(plan: Plan, folder: Path) -> Iterator[Path]:
 def gap(plan: Plan, folder: Path) -> Iterator[Path]:
     """The flight beside that of the rigid formation, and a film."""
     yield save(draw_flight(plan, gcs.make_plan(rigid(plan.scenario))), folder / "map.png")
-    yield write_film(plan, folder / "gap.gif")
+    yield write_film(plan, folder / "gap.gif", frame_s=1.5)
 
 
 def rigid(scenario: Scenario) -> Scenario:

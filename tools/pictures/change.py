@@ -17,10 +17,10 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.graph import information_graph
 from gcs.plan.trajectory.plan import Plan
-from tools.pictures.scenery import ASIDE, ASKED, colour
+from tools.pictures.scenery import ASIDE, LIMIT, colour
 
 _INSTANTS = 301
-_TICKS = 12  # marks on a way, at equal times
+_TICKS = 12  # marks on a track, at equal times
 _LEVEL_M = 0.01  # less than this is not a change of height
 _AWAY = 0.045  # of the picture: an id from its place
 _SIDES = np.array([(np.cos(a), np.sin(a)) for a in np.radians(np.arange(22.5, 360.0, 45.0))])  # north, east
@@ -29,13 +29,13 @@ _HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 
 
 def draw_change(plan: Plan, move: Move) -> Figure:
-    """Ways from above, and over time: distance to the leader, height above it where it changes, speed in the shape."""
+    """Tracks from above; over time: distance to the leader, height above it where it changes, speed in the shape."""
     t_s = np.linspace(move.start_s, np.nextafter(move.end_s, move.start_s), _INSTANTS)
     offsets = plan.offsets(t_s)
     climbs = bool(np.ptp(offsets[..., 2], axis=1).max() > _LEVEL_M)
     figure = Figure(figsize=(11.0, 6.4 if climbs else 5.6), layout="constrained")
     grid = figure.add_gridspec(3 if climbs else 2, 2, width_ratios=(1.15, 1.0))
-    _draw_ways(figure.add_subplot(grid[:, 0]), plan, offsets)
+    _draw_tracks(figure.add_subplot(grid[:, 0]), plan, offsets)
     panels = [figure.add_subplot(grid[i, 1]) for i in range(3 if climbs else 2)]
     for before, after in pairwise(panels):
         before.sharex(after)
@@ -56,7 +56,7 @@ def _title(move: Move) -> str:
     )
 
 
-def _draw_ways(axes: Any, plan: Plan, offsets: Array) -> None:
+def _draw_tracks(axes: Any, plan: Plan, offsets: Array) -> None:
     """From above: hollow where a vehicle was, full where it goes, a mark every twelfth of the time."""
     listening = []
     for instant, style, name in ((0, ":", "before"), (-1, "-", "after")):
@@ -83,7 +83,7 @@ def _draw_ways(axes: Any, plan: Plan, offsets: Array) -> None:
 
 
 def _write_ids(axes: Any, plan: Plan, offsets: Array, lines: Array) -> None:
-    """Beside every place, on the side where most room is left by lines (L, 2), ways, places and other ids."""
+    """Beside every place, on the side where most room is left by lines (L, 2), tracks, places and other ids."""
     taken = [*lines, *offsets[:, :: _INSTANTS // _TICKS, :2].reshape(-1, 2)]
     away_m = _AWAY * float(np.ptp(offsets[..., :2], axis=(0, 1)).max())
     for places, how in ((offsets[:, -1], {"weight": "bold"}), (offsets[:, 0], {"style": "italic"})):
@@ -120,6 +120,6 @@ def _draw_speeds(axes: Any, plan: Plan, move: Move, t_s: Array) -> None:
     v_max = plan.scenario.formation.change_speed_mps
     end_s = move.start_s + move.paper_time_s
     step = ([move.start_s, move.start_s, end_s, end_s], [0.0, v_max, v_max, 0.0])
-    axes.plot(*step, "--", color=ASKED, lw=1.2, label="longest way, as the paper has it")
+    axes.plot(*step, "--", color=LIMIT, lw=1.2, label="longest way, as the paper has it")
     axes.set(xlabel="time, s", ylim=(0.0, 1.3 * v_max))
     axes.legend(fontsize=8, loc="upper right")

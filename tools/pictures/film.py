@@ -1,7 +1,4 @@
-"""A flight as a film: the formation on the map, the same seen from behind, its size and clearance so far.
-
-Knows: what stays and what moves in a figure. Does not know: planning.
-"""
+"""A flight as a film: the formation on the map, the same seen from behind, its size and clearance so far."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 from tools.pictures.measures import clearance_m, places_ned_m, size
-from tools.pictures.scenery import ASKED, chain_lines, colour, draw_ground
+from tools.pictures.scenery import LIMIT, chain_lines, colour, draw_ground
 
 _FPS = 10
 _DPI = 80
@@ -51,8 +48,8 @@ class _Film:
         limits = plan.scenario.limits
         curves = (("size, of that at t = 0", size, None), ("clearance, m", clearance_m, limits.clearance_min_m))
         self.curves = [
-            self._curve(self.figure.add_subplot(grid[row + 1, 1]), name, measure(plan, self.t_s), asked)
-            for row, (name, measure, asked) in enumerate(curves)
+            self._curve(self.figure.add_subplot(grid[row + 1, 1]), name, measure(plan, self.t_s), required)
+            for row, (name, measure, required) in enumerate(curves)
         ]
         self.show(0.0)
         self.figure.draw_without_rendering()
@@ -89,7 +86,7 @@ class _Film:
         paints = [colour(row) for row in range(len(self.plan.sysids))]
         self.ground = axes.add_patch(Polygon([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], fc="#d9b38c", ec="saddlebrown"))
         self.seen = axes.scatter(*self.places[:, 0, 1:].T, c=paints, s=24, zorder=5)
-        axes.axhline(scenario.limits.height_m[1], color=ASKED, lw=1.0, ls=":", label="ceiling")
+        axes.axhline(scenario.limits.height_m[1], color=LIMIT, lw=1.0, ls=":", label="ceiling")
         axes.set(ylim=(0.0, _RISE_M), aspect="equal", xlabel="east, m", ylabel="height, m")
         axes.set_title("from behind, over the ground below each vehicle", fontsize=9)
         axes.legend(fontsize=8, loc="upper center")
@@ -106,9 +103,9 @@ class _Film:
         self.ground.set_xy(np.concatenate([[(east[0], -1.0)], rim, [(east[-1], -1.0)]]))
         self.behind.set_xlim(middle - _BEHIND_M, middle + _BEHIND_M)
 
-    def _curve(self, axes: Any, name: str, values: Array, asked: float | None) -> tuple[Any, Array]:
-        if asked is not None:
-            axes.axhline(asked, color=ASKED, lw=1.0, ls=":", label=f"asked: {asked:g} m")
+    def _curve(self, axes: Any, name: str, values: Array, required: float | None) -> tuple[Any, Array]:
+        if required is not None:
+            axes.axhline(required, color=LIMIT, lw=1.0, ls=":", label=f"required: {required:g} m")
             axes.legend(fontsize=8, loc="lower right")
             axes.set_xlabel("time, s")
         else:

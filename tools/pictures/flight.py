@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from tools.pictures.measures import clearance_m, nearest_m, places_ned_m, size
-from tools.pictures.scenery import ASIDE, ASKED, chain_lines, colour, draw_ground
+from tools.pictures.scenery import ASIDE, LIMIT, chain_lines, colour, draw_ground
 
 _STEP_S = 0.2
 _EVERY_S = 10.0
@@ -28,7 +28,7 @@ def draw_flight(plan: Plan, beside: Plan | None = None) -> Figure:
     figure = Figure(figsize=(10.5, sum(heights) + 2.0), layout="constrained")
     panels = figure.subplots(4, 1, gridspec_kw={"height_ratios": heights})
     _draw_map(panels[0], figure, plan, beside, t_s)
-    for axes, (name, measure, asked) in zip(
+    for axes, (name, measure, required) in zip(
         panels[1:],
         (
             ("size, of that\nat t = 0", size, None),
@@ -40,8 +40,8 @@ def draw_flight(plan: Plan, beside: Plan | None = None) -> Figure:
         if beside is not None:
             axes.plot(t_s, measure(beside, t_s), "--", color=ASIDE, lw=1.2, label="rigid")
         axes.plot(t_s, measure(plan, t_s), color="black", lw=1.6, label="planned")
-        if asked is not None:
-            axes.axhline(asked, color=ASKED, lw=1.0, ls=":", label=f"asked: {asked:g} m")
+        if required is not None:
+            axes.axhline(required, color=LIMIT, lw=1.0, ls=":", label=f"required: {required:g} m")
         for move in plan.moves:
             axes.axvspan(move.start_s, move.end_s, color="steelblue", alpha=0.15)
         axes.set(ylabel=name, xlim=(0.0, plan.flight_s))

@@ -21,7 +21,7 @@ from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 
 COLOURS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22")
-ASKED = "#b00000"  # what a limit is drawn in
+LIMIT = "#b00000"  # what a limit is drawn in
 ASIDE = "#777777"
 _GRID = 201
 _BANDS = 9
@@ -57,10 +57,10 @@ def draw_ground(axes: Any, scenario: Scenario) -> Any:
     bands = axes.contourf(north, east, ground, levels=_BANDS, cmap="YlOrBr", alpha=0.75)
     passable_m = limits.height_m[1] - limits.clearance_min_m
     if ground.max() > passable_m:
-        axes.contour(north, east, ground, levels=[passable_m], colors=ASKED, linewidths=1.2)
-        axes.plot([], [], color=ASKED, lw=1.2, label=f"within: ground above {passable_m:g} m, no way under the ceiling")
+        axes.contour(north, east, ground, levels=[passable_m], colors=LIMIT, linewidths=1.2)
+        axes.plot([], [], color=LIMIT, lw=1.2, label=f"ground above {passable_m:g} m: too high under the ceiling")
     for number, zone in enumerate(scenario.no_fly):
         label = "no-fly zones" if number == 0 else None
-        axes.add_patch(Polygon(np.array(outline(zone).exterior.coords), color=ASKED, alpha=0.3, label=label))
+        axes.add_patch(Polygon(np.array(outline(zone).exterior.coords), color=LIMIT, alpha=0.3, label=label))
     axes.set(xlim=limits.north_m, ylim=limits.east_m[::-1], aspect="equal", xlabel="north, m", ylabel="east, m")
     return bands

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from tools.pictures.scenery import ASKED, colour, save
+from tools.pictures.scenery import LIMIT, colour, save
 
 _BLOCK = re.compile(r"^```sh\n(?P<code>.*?)^```$", re.M | re.S)
 _SETUP = "./tools/run "
@@ -77,7 +77,7 @@ def _draw_fence(axes: Any, fence: dict[str, Any], latitude_deg: float) -> None:
     """The polygon that vehicles must stay in, and the circles that they must stay out of."""
     for polygon in fence["polygons"]:
         inside = polygon["inclusion"]
-        look: dict[str, Any] = {"fill": False, "ec": "black", "lw": 1.2} if inside else {"color": ASKED, "alpha": 0.3}
+        look: dict[str, Any] = {"fill": False, "ec": "black", "lw": 1.2} if inside else {"color": LIMIT, "alpha": 0.3}
         axes.add_patch(Polygon(np.array(polygon["polygon"])[:, ::-1], **look))
     for circle in fence["circles"]:
         latitude, longitude = circle["circle"]["center"]
@@ -89,4 +89,4 @@ def _draw_fence(axes: Any, fence: dict[str, Any], latitude_deg: float) -> None:
                 latitude + radius_deg * np.sin(turn),
             ]
         )
-        axes.add_patch(Polygon(rim, color=ASKED, alpha=0.3))
+        axes.add_patch(Polygon(rim, color=LIMIT, alpha=0.3))
