@@ -1,7 +1,6 @@
-"""What a command says, and to whom: lines for people, or one JSON object for programs.
+"""The output of a command: lines and tables for an operator, or one JSON object for a program.
 
-Knows: terminals, JSON, how errors read. Does not know: commands.
-With `--json` stdout carries exactly one object; what people would read goes to stderr.
+With `--json` stdout carries exactly one object, and stderr carries warnings only.
 """
 
 from __future__ import annotations
@@ -23,38 +22,48 @@ BEGAN_S = time.perf_counter()  # this module is among the first to be imported
 
 
 class Screen:
-    """Output of one command."""
+    """The output of one command."""
 
     def __init__(self, *, json: bool = False) -> None:
         self.json = json
 
     @cached_property
     def console(self) -> Console:
-        """rich's console for tables, bars and live displays; plain lines where nobody watches."""
+        """rich's console for tables, bars and live displays; plain lines where stdout is no terminal."""
         from rich.console import Console
 
-        return Console(stderr=self.json, highlight=False)
+        return Console(quiet=self.json, highlight=False)
 
     @property
     def is_watched(self) -> bool:
-        """Whether live displays make sense: a terminal is there and it can redraw."""
-        return bool(self.console.is_terminal and not self.console.is_dumb_terminal)
+        """Whether stdout is a terminal that can redraw, and text is wanted there."""
+        return bool(not self.json and self.console.is_terminal and not self.console.is_dumb_terminal)
 
     def say(self, text: str) -> None:
-        """One line for people, never wrapped or coloured, so that it can be searched and copied."""
-        print(text, file=sys.stderr if self.json else sys.stdout, flush=True)
+        """Print one line, never wrapped or coloured, so that it can be searched and copied; nothing with `--json`."""
+        if not self.json:
+            print(text, flush=True)
+
+    def warn(self, text: str) -> None:
+        """Print one warning line: on stdout among the others, or on stderr with `--json`."""
+        print(f"WARNING: {text}", file=sys.stderr if self.json else sys.stdout, flush=True)
+
+    def ask(self, question: str) -> None:
+        """Print a question that you must answer to go on; on stderr with `--json`."""
+        print(question, file=sys.stderr if self.json else sys.stdout, flush=True)
 
     def show(self, picture: RenderableType) -> None:
-        """A table or other rich renderable for people."""
-        self.console.print(picture)
+        """Print a table or another rich renderable; nothing with `--json`."""
+        if not self.json:
+            self.console.print(picture)
 
     def result(self, data: dict[str, Any]) -> None:
-        """What the command found, for programs: printed with `--json` only, `"ok": true` unless data says otherwise."""
+        """Print the one JSON object, with `--json` only; `"ok"` is true unless `data` has another value."""
         if self.json:
             print(to_json({"ok": True, **data}), flush=True)
 
     def error(self, message: str, *, hint: str, kind: str, exit_code: int) -> None:
-        """What went wrong: on stderr for people, as the one object on stdout for programs."""
+        """Print what failed and what to do next: on stderr, or as the one object on stdout with `--json`."""
         if self.json:
             failure = {"kind": kind, "message": message, "hint": hint, "exit_code": exit_code}
             print(to_json({"ok": False, "error": failure}), flush=True)
@@ -64,11 +73,11 @@ class Screen:
             print(f"next: {hint}", file=sys.stderr)
 
     def failure(self, error: GcsError) -> None:
-        """The same for one of the errors of `gcs.errors`."""
+        """Print one of the errors of `gcs.errors`."""
         self.error(error.message, hint=error.hint, kind=type(error).__name__, exit_code=error.exit_code)
 
     def stopped(self, exit_code: int) -> None:
-        """The person at the keyboard has ended it."""
+        """Print that you stopped the command."""
         if self.json:
             self.error("stopped", hint="", kind="Stopped", exit_code=exit_code)
         else:
@@ -76,7 +85,7 @@ class Screen:
 
 
 def to_json(data: Any) -> str:
-    """JSON text of plain values, paths and NumPy arrays. Raises ValueError on NaN and infinity, which JSON has not."""
+    """The JSON text of plain values, paths and NumPy arrays. Raises ValueError on NaN and infinity, unknown to JSON."""
     return json.dumps(data, default=_plain, allow_nan=False, ensure_ascii=False)
 
 

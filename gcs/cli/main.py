@@ -1,8 +1,8 @@
-"""The `gcs` command: which commands there are, and how every ending is told.
+"""The `gcs` command: its list of commands, its exit codes, and how an error is printed.
 
-Knows: command names, exit codes, that no one sees a traceback unasked. Does not know: what commands do.
-A command is a function in a file of its own whose docstring is its help. Heavy imports stand inside the function,
-so that `gcs --help` and mistyped arguments are answered at once; a test holds this.
+A command is a function in a file of its own; its docstring is its help. Its folder is its panel in `gcs --help`.
+Heavy imports stand inside the function, so that `gcs --help` and mistyped arguments are answered at once (a test
+holds this). A traceback is printed with `--debug` only.
 """
 
 from __future__ import annotations
@@ -39,16 +39,29 @@ STOPPED = 130
 BUG = 70
 EXAMPLES = """Examples:
 
-gcs new missions/first
-
 gcs fly missions/simulation1 --sim
 
-gcs plan missions/simulation1
+gcs new plans/first
+
+gcs plan plans/first
 
 gcs schema > scenario.schema.json"""
+FIRST_STEPS = """Plan, verify and fly formations of quadrotors over MAVLink. First steps:
+
+  gcs fly missions/simulation1 --sim    Fly six emulated vehicles and judge the flight.
+  gcs new plans/first                   Write a short scenario of your own.
+  gcs plan plans/first                  Plan it, verify the plan and write plans/first.skein.
+  gcs show plans/first                  Show what is in it: vehicles, limits, pads.
+
+All commands: gcs --help. One command with its options and examples: gcs plan --help."""
+PANELS = {  # of `gcs --help`, by the folder of the command
+    "planning": "Planning: scenarios and plans",
+    "missions": "Missions: files, and what vehicles have on board",
+    "flights": "Flights: vehicles and recordings",
+}
 
 app = typer.Typer(
-    help="Plan, check and fly formations of quadrotors over MAVLink.",
+    help="Plan, verify and fly formations of quadrotors over MAVLink.",
     epilog=EXAMPLES,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -59,21 +72,21 @@ for _command in (
     plan,
     replan,
     verify,
+    schema,
     export,
     check,
+    upload,
+    download,
+    diff,
+    restore,
     fly,
     attach,
     report,
     replay,
     vehicles,
     tell,
-    upload,
-    download,
-    diff,
-    restore,
-    schema,
 ):
-    app.command()(_command)
+    app.command(rich_help_panel=PANELS[_command.__module__.split(".")[2]])(_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -90,23 +103,30 @@ def _gcs(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Options that stand before the command."""
+    """Options that come before the command."""
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line (default: the process's) and return its exit code; nothing escapes as a traceback."""
+    """The exit code of one command line (default: the process's). Every error ends as one sentence.
+
+    Without arguments it prints the first steps.
+    """
     is_the_process = arguments is None
-    arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
     try:
-        # Not standalone: the endings below are ours, and None is success.
-        code = app(args=arguments, prog_name="gcs", standalone_mode=False) or 0
+        # Not standalone: typer then leaves the endings to the lines below. None is success.
+        code = 0
+        if arguments:
+            code = app(args=arguments, prog_name="gcs", standalone_mode=False) or 0
+        else:
+            print(FIRST_STEPS)
         sys.stdout.flush()
     except BrokenPipeError:  # `gcs schema | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except SystemExit as ended:  # typer's own ending when the reader has left
+    except SystemExit as ended:  # typer's own ending when the pipe is closed
         return int(ended.code or 0)
     except KeyboardInterrupt:
         code = STOPPED
@@ -122,14 +142,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = BUG
         _trace(debug)
         screen.error(
-            f"a mistake in this program: {type(error).__name__}: {error}",
-            hint="please report it, with the output of the same command and --debug",
+            f"a bug in this program: {type(error).__name__}: {error}",
+            hint="run the same command with --debug and report its output",
             kind="Bug",
             exit_code=code,
         )
     if code == STOPPED:
         if is_the_process:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # people press twice, and all is done
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not print a traceback
         screen.stopped(code)
     return int(code)
 

@@ -1,7 +1,4 @@
-"""A mission on the command line becomes a plan that may be used: loaded or made, and verified.
-
-Knows: what a MISSION argument can be, how planning is shown. Does not know: what is done with the plan.
-"""
+"""The MISSION argument: a mission folder, a scenario or a plan file becomes a verified plan."""
 
 from __future__ import annotations
 
@@ -16,25 +13,25 @@ from gcs.cli.console import Screen
 from gcs.errors import UsageError, VerificationError
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import MeshRound, Plan
-from gcs.plan.trajectory.plan_file import SUFFIX, load_plan
+from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.load import load_scenario
 
 
 @dataclass
 class Stopwatch:
-    """Where the time went, in order."""
+    """The time that each part of a command took, in order."""
 
     began_s: float
     laps_s: dict[str, float] = field(default_factory=dict)
 
     def lap(self, name: str) -> None:
-        """All time since the last lap goes to `name`."""
+        """Count the time since the last lap as `name`."""
         self.laps_s[name] = time.perf_counter() - self.began_s - sum(self.laps_s.values())
 
     @property
     def total_s(self) -> float:
-        """From the beginning to the last lap."""
+        """Time from the beginning to the last lap."""
         return sum(self.laps_s.values())
 
     def __str__(self) -> str:
@@ -48,27 +45,28 @@ def plan_for(
     watch: Stopwatch,
     *,
     unverified: bool = False,
-    every_way: bool = False,
-    in_the_air: bool = False,
+    alternatives: bool = False,
+    from_the_air: bool = False,
 ) -> tuple[Plan, Report]:
-    """The plan of a mission folder, a scenario file or a `.skein` file, with its verdict.
+    """The plan of a mission folder, a scenario file or a plan file, with its verdict.
 
-    `every_way` optimises all ways through the map, for comparison. Raises VerificationError for a plan that does not
-    hold, unless `unverified`; UsageError for one that begins in flight, unless `in_the_air`.
+    `alternatives` optimises every route class through the map, for comparison. Raises VerificationError for a plan
+    that failed verification, unless `unverified`. Raises UsageError for one that begins in flight, unless
+    `from_the_air`.
     """
-    if mission.suffix == SUFFIX:
+    if is_plan_file(mission):
         plan, report = load_plan(mission)
-        if plan.begin_state is not None and not in_the_air:
+        if plan.begin_state is not None and not from_the_air:
             raise UsageError(
                 f"{mission}: this plan begins in the air, at t = {plan.t_start_s:g} s, not on the ground",
-                hint="give the plan or mission that it was made from; `gcs export` writes this one's setpoints",
+                hint="give the plan or mission that it was made from; `gcs export` writes the setpoints of this one",
             )
         watch.lap("load")
     else:
         scenario = load_scenario(mission)
         watch.lap("scenario")
         with _progress(screen) as on_round:
-            plan = make_plan(scenario, on_round, every_way=every_way, workers=os.cpu_count() or 1)
+            plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)
         watch.lap("optimise")
         report = verify(plan)
         watch.lap("verify")
@@ -78,24 +76,33 @@ def plan_for(
 
 
 def refusal(report: Report) -> VerificationError:
-    """Why a plan must not be used."""
+    """The error for a plan that failed verification, with its worst checks."""
     worst = "; ".join(str(c) for c in report.failures[:5])
     more = f"; and {len(report.failures) - 5} more" if len(report.failures) > 5 else ""
     return VerificationError(
-        f"the plan does not hold what it promises: {worst}{more}",
-        hint="change the scenario and plan again, or add --unverified to use it as it is",
+        f"the plan failed verification: {worst}{more}",
+        hint="change the scenario and plan again, or add --unverified to use the plan for inspection",
     )
+
+
+def verdict_word(ok: bool) -> str:
+    """The last column of a table of criteria."""
+    return "ok" if ok else "FAILED"
+
+
+def solve_line(done: MeshRound) -> str:
+    """The effort of one solve, and the first limit that it violates between the nodes."""
+    verdict = done.complaints[0] if done.complaints else "no violation between nodes"
+    return f"{done.unknowns} unknowns, {done.iterations} iterations, {done.seconds:.2f} s: {verdict}"
 
 
 @contextmanager
 def _progress(screen: Screen) -> Iterator[Callable[[MeshRound], None]]:
-    """A line per solve of the mesh refinement; a spinner where somebody watches."""
+    """A callback that prints one line for each solve of the mesh refinement, or moves a spinner on a terminal."""
     rounds: list[MeshRound] = []
 
     def describe(done: MeshRound) -> str:
-        verdict = done.complaints[0] if done.complaints else "holds between nodes"
-        effort = f"{done.unknowns} unknowns, {done.iterations} iterations, {done.seconds:.2f} s"
-        return f"solve {len(rounds)}: {effort}: {verdict}"
+        return f"solve {len(rounds)}: {solve_line(done)}"
 
     if not screen.is_watched:
 

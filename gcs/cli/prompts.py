@@ -1,7 +1,4 @@
-"""A question to the person at the keyboard, while vehicles go on being listened to.
-
-Knows: standard input, the event loop. Does not know: what is asked, screens.
-"""
+"""The pre-flight table, and a line typed by the operator while the event loop keeps listening to vehicles."""
 
 from __future__ import annotations
 
@@ -15,29 +12,29 @@ from gcs.flight.setup.preflight import PreflightCheck
 
 
 async def typed_line() -> str:
-    """The next line of standard input without its end; empty where there is none. May be cancelled at any time."""
+    """The next line of standard input without its line end; empty without an input. It may be cancelled at any time."""
     if sys.stdin is None or sys.stdin.closed:
         return ""
     loop = asyncio.get_running_loop()
-    came = asyncio.Event()
+    arrived = asyncio.Event()
     try:
-        loop.add_reader(sys.stdin, came.set)
-    except PermissionError:  # a file: it is all there
+        loop.add_reader(sys.stdin, arrived.set)
+    except PermissionError:  # a file: its next line is there at once
         return sys.stdin.readline().strip()
     try:
-        await came.wait()
+        await arrived.wait()
     finally:
         loop.remove_reader(sys.stdin)
     return sys.stdin.readline().strip()
 
 
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
-    """A row per check, a column per vehicle; what is not good is marked."""
+    """Show a table: one row per check, one column per vehicle, failed checks marked, and the requirement."""
     sysids = list(dict.fromkeys(c.sysid for c in checks))
     found = {(c.name, c.sysid): c for c in checks}
     go = all(c.ok for c in checks)
-    table = Table("check", *(str(s) for s in sysids), "asked", title="GO" if go else "NO-GO")
+    table = Table("check", *(str(s) for s in sysids), "required", title="GO" if go else "NO-GO")
     for name in dict.fromkeys(c.name for c in checks):
         row = [found[name, s] for s in sysids]
-        table.add_row(name, *((c.found if c.ok else f"NO: {c.found}") for c in row), row[0].asked)
+        table.add_row(name, *((c.found if c.ok else f"FAILED: {c.found}") for c in row), row[0].asked)
     screen.show(table)

@@ -1,7 +1,4 @@
-"""Arguments and options that commands share, so that they read the same everywhere.
-
-Knows: names and help texts. Does not know: what commands do with them.
-"""
+"""The arguments and options that several commands share, with one name and one help text each."""
 
 from __future__ import annotations
 
@@ -15,17 +12,23 @@ from gcs.errors import UsageError
 
 MissionArgument = Annotated[
     Path,
-    typer.Argument(metavar="MISSION", help="Mission folder, scenario file or plan (.skein).", show_default=False),
+    typer.Argument(metavar="MISSION", help="Mission folder, scenario file or plan file.", show_default=False),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
-# `gcs.cli.main.run` reads it from the arguments, since those may be what is wrong; it is declared for --help.
-DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-UnverifiedOption = Annotated[bool, typer.Option("--unverified", help="Use a plan although it does not hold.")]
+PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False)]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on stdout; stderr then has warnings only.")
+]
+# `gcs.cli.main.run` reads it from the raw arguments, which may be wrong; it is declared here for --help.
+DebugOption = Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")]
+UnverifiedOption = Annotated[
+    bool, typer.Option("--unverified", help="Use a plan that failed verification, for inspection.")
+]
 UntimedOption = Annotated[
     bool,
     typer.Option(
         "--untimed",
-        help="Missions ask for the plan's own speeds, which autopilots do not keep, instead of corrected ones.",
+        help="Write the plan's own speeds into missions. An autopilot does not keep them; without this option they are "
+        "corrected.",
     ),
 ]
 
@@ -41,35 +44,39 @@ LinkOption = Annotated[
     typer.Option(
         "--link",
         metavar="LINK",
-        help="Where vehicles are: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD; repeat it "
-        "for several.",
+        help="Link to the vehicles: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD. Repeat "
+        "it for several links.",
     ),
 ]
 MapOption = Annotated[
     str | None,
-    typer.Option("--map", metavar="1=7,2=8", help="System ids of vehicles that have others than in the plan."),
+    typer.Option(
+        "--map",
+        metavar="1=7,2=8",
+        help="System ids on the link, where they differ from the plan: 1=7 means that vehicle 1 is system 7.",
+    ),
 ]
 KeyOption = Annotated[
     Path | None,
     typer.Option(
         "--signing-key-file",
         metavar="FILE",
-        help="Sign with the key in this file, and believe only what is signed with it. Without it the key is that of "
-        "the environment variable SKEIN_SIGNING_KEY, if there is one.",
+        help="Sign with the key in this file, and accept only frames that are signed with it. Default: the key in "
+        "the environment variable SKEIN_SIGNING_KEY, if it is set.",
     ),
 ]
 
 
 BackendOption = Annotated[
     str,
-    typer.Option("--backend", help="skein: our own machines; mavsdk: MAVSDK's, which neither sign nor are quick."),
+    typer.Option("--backend", help="skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign."),
 ]
 TransferOption = Annotated[
     str,
     typer.Option(
         "--transfer",
-        help="How ArduPilot gets its mission: auto (as one file where the vehicle offers MAVLink FTP, and item by item "
-        "where not), items, or file.",
+        help="How ArduPilot receives its mission: items (one by one), file (over MAVLink FTP), or auto (a file where "
+        "the vehicle offers MAVLink FTP, else items).",
     ),
 ]
 
@@ -77,7 +84,7 @@ TransferOption = Annotated[
 def connection(
     links: Sequence[str] | None, systems: str | None = None, key_file: Path | None = None, transfer: str = "auto"
 ) -> Connection:
-    """What the options ask for. Raises `UsageError`."""
+    """The connection that the options describe. Raises `UsageError`."""
     from gcs.link.connection import TRANSFERS, Connection
     from gcs.link.endpoints.base import parse_link_spec
     from gcs.link.wire.signing_keys import load_key
@@ -86,14 +93,19 @@ def connection(
     for number, link in enumerate(chosen):
         parse_link_spec(link)
         if link in chosen[:number]:
-            raise UsageError(f"--link {link} is given twice")
+            raise UsageError(f"--link {link} is given twice", hint="give each link once")
     if transfer not in TRANSFERS:
-        raise UsageError(f"--transfer {transfer}: there are {', '.join(TRANSFERS)}")
+        raise unknown_choice("--transfer", transfer, TRANSFERS)
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
 
 
+def unknown_choice(option: str, value: str, known: Sequence[str]) -> UsageError:
+    """The error for an option's value that is not one of `known`."""
+    return UsageError(f"{option} {value}: unknown value", hint=f"give one of {', '.join(known)}")
+
+
 def parse_map(text: str | None) -> dict[int, int]:
-    """`1=7,2=8` as {1: 7, 2: 8}. Raises `UsageError` that quotes it."""
+    """The system id of each vehicle: {1: 7, 2: 8} for `1=7,2=8`. Raises `UsageError`."""
     found: dict[int, int] = {}
     for part in text.split(",") if text else ():
         vehicle, equals, system = part.strip().partition("=")
@@ -101,6 +113,6 @@ def parse_map(text: str | None) -> dict[int, int]:
         if not equals or len(numbers) != 2:
             raise UsageError(f"--map {text!r}: {part!r} is not VEHICLE=SYSTEM", hint="write for example --map 1=7,2=8")
         if int(vehicle) in found:
-            raise UsageError(f"--map {text!r} names vehicle {vehicle} twice")
+            raise UsageError(f"--map {text!r} names vehicle {vehicle} twice", hint="name each vehicle once")
         found[int(vehicle)] = int(system)
     return found

@@ -81,6 +81,10 @@ class Watcher:
     def say(self, text: str) -> None:
         """One line for people."""
 
+    def warn(self, text: str) -> None:
+        """One warning."""
+        self.say(f"WARNING: {text}")
+
     def lap(self, name: str) -> None:
         """This part of the work is done."""
 

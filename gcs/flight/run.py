@@ -214,9 +214,7 @@ def _flight(
     if sortie.link is None:
         return FlightSequence(plan, missions, stream, sessions, options, tell, log_step)
     autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
-    loads = build_loads(
-        plan, autopilots, timed=False, safety=sortie.safety, warn=lambda text: watcher.say(f"WARNING: {text}")
-    )
+    loads = build_loads(plan, autopilots, timed=False, safety=sortie.safety, warn=watcher.warn)
     if sortie.keeping.mode is FlightMode.MISSION:
         _refuse_others(plan, autopilots)
         loads = tuple(replace(load, mission=mission) for load, mission in zip(loads, missions, strict=True))

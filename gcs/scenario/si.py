@@ -85,6 +85,18 @@ def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
     return (15 / 8, 10 / 3**0.5) if steady_wind(scenario).is_still else (35 / 16, 84 * 5**0.5 / 25)
 
 
+def heading_ref_deg(scenario: Scenario) -> float:
+    """The desired heading psi_r, degrees: that of [objective], else the yaw of [end]."""
+    heading_deg = scenario.objective.heading_ref_deg
+    return scenario.end.roll_pitch_yaw_deg[2] if heading_deg is None else heading_deg
+
+
+def height_ref_m(scenario: Scenario) -> float:
+    """The desired height h_r, m above height 0: that of [objective], else the height of [end]."""
+    height_m = scenario.objective.height_ref_m
+    return scenario.end.position_m[2] if height_m is None else height_m
+
+
 def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
     """Leader's state (12,) at one end, at rest in attitude (body rates are not in Eqs. 15, 16).
 

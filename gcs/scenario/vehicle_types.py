@@ -51,7 +51,7 @@ def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
     for table in ("vehicle", "limits"):
         if isinstance(found.get(table, {}), dict):
             found[table] = {**given[table], **found.get(table, {})}
-    mission = found.get("mission")
+    mission = found.get("mission", {})
     if kind.autopilot is not None and isinstance(mission, dict):
         found["mission"] = {"autopilot": kind.autopilot, **mission}
     return found

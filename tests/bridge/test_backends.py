@@ -181,7 +181,7 @@ def test_those_in_the_air_are_told(
     asyncio.run(up())
     assert main.run(["tell", "hold", "--link", link, "--backend", backend, "--listen", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["vehicles"] == {"1": "holds", "2": "is not armed, and was left alone"}
+    assert told["vehicles"] == {"1": "holds", "2": "is not armed, no command sent"}
     assert main.run(["tell", "land", "--link", link, "--backend", backend, "--vehicles", "1"]) == 0
     assert "vehicle 1: lands" in capsys.readouterr().out
     fleet.wait_until(lambda: not fleet.state(1).armed)
@@ -191,7 +191,7 @@ def test_those_in_the_air_are_told(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("dance", "--link", "udpin:127.0.0.1:0"), "there are hold, land, return"),
+        (("dance", "--link", "udpin:127.0.0.1:0"), "give one of hold, land, return"),
         (("land",), "say where they are"),
         (("land", "--link", "udpin:127.0.0.1:0", "--vehicles", "1,x"), "--vehicles 1,x: give system ids"),
     ],

@@ -149,5 +149,5 @@ def test_a_restart_in_the_middle_of_a_file_loses_the_file_and_nothing_else(make_
 
 def test_the_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs(["upload", "missions/simulation1", "--transfer", "pigeon"]) == 2
-    assert "there are auto, items, file" in capsys.readouterr().err
+    assert "give one of auto, items, file" in capsys.readouterr().err
     assert gcs(["fly", "missions/simulation1", "--link", "udpin:127.0.0.1:0", "--transfer", "pigeon"]) == 2

@@ -122,7 +122,7 @@ def test_it_is_told_line_by_line(log: Path, capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("--from", "900"), 2, "--from 900: there is nothing to show"),
+        (("--from", "900"), 2, "--from 900: nothing to show"),
         (("--speed", "0"), 2, "--speed 0: give a number above 0, or max"),
         (("--speed", "max", "--to-link", "udpout:127.0.0.1:9"), 2, "frames at their times"),
         (("--to-link", "udpin:127.0.0.1:9"), 2, "a ground station is called"),
@@ -208,7 +208,7 @@ def test_a_flight_is_shown_beside_its_plan(
     text = capsys.readouterr().out
     assert "vehicle 2 battery low. A vehicle with a low battery returns" in text
     assert "2 of 6 vehicles heard" in text
-    assert "off the plan by at most" in text
+    assert "position error at most" in text
     recording = load_recording(tmp_path).recording
     assert len(recording.events) == 1
     pads = np.stack([track.position_ned_m[0] for track in recording.tracks[:2]])

@@ -1,12 +1,19 @@
-"""docs/scenario.md, docs/api.md and docs/formats.md are what the code makes of them."""
+"""docs/scenario.md, docs/api.md, docs/formats.md and docs/commands.md are what the code makes of them."""
 
 from __future__ import annotations
 
+import inspect
+import shlex
 from pathlib import Path
+from typing import Any
+
+import typer
 
 import gcs
+from gcs.cli.main import app
 from gcs.scenario.schema.scenario import Scenario
 from tools.api_reference import CHAPTERS, api_reference
+from tools.commands_reference import commands_reference, split_help
 from tools.formats_reference import formats_reference
 from tools.reference import reference
 
@@ -24,6 +31,24 @@ def test_the_page_of_the_api_is_up_to_date(repo_root: Path) -> None:
 def test_the_page_of_the_formats_is_up_to_date(repo_root: Path) -> None:
     told = (repo_root / "docs" / "formats.md").read_text(encoding="utf-8")
     assert told == formats_reference(), "run ./tools/run python tools/formats_reference.py"
+
+
+def test_the_page_of_the_commands_is_up_to_date(repo_root: Path) -> None:
+    told = (repo_root / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert told == commands_reference(), "run ./tools/run python tools/commands_reference.py"
+
+
+def test_every_command_has_a_sentence_and_examples_that_its_options_take() -> None:
+    group: Any = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        text, examples = split_help(inspect.cleandoc(command.help))
+        first = text.split("\n\n")[0]
+        assert first.endswith(".") and "\n" not in first, name
+        assert examples, name
+        for example in examples:
+            program, called, *arguments = shlex.split(example.partition(" >")[0])
+            assert (program, called) == ("gcs", name)
+            command.make_context(name, arguments)  # raises for an unknown option
 
 
 def test_every_public_name_is_told_once() -> None:

@@ -18,7 +18,7 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import NED_FROM_UP
+from gcs.scenario.si import NED_FROM_UP, heading_ref_deg
 from tools.bench.describe import alone
 from tools.paper import swarm, swarm_fleet, views
 from tools.paper.claims import Claim, beside, kept, table
@@ -135,7 +135,7 @@ def _own_time_s(scenario: Scenario) -> float:
 def _our_row(run: Run, plan: Plan, one_s: float, six_s: float) -> dict[str, Any]:
     track, report = Track(plan), run.report("simulation2")
     energy = track.energy_J * len(plan.sysids)
-    asked = plan.scenario.objective.heading_ref_deg
+    asked = heading_ref_deg(plan.scenario)
     return {
         "one_s": one_s,
         "six_s": six_s,
@@ -158,7 +158,7 @@ def _our_row(run: Run, plan: Plan, one_s: float, six_s: float) -> dict[str, Any]
 def _row(fleet: Fleet, scenario: Scenario, our_six_s: float) -> dict[str, Any]:
     arrivals = [f.arrival_s for f in fleet.found]
     first = fleet.tracks_m[0]
-    asked = scenario.objective.heading_ref_deg
+    asked = heading_ref_deg(scenario)
     velocity = (first[1] - first[0]) / swarm_fleet.GRID_S
     six_s = sum(f.seconds for f in fleet.found)
     return {

@@ -1,4 +1,4 @@
-"""`gcs attach`: take up a flight whose ground station is gone."""
+"""`gcs attach`: resume control of a flight whose ground station ended."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from gcs.errors import UsageError
 
 def attach(
     folder: Annotated[
-        Path | None, typer.Argument(metavar="FOLDER", help="The flight's folder.", show_default="the last unfinished")
+        Path | None,
+        typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default="the newest unfinished one"),
     ] = None,
-    land: Annotated[bool, typer.Option("--land", help="Everybody lands where it is.")] = False,
-    home: Annotated[bool, typer.Option("--return", help="Everybody goes home, staggered.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Fly the rest of the plan.")] = False,
+    land: Annotated[bool, typer.Option("--land", help="Land every vehicle where it is.")] = False,
+    home: Annotated[bool, typer.Option("--return", help="Return all vehicles (RTL) at staggered altitudes.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Fly the remaining plan.")] = False,
     link: LinkOption = None,
     signing_key_file: KeyOption = None,
-    to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
+    to: Annotated[Path, typer.Option("--to", help="Folder that holds the folders of flights.")] = Path("flights"),
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Find a flight whose `gcs fly` was killed, show how its vehicles are, and land, return or resume it.
+    """Find a flight whose `gcs fly` was killed, show its vehicles, and land, return or resume it.
 
-    Without one of the three it only looks. Links are the flight's own unless others are named. Exit
-    status 0 once everybody is down, or was shown.
+    Without --land, --return or --resume it only shows the vehicles. The default links are those of the flight. Exit
+    status 0 when all vehicles have landed, or were shown.
 
     Examples: gcs attach
 
     gcs attach --land
     """
     if land + home + resume > 1:
-        raise UsageError("--land, --return and --resume exclude each other")
+        raise UsageError("--land, --return and --resume exclude each other", hint="give one of them")
     from gcs.cli.flights.attach_view import AttachRequest, take_up
     from gcs.flight.recording.flight_state import newest_unfinished
     from gcs.flight.sequence.resume import Resume

@@ -1,7 +1,4 @@
-"""One flight taken up from the command line: its folder, its link, a table of its vehicles.
-
-Knows: what to open and close. Does not know: how a flight goes on.
-"""
+"""`gcs attach` at work: open the flight's folder and links, show its vehicles, land, return or resume them."""
 
 from __future__ import annotations
 
@@ -36,7 +33,7 @@ from gcs.plan.trajectory.plan_file import load_plan
 
 @dataclass(frozen=True)
 class AttachRequest:
-    """What is to be taken up, and how."""
+    """The folder of a flight, what to do with it, and its links."""
 
     folder: Path
     what: Resume
@@ -46,19 +43,23 @@ class AttachRequest:
 
 
 def take_up(request: AttachRequest) -> int:
-    """Take it up; raises GcsError."""
+    """The exit status after the request is done. Raises GcsError."""
     book = read_flight_state(request.folder)
     if book.flown_by_another:
         raise UsageError(
             f"the flight in {request.folder} is still flown by process {book.pid}.",
-            hint="stop that with Ctrl-C: its vehicles land then",
+            hint="stop that process with Ctrl-C; its vehicles then land",
         )
     links = request.links or book.links
     if not links:
-        raise UsageError(f"the vehicles of {request.folder} were emulated, and ended with their flight.")
+        raise UsageError(
+            f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
+        )
     plan, _ = load_plan(request.folder / "plan.skein")
     if plan.hash != book.plan_hash:
-        raise FlightError(f"{request.folder / 'plan.skein'} is not the plan that was flown.")
+        raise FlightError(
+            f"{request.folder / 'plan.skein'} is not the plan of this flight.", hint="put the original file back"
+        )
     known = replace(connection(links, key_file=request.key_file), systems=book.systems)
     found = asyncio.run(_take_up(request, book, plan, known))
     request.screen.result(found)
@@ -96,12 +97,12 @@ async def _take_up(request: AttachRequest, book: FlightState, plan: Plan, known:
         shown = await _show(flight, book, screen)
         if request.what is not Resume.SHOW:
             await flight.take_up(request.what, book.t0_unix_s)
-            screen.say("everybody is down")
+            screen.say("all vehicles have landed")
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 
 async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> list[dict[str, Any]]:
-    """A table of the vehicles as they are."""
+    """Show a table of the vehicles, and return its rows as data."""
     stops = [flight.listen(crew) for crew in flight.crews.values()]
     try:
         await each(flight.crews.values(), ask_for_telemetry)
@@ -127,5 +128,7 @@ async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> li
             {"sysid": sysid, "armed": crew.session.armed, "mode": mode, "position_ned_m": [north_m, east_m, down_m]}
         )
     screen.show(table)
-    screen.say(f"nearest to the plan at t = {where.t_s:.1f} s, where nobody is more than {where.off_m:.1f} m off")
+    screen.say(
+        f"nearest plan time: t = {where.t_s:.1f} s; all vehicles are within {where.off_m:.1f} m of the plan there"
+    )
     return rows

@@ -18,6 +18,7 @@ from gcs.cli.shared_options import (
     TransferOption,
     UnverifiedOption,
     connection,
+    unknown_choice,
 )
 from gcs.errors import UsageError
 
@@ -26,64 +27,84 @@ LARGEST_SYSID = 254  # 255 is the ground station
 
 def fly(
     mission: MissionArgument,
-    sim: Annotated[bool, typer.Option("--sim", help="Fly emulated vehicles, started for this flight.")] = False,
+    sim: Annotated[bool, typer.Option("--sim", help="Start emulated vehicles for this flight, and fly them.")] = False,
     link: LinkOption = None,
     systems: MapOption = None,
     signing_key_file: KeyOption = None,
     transfer: TransferOption = "auto",
     missions_only: Annotated[
         bool,
-        typer.Option("--missions-only", help="With --link: leave fences, rally points and parameters as they are."),
+        typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters."),
     ] = False,
     mode: Annotated[
-        str, typer.Option("--mode", help="stream: timed setpoints; mission: the waypoints uploaded.")
+        str, typer.Option("--mode", help="stream: setpoint stream; mission: waypoint missions on board.")
     ] = "stream",
-    speedup: Annotated[str, typer.Option("--speedup", help="With --sim: times real time, or max.")] = "10",
-    seed: Annotated[int, typer.Option("--seed", help="With --sim: of every sensor's noise.")] = 0,
+    speedup: Annotated[
+        str, typer.Option("--speedup", help="With --sim: speed in multiples of real time, or max.")
+    ] = "10",
+    seed: Annotated[int, typer.Option("--seed", help="With --sim: seed of the sensor noise.")] = 0,
     fault: Annotated[
-        list[str] | None, typer.Option("--fault", help="With --sim: a fault, e.g. 3:die@60; see sim-bridge --help.")
+        list[str] | None,
+        typer.Option("--fault", help="With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help."),
     ] = None,
     wind: Annotated[
         str | None,
-        typer.Option("--wind", metavar="SPEED@FROM", help="With --sim: m/s and degrees, 3@270 from the west."),
+        typer.Option(
+            "--wind", metavar="SPEED@FROM", help="With --sim: wind in m/s and degrees; 3@270 comes from the west."
+        ),
     ] = None,
     gusts: Annotated[
-        str | None, typer.Option("--gusts", help="With --sim: light, moderate, severe, or their deviation in m/s.")
+        str | None,
+        typer.Option("--gusts", help="With --sim: gusts: light, moderate, severe, or the standard deviation in m/s."),
     ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", help="Stream mode: followers fly where their leader is, not where it should be.")
+        bool,
+        typer.Option("--follow", help="With --mode stream: followers use the leader's telemetry instead of its plan."),
     ] = False,
     on_loss: Annotated[
-        str, typer.Option("--on-loss", help="What the others do when a vehicle is lost: land, return or continue.")
+        str, typer.Option("--on-loss", help="What the other vehicles do when one is lost: land, return or continue.")
     ] = "land",
     on_leader_loss: Annotated[
-        str, typer.Option("--on-leader-loss", help="With --follow: promote (the next one leads) or return.")
+        str,
+        typer.Option(
+            "--on-leader-loss",
+            help="With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
+        ),
     ] = "promote",
     nav: Annotated[
         str,
         typer.Option(
             "--nav",
-            help="With --sim --mode mission: who flies waypoints, the autopilot's own navigator (own), one that keeps "
-            "the plan's times (ideal), or own where the scenario's judge would be content (auto).",
+            help="With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
+            "ideal: it keeps the plan's times; auto: own where it is predicted to meet [judge], else ideal.",
         ),
     ] = "auto",
     gates: Annotated[
         int,
-        typer.Option("--gates", metavar="N", help="With --mode mission: points where all wait for their common time."),
+        typer.Option(
+            "--gates",
+            metavar="N",
+            help="With --mode mission: number of points where all vehicles wait for a common time.",
+        ),
     ] = 0,
     reserve: Annotated[
         str | None,
-        typer.Option("--reserve", metavar="SHARE", help="With --link: what is left of a full battery; default 25%."),
+        typer.Option(
+            "--reserve",
+            metavar="SHARE",
+            help="With --link: least charge left after the flight, of a full battery; default 25%.",
+        ),
     ] = None,
-    to: Annotated[Path, typer.Option("--to", help="Where flights leave their folders.")] = Path("flights"),
-    yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without asking.")] = False,
+    to: Annotated[Path, typer.Option("--to", help="Folder for the folders of flights.")] = Path("flights"),
+    yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without confirmation.")] = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.
 
-    Exit status 0 only if the flight held everything the scenario asks.
+    Exit status 0 when the flight met every criterion of the scenario's [judge], 10 when it did not, 9 when it was
+    aborted.
 
     Examples: gcs fly missions/simulation1 --sim
 
@@ -93,7 +114,7 @@ def fly(
     _check(sim, bool(link), mode, speedup)
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
-    kept = _reserve(reserve, sim)
+    share = _reserve(reserve, sim)
     known = connection(link, systems, signing_key_file, transfer) if link else None
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.plan_argument import Stopwatch, plan_for
@@ -108,68 +129,71 @@ def fly(
     plan, report = plan_for(mission, screen, watch, unverified=unverified)
     if max(plan.sysids) > LARGEST_SYSID:
         raise UsageError(
-            f"{len(plan.sysids)} vehicles do not fit on one MAVLink network: system ids end at {LARGEST_SYSID}",
-            hint="`gcs export` writes files for all of them; fly smaller formations",
+            f"{len(plan.sysids)} vehicles: one MAVLink network has at most {LARGEST_SYSID} system ids",
+            hint="fly a smaller formation; `gcs export` writes files for all vehicles",
         )
-    limits = PreflightLimits() if kept is None else PreflightLimits(reserve=kept)
+    limits = PreflightLimits() if share is None else PreflightLimits(reserve=share)
     choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
-    sortie = FlightRun(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
-    return fly_and_judge(sortie, screen, watch, asks=not yes_arm)
+    run = FlightRun(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
+    return fly_and_judge(run, screen, watch, asks=not yes_arm)
 
 
 def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:
-    """Refuse what cannot be meant before anything heavy starts."""
+    """Refuse wrong options before heavy imports. Raises `UsageError`."""
     if sim == link:
         raise UsageError(
-            "say what to fly: --sim for emulated vehicles, or --link for vehicles that are out there",
+            "give --sim for emulated vehicles, or --link for vehicles on a link, and not both",
             hint="for example `gcs fly missions/simulation1 --sim`",
         )
     if mode not in ("stream", "mission"):
-        raise UsageError(f"--mode {mode}: there are stream and mission")
+        raise unknown_choice("--mode", mode, ("stream", "mission"))
     if speedup != "max":
         try:
             positive = float(speedup) > 0
         except ValueError:
             positive = False
         if not positive:
-            raise UsageError(f"--speedup {speedup}: give a number above 0, or max")
+            raise UsageError(f"--speedup {speedup}: not a speed", hint="give a number above 0, or max")
 
 
 def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -> None:
-    """The words there are for what is to happen when things fail."""
+    """Refuse unknown values of --on-loss and --on-leader-loss, and --follow without a setpoint stream."""
     if follow and mode != "stream":
-        raise UsageError("--follow sends setpoints all the time: it needs --mode stream")
+        raise UsageError("--follow needs a setpoint stream", hint="give --mode stream")
     for name, word, known in (
         ("--on-loss", on_loss, ("land", "return", "continue")),
         ("--on-leader-loss", on_leader_loss, ("promote", "return")),
     ):
         if word not in known:
-            raise UsageError(f"{name} {word}: there are {', '.join(known)}")
+            raise unknown_choice(name, word, known)
 
 
 def _check_missions(mode: str, nav: str, gates: int) -> None:
     if nav not in ("auto", "own", "ideal"):
-        raise UsageError(f"--nav {nav}: there are auto, own and ideal")
+        raise unknown_choice("--nav", nav, ("auto", "own", "ideal"))
     if gates < 0:
-        raise UsageError(f"--gates {gates}: give a number, 0 or more")
+        raise UsageError(f"--gates {gates}: below 0", hint="give 0 or more")
     if gates and (mode != "mission" or nav == "ideal"):
-        raise UsageError("gates are for missions that fly themselves", hint="add --mode mission, leave --nav ideal out")
+        raise UsageError(
+            "--gates needs waypoint missions and the autopilot's own navigator",
+            hint="add --mode mission and leave --nav ideal out",
+        )
 
 
 def _reserve(text: str | None, sim: bool) -> float | None:
-    """`30%` or `0.3` as a share. Raises `UsageError`."""
+    """The share of `30%` or `0.3`. Raises `UsageError`."""
     if text is None:
         return None
     if sim:
-        raise UsageError("--reserve is asked of vehicles on a --link; emulated ones are not looked at before")
+        raise UsageError("--reserve applies to vehicles on a --link only", hint="leave --reserve out with --sim")
     number, percent, rest = text.partition("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)
     except ValueError:
         share = -1.0
     if rest or not 0.0 <= share < 1.0:
-        raise UsageError(f"--reserve {text}: give a share of a full battery, 30% or 0.3")
+        raise UsageError(f"--reserve {text}: not a share", hint="give a share of a full battery: 30% or 0.3")
     return share

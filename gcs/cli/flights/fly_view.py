@@ -1,7 +1,4 @@
-"""One flight from the command line: what a person sees of it.
-
-Knows: how a flight and its verdict are shown. Does not know: how it is flown, judged, or what it leaves.
-"""
+"""`gcs fly` at work: the output of a flight while it lasts, and the table of its verdict."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from rich.live import Live
 from rich.table import Table
 
 from gcs.cli.console import Screen
-from gcs.cli.plan_argument import Stopwatch
+from gcs.cli.plan_argument import Stopwatch, verdict_word
 from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError
 from gcs.flight.lateness import skew_s
@@ -27,68 +24,74 @@ _LINE_EVERY_S = 5.0
 
 
 class FlightView(Watcher):
-    """A person at a terminal, or what reads its lines."""
+    """The output of a flight: lines, or a live table on a terminal."""
 
     def __init__(self, screen: Screen, watch: Stopwatch, question: str) -> None:
         self._screen = screen
         self._watch = watch
-        self._question = question  # none where it was answered before
+        self._question = question  # empty: arm without confirmation
         self._live: Live | None = None
 
     @property
     def laps_s(self) -> dict[str, float]:
-        """Where the time went."""
+        """The time of each part, for the report."""
         return self._watch.laps_s
 
     def say(self, text: str) -> None:
-        """One line."""
+        """Print one line."""
         self._screen.say(text)
 
+    def warn(self, text: str) -> None:
+        """Print one warning, also with `--json`."""
+        self._screen.warn(text)
+
     def lap(self, name: str) -> None:
-        """The stopwatch goes on."""
+        """Count the time since the last lap as `name`."""
         self._watch.lap(name)
 
     def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
-        """The go/no-go table."""
+        """Show the pre-flight table (GO or NO-GO)."""
         show_checks(self._screen, checks)
 
     async def confirm(self) -> None:
-        """Whoever flies real vehicles types a word, having seen the table."""
+        """Wait until you type the confirmation, after the pre-flight table. Raises `UsageError` for anything else."""
         if not self._question:
             return
         if self._live is not None:
             self._live.stop()
-        self._screen.say(self._question)
+        self._screen.ask(self._question)
         if await typed_line() != CONFIRMATION:
-            raise UsageError("not armed: the word was not typed", hint="type it when asked, or give --yes-arm")
+            raise UsageError(
+                f"not armed: '{CONFIRMATION}' was not typed", hint="type it at the prompt, or give --yes-arm"
+            )
         if self._live is not None:
             self._live.start()
 
     async def follow(self, flight: InFlight) -> None:
-        """A table that redraws where somebody watches, else a line now and then."""
+        """Show the flight until cancelled: a live table on a terminal, else a line every few seconds."""
         if not self._screen.is_watched:
-            await _tell(self._screen, flight)
+            await _say_progress(self._screen, flight)
         with Live(console=self._screen.console, refresh_per_second=4, transient=True) as self._live:
             while True:
                 self._live.update(_table(flight.snapshot()))
                 await asyncio.sleep(_REFRESH_S)
 
 
-def fly_and_judge(sortie: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
-    """Fly and show it; raises JudgementError when the flight does not hold.
+def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: bool) -> int:
+    """The exit status of the flight; raises JudgementError when it did not meet a criterion.
 
-    Vehicles on a link are armed once their table was shown and, with `asks`, a word was typed.
+    Vehicles on a link are armed after their pre-flight table and, with `asks`, after you typed the confirmation.
     """
     question = ""
-    if asks and sortie.link is not None:
-        many = len(sortie.plan.sysids)
-        question = f"This arms and flies {many} vehicles at {sortie.link}. Type '{CONFIRMATION}' to go on:"
-    flown = fly_run(sortie, FlightView(screen, watch, question))
+    if asks and run.link is not None:
+        count = len(run.plan.sysids)
+        question = f"This arms and flies {count} vehicles at {run.link}. Type '{CONFIRMATION}' to continue:"
+    flown = fly_run(run, FlightView(screen, watch, question))
     verdict = flown.verdict
     if verdict is None:
         screen.say(f"landed. Telemetry: {flown.folder / 'telemetry.tlog'}")
-        if (said := _together(flown.late_s)) is not None:
-            screen.say(f"apart in time by their own clocks: {said}")
+        if (skew := _skew_text(flown.late_s)) is not None:
+            screen.say(f"time skew between vehicles, from telemetry: {skew}")
         screen.result(flown.data)
         return 0
     _show(screen, flown)
@@ -96,16 +99,16 @@ def fly_and_judge(sortie: FlightRun, screen: Screen, watch: Stopwatch, *, asks: 
     screen.result(flown.data)
     if verdict.ok:
         return 0
-    broken = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, {asked(c)}" for c in verdict.criteria if not c.ok)
+    failed = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, limit {asked(c)}" for c in verdict.criteria if not c.ok)
     failure = JudgementError(
-        f"the flight did not hold: {broken}", hint=f"see {flown.folder / 'report.md'} and its pictures"
+        f"the flight failed its criteria: {failed}", hint=f"read {flown.folder / 'report.md'} and its pictures"
     )
     if screen.json:
         return failure.exit_code
     raise failure
 
 
-async def _tell(screen: Screen, flight: InFlight) -> None:
+async def _say_progress(screen: Screen, flight: InFlight) -> None:
     last_line, due_s = "", 0.0
     while True:
         snapshot = flight.snapshot()
@@ -122,7 +125,7 @@ def _line(snapshot: Snapshot) -> str:
     worst = max((e for e in snapshot.errors_m.values() if not math.isnan(e)), default=math.nan)
     figures = (
         ("position error at most", worst),
-        ("shape off by", snapshot.formation_error_m),
+        ("formation error", snapshot.formation_error_m),
         ("separation", snapshot.separation_m),
     )
     known = (f"{name} {metres:.2f} m" for name, metres in figures if not math.isnan(metres))
@@ -133,7 +136,7 @@ def _table(snapshot: Snapshot) -> Table:
     bar = "█" * round(30 * snapshot.progress)
     time_text = "" if snapshot.plan_time_s is None else f"  t = {snapshot.plan_time_s:.0f} s"
     separation = "" if math.isnan(snapshot.separation_m) else f"  separation {snapshot.separation_m:.2f} m"
-    off = "" if math.isnan(snapshot.formation_error_m) else f"  shape off by {snapshot.formation_error_m:.2f} m"
+    off = "" if math.isnan(snapshot.formation_error_m) else f"  formation error {snapshot.formation_error_m:.2f} m"
     table = Table("vehicle", "armed", "position error", "link", title=f"{snapshot.phase}{time_text}{separation}{off}")
     table.caption = f"{bar:░<30} {snapshot.progress:.0%}"
     for sysid, error in snapshot.errors_m.items():
@@ -143,8 +146,8 @@ def _table(snapshot: Snapshot) -> Table:
     return table
 
 
-def _together(late_s: dict[int, float]) -> str | None:
-    """The skew for people: "4.1 ms (vehicles 2 and 3)"; None for a lone vehicle, or where nobody flew."""
+def _skew_text(late_s: dict[int, float]) -> str | None:
+    """The time skew as text: "4.1 ms (vehicles 2 and 3)"; None for fewer than two vehicles in flight."""
     known = {sysid: late for sysid, late in late_s.items() if math.isfinite(late)}
     if len(known) < 2:
         return None
@@ -155,12 +158,12 @@ def _together(late_s: dict[int, float]) -> str | None:
 def _show(screen: Screen, flown: Flown) -> None:
     verdict = flown.verdict
     assert verdict is not None
-    table = Table("criterion", "flown", "asked", "holds", title="judged from the true states")
+    table = Table("criterion", "measured", "limit", "verdict", title="judged from the true states")
     for c in verdict.criteria:
-        who = "" if c.sysid is None else f" (vehicle {c.sysid})"
-        table.add_row(c.name, f"{c.value:.3f} {c.unit}{who}", asked(c), "yes" if c.ok else "NO")
-    if (said := _together(flown.late_s)) is not None:
-        table.add_row("apart in time, as told", said, "–", "–")
+        vehicle = "" if c.sysid is None else f" (vehicle {c.sysid})"
+        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", asked(c), verdict_word(c.ok))
+    if (skew := _skew_text(flown.late_s)) is not None:
+        table.add_row("time skew, from telemetry", skew, "–", "–")
     screen.show(table)
-    screen.say(f"formation's shape off by at most {verdict.formation_error_m:.3f} m (Definition 1)")
-    screen.say(f"flight {'held' if verdict.ok else 'NOT held'}. Report and pictures: {flown.folder}")
+    screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
+    screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}. Report and pictures: {flown.folder}")

@@ -1,4 +1,4 @@
-"""`gcs replay`: a recorded flight again, in the terminal, as a picture, or towards another ground station."""
+"""`gcs replay`: show a recorded flight in the terminal, draw it, or send it to another ground station."""
 
 from __future__ import annotations
 
@@ -17,52 +17,59 @@ if TYPE_CHECKING:
 
 def replay(
     flight: Annotated[
-        Path, typer.Argument(metavar="FLIGHT", help="A flight's folder, or any .tlog.", show_default=False)
+        Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False)
     ],
     speed: Annotated[
         str | None,
-        typer.Option("--speed", metavar="TIMES", help="Times real time, or max. Default 10; 1 with --to-link."),
+        typer.Option(
+            "--speed", metavar="TIMES", help="Speed in multiples of real time, or max. Default 10; with --to-link 1."
+        ),
     ] = None,
     from_s: Annotated[
         float | None,
-        typer.Option("--from", metavar="SECONDS", help="Begin there: plan time; in bare logs, their own."),
+        typer.Option(
+            "--from", metavar="SECONDS", help="Begin at this plan time; in a .tlog without a plan, at this log time."
+        ),
     ] = None,
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="End there.")] = None,
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="End at this time.")] = None,
     picture: Annotated[
         Path | None,
-        typer.Option("--picture", "-p", metavar="FILE", help="Draw it (.png, .svg, .pdf) instead of showing it."),
+        typer.Option(
+            "--picture", "-p", metavar="FILE", help="Draw the flight (.png, .svg, .pdf) instead of showing it."
+        ),
     ] = None,
     to_link: Annotated[
         str | None,
         typer.Option(
             "--to-link",
             metavar="LINK",
-            help="Send what vehicles sent to another ground station, when they did: udpout:127.0.0.1:14550.",
+            help="Send the recorded frames of the vehicles to another ground station, at their times: "
+            "udpout:127.0.0.1:14550.",
         ),
     ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Show a recorded flight again: where everyone was, what happened when.
+    """Show a recorded flight: positions, modes and events over time.
 
     Examples: gcs replay flights/2026-01-31-120000-simulation1 --speed 20 --from 0
 
     gcs replay flights/2026-01-31-120000-simulation1 --picture flight.png
 
-    gcs replay somebody.tlog --to-link udpout:127.0.0.1:14550
+    gcs replay recorded.tlog --to-link udpout:127.0.0.1:14550
     """
     screen = Screen(json=json)
     rate = _rate(speed, to_link)
     if picture is not None and to_link is not None:
-        raise UsageError("--picture draws instead of showing: leave --to-link away, or draw in a command of its own")
+        raise UsageError("--picture and --to-link exclude each other", hint="draw in a command of its own")
     if picture is not None:
         from gcs.flight.assessment.flight_plot import refuse_kind
 
         refuse_kind(picture)
     from gcs.flight.recording.load_recording import load_recording
 
-    recalled = load_recording(flight)
-    recording = recalled.recording
+    loaded = load_recording(flight)
+    recording = loaded.recording
     for note in recording.notes:
         screen.say(f"note: {note}")
     window = _window(recording, from_s, to_s)
@@ -77,7 +84,7 @@ def replay(
 
     from gcs.cli.flights.replay_view import play
 
-    sent = asyncio.run(play(screen, recalled, window, rate, to_link))
+    sent = asyncio.run(play(screen, loaded, window, rate, to_link))
     screen.result({**_data(recording, window), "sent": sent})
     return 0
 
@@ -85,33 +92,35 @@ def replay(
 def _rate(speed: str | None, to_link: str | None) -> float:
     if speed == "max":
         if to_link is not None:
-            raise UsageError("--speed max: another ground station gets frames at their times", hint="give a number")
+            raise UsageError("--speed max: --to-link sends frames at their times", hint="give a number")
         return float("inf")
     try:
         rate = float(speed) if speed is not None else (10.0 if to_link is None else 1.0)
     except ValueError:
         rate = 0.0
     if not 0.0 < rate < float("inf"):
-        raise UsageError(f"--speed {speed}: give a number above 0, or max")
+        raise UsageError(f"--speed {speed}: not a speed", hint="give a number above 0, or max")
     if to_link is not None:
         from gcs.link.endpoints.base import LinkMode, parse_link_spec
 
         if parse_link_spec(to_link).mode is not LinkMode.CALL:
             raise UsageError(
-                f"--to-link {to_link}: a ground station is called", hint="write for example udpout:127.0.0.1:14550"
+                f"--to-link {to_link}: this link cannot call a ground station",
+                hint="write for example udpout:127.0.0.1:14550",
             )
     return rate
 
 
 def _window(recording: Recording, from_s: float | None, to_s: float | None) -> tuple[float, float]:
-    """What of the flight is asked for. Raises `UsageError` where there is nothing."""
+    """The first and last time to show. Raises `UsageError` where the recording has nothing between them."""
     begin_s, end_s = recording.span_s
     first = begin_s if from_s is None else max(begin_s, from_s)
     last = end_s if to_s is None else min(end_s, to_s)
     if not first < last:
-        asked = " ".join(f"{name} {t:g}" for name, t in (("--from", from_s), ("--to", to_s)) if t is not None)
+        given = " ".join(f"{name} {t:g}" for name, t in (("--from", from_s), ("--to", to_s)) if t is not None)
         raise UsageError(
-            f"{asked or 'this flight'}: there is nothing to show; its reports are from {begin_s:.1f} s to {end_s:.1f} s"
+            f"{given or 'this flight'}: nothing to show; its reports are from {begin_s:.1f} s to {end_s:.1f} s",
+            hint="give times within these",
         )
     return first, last
 

@@ -1,7 +1,4 @@
-"""A recorded flight against time: a table that moves, or lines, and frames towards another ground station.
-
-Knows: the wall's clock, how a moment is shown. Does not know: files.
-"""
+"""`gcs replay` at work: a live table or lines over time, and the recorded frames sent to another ground station."""
 
 from __future__ import annotations
 
@@ -25,15 +22,15 @@ from gcs.link.endpoints.base import Endpoint
 from gcs.link.endpoints.factory import make_endpoint
 
 _TICK_S, _SENDING_S = 0.1, 0.005
-_LINE_EVERY_S = 5.0  # of the wall's clock
-_LINES = 10  # where time does not count
-_SAID = 4  # events under the table
-_BURST = 100  # frames before others get their turn
+_LINE_EVERY_S = 5.0  # wall-clock time
+_LINES = 10  # in all, with --speed max
+_EVENTS = 4  # under the table
+_BURST = 100  # frames sent before the event loop runs again
 
 
 @dataclass(frozen=True)
 class ReplayMoment:
-    """One vehicle at an instant of the replay; None where it was not heard of yet."""
+    """One vehicle at a time of the replay, from its last report."""
 
     sysid: int
     mode: str
@@ -46,18 +43,18 @@ class ReplayMoment:
 
 
 async def play(
-    screen: Screen, recalled: LoadedRecording, window: tuple[float, float], rate: float, to_link: str | None
+    screen: Screen, loaded: LoadedRecording, window: tuple[float, float], rate: float, to_link: str | None
 ) -> int:
-    """Show a stretch at `rate` times real time; the frames sent. Raises `LinkError`."""
-    recording, loop = recalled.recording, asyncio.get_running_loop()
+    """The number of frames sent, after showing a window of time at `rate` times real time. Raises `LinkError`."""
+    recording, loop = loaded.recording, asyncio.get_running_loop()
     happened = sorted((*recording.events, *recording.remarks), key=lambda event: event.t_s)
     happened = [event for event in happened if window[0] <= event.t_s <= window[1]]
     step_s = _LINE_EVERY_S * rate if math.isfinite(rate) else (window[1] - window[0]) / _LINES
     lines = deque([*np.arange(window[0], window[1] - 0.1 * step_s, step_s).tolist(), window[1]])
-    sent = told = 0
+    sent = shown = 0
     async with AsyncExitStack() as stack:
         endpoint = await _opened(to_link, stack)
-        frames = _Frames(recalled, window)
+        frames = _Frames(loaded, window)
         live = Live(console=screen.console, refresh_per_second=10, transient=True) if screen.is_watched else None
         with live or nullcontext():
             began_s = loop.time()
@@ -67,22 +64,22 @@ async def play(
                 if endpoint is not None:
                     sent += await frames.send(endpoint, t_s)
                 while lines and lines[0] <= t_s and live is None:
-                    told = _tell(screen, happened, told, lines[0])
+                    shown = _say_events(screen, happened, shown, lines[0])
                     screen.say(_line(recording, lines.popleft()))
                 if live is not None:
-                    told = bisect.bisect_right(happened, t_s, key=lambda event: event.t_s)
-                    live.update(_table(recording, window, t_s, happened[:told][-_SAID:]))
+                    shown = bisect.bisect_right(happened, t_s, key=lambda event: event.t_s)
+                    live.update(_table(recording, window, t_s, happened[:shown][-_EVENTS:]))
                 else:
-                    told = _tell(screen, happened, told, t_s)
+                    shown = _say_events(screen, happened, shown, t_s)
                 if t_s >= window[1]:
                     break
                 await asyncio.sleep(_TICK_S if endpoint is None else _SENDING_S)
         if live is not None:
-            _tell(screen, happened, 0, window[1])
+            _say_events(screen, happened, 0, window[1])
             screen.say(_line(recording, window[1]))
         if endpoint is not None:
             lost = getattr(endpoint, "lost", 0)
-            screen.say(f"{sent} frames sent to {to_link}" + (f", {lost} were not taken" if lost else ""))
+            screen.say(f"{sent} frames sent to {to_link}" + (f", {lost} were not accepted" if lost else ""))
     return sent
 
 
@@ -90,20 +87,20 @@ async def _opened(to_link: str | None, stack: AsyncExitStack) -> Endpoint | None
     if to_link is None:
         return None
     endpoint = make_endpoint(to_link)
-    await endpoint.open(lambda data, address: None)  # nobody flies here who could be told anything
+    await endpoint.open(lambda data, address: None)  # received frames are ignored: no vehicle flies
     stack.callback(endpoint.close)
     return endpoint
 
 
 class _Frames:
-    """What is still to be sent."""
+    """The recorded frames that are not sent yet."""
 
-    def __init__(self, recalled: LoadedRecording, window: tuple[float, float]) -> None:
-        self._t_s, self._frames = recalled.t_s, recalled.frames
+    def __init__(self, loaded: LoadedRecording, window: tuple[float, float]) -> None:
+        self._t_s, self._frames = loaded.t_s, loaded.frames
         self._next = int(np.searchsorted(self._t_s, window[0]))
 
     async def send(self, endpoint: Endpoint, t_s: float) -> int:
-        """All that were due at `t_s`, in order."""
+        """The number of frames sent: all that were due at `t_s`, in order."""
         end = int(np.searchsorted(self._t_s, t_s, side="right"))
         count = max(end - self._next, 0)
         for n in range(self._next, end):
@@ -114,15 +111,15 @@ class _Frames:
         return count
 
 
-def _tell(screen: Screen, happened: list[Event], told: int, t_s: float) -> int:
-    while told < len(happened) and happened[told].t_s <= t_s:
-        screen.say(str(happened[told]))
-        told += 1
-    return told
+def _say_events(screen: Screen, happened: list[Event], shown: int, t_s: float) -> int:
+    while shown < len(happened) and happened[shown].t_s <= t_s:
+        screen.say(str(happened[shown]))
+        shown += 1
+    return shown
 
 
 def moments(recording: Recording, t_s: float) -> list[ReplayMoment | None]:
-    """Every vehicle as it had last told of itself."""
+    """Every vehicle from its last report; None where there is none yet."""
     return [_moment(recording, track, t_s) for track in recording.tracks]
 
 
@@ -130,8 +127,8 @@ def _moment(recording: Recording, track: VehicleTrack, t_s: float) -> ReplayMome
     at = track.last(t_s)
     if at is None:
         return None
-    place, told_s = track.position_ned_m[at], float(track.t_s[at])
-    planned = recording.planned(np.array([told_s]))
+    place, report_s = track.position_ned_m[at], float(track.t_s[at])
+    planned = recording.planned(np.array([report_s]))
     error_m = math.nan
     if planned is not None:
         error_m = float(np.linalg.norm(place - planned[0][recording.sysids.index(track.sysid), 0]))
@@ -143,31 +140,31 @@ def _moment(recording: Recording, track: VehicleTrack, t_s: float) -> ReplayMome
         float(np.linalg.norm(track.velocity_ned_mps[at])),
         error_m,
         int(track.battery_pct[at]),
-        t_s - told_s,
+        t_s - report_s,
     )
 
 
 def _line(recording: Recording, t_s: float) -> str:
     heard = [m for m in moments(recording, t_s) if m is not None and m.age_s <= SILENCE_S]
-    said = f"t = {t_s:.1f} s: {len(heard)} of {len(recording.tracks)} vehicles heard"
+    text = f"t = {t_s:.1f} s: {len(heard)} of {len(recording.tracks)} vehicles heard"
     if heard:
         heights = [m.height_m for m in heard]
-        said += f", {sum(m.armed for m in heard)} armed, height {min(heights):.1f} to {max(heights):.1f} m"
-        said += f", at most {max(m.speed_mps for m in heard):.1f} m/s"
+        text += f", {sum(m.armed for m in heard)} armed, height {min(heights):.1f} to {max(heights):.1f} m"
+        text += f", at most {max(m.speed_mps for m in heard):.1f} m/s"
     planned = [m for m in heard if not math.isnan(m.error_m)]
     if planned:
         worst = max(planned, key=lambda m: m.error_m)
-        said += f", off the plan by at most {worst.error_m:.2f} m (vehicle {worst.sysid})"
+        text += f", position error at most {worst.error_m:.2f} m (vehicle {worst.sysid})"
     nearest = _nearest(recording, t_s)
-    return said if math.isnan(nearest) else f"{said}, nearest two {nearest:.2f} m"
+    return text if math.isnan(nearest) else f"{text}, separation {nearest:.2f} m"
 
 
-def _table(recording: Recording, window: tuple[float, float], t_s: float, said: list[Event]) -> Table:
+def _table(recording: Recording, window: tuple[float, float], t_s: float, events: list[Event]) -> Table:
     share = (t_s - window[0]) / (window[1] - window[0])
     nearest = _nearest(recording, t_s)
-    apart = "" if math.isnan(nearest) else f"  nearest two {nearest:.2f} m"
+    apart = "" if math.isnan(nearest) else f"  separation {nearest:.2f} m"
     table = Table(
-        "vehicle", "mode", "armed", "height", "speed", "off the plan", "battery", "heard",
+        "vehicle", "mode", "armed", "height", "speed", "position error", "battery", "last report",
         title=f"{recording.name}  t = {t_s:.1f} s{apart}",
     )  # fmt: skip
     for track, m in zip(recording.tracks, moments(recording, t_s), strict=True):
@@ -179,7 +176,7 @@ def _table(recording: Recording, window: tuple[float, float], t_s: float, said: 
         state = (m.mode, "yes" if m.armed else "no", f"{m.height_m:.1f} m", f"{m.speed_mps:.1f} m/s")
         table.add_row(str(m.sysid), *state, error, battery, f"{m.age_s:.1f} s ago")
     bar = "█" * round(30 * share)
-    table.caption = "\n".join([f"{bar:░<30} {share:.0%}", *map(str, said)])
+    table.caption = "\n".join([f"{bar:░<30} {share:.0%}", *map(str, events)])
     return table
 
 

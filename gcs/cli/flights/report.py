@@ -1,4 +1,4 @@
-"""`gcs report`: plan, estimate and truth of a flight beside each other."""
+"""`gcs report`: compare plan, estimate and truth of a flight."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A flight's folder.", show_default=False)],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False)],
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Compare what was planned, what vehicles told and, where they were emulated, where they truly were.
+    """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
-    Writes record.parquet (every position told, beside the plan) into the folder, from its telemetry. Works for flights
+    It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights
     that were cut short.
 
     Example: gcs report flights/2026-01-31-120000-simulation1
@@ -41,7 +41,10 @@ def report(
 
     book = read_flight_state(folder)
     if book.t0_unix_s is None:
-        raise FileFormatError(f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.")
+        raise FileFormatError(
+            f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.",
+            hint="name a flight that reached T0",
+        )
     plan, _ = load_plan(folder / "plan.skein")
     record = write_record(folder, plan, book.t0_unix_s, book.systems)
     truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
@@ -57,9 +60,9 @@ def report(
     skew = skew_s(c.late_s for c in found)
     shape = _formation_error(record, plan.flight_s)
     if not math.isnan(skew):
-        screen.say(f"vehicles fly the plan within {1e3 * skew:.0f} ms of each other; step reached: {book.step}")
+        screen.say(f"time skew between vehicles: {1e3 * skew:.0f} ms; last step of the flight: {book.step}")
     if shape is not None:
-        screen.say(f"formation's shape off by at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, as told)")
+        screen.say(f"formation error: at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, from telemetry)")
     for event in happened:
         screen.say(str(event))
     screen.say(f"{record.num_rows} positions in {folder / NAME}")
@@ -79,7 +82,7 @@ def report(
 
 
 def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:
-    """The largest one told between T0 and the planned arrival, and its plan time; None where there is none."""
+    """The largest formation error between T0 and the planned arrival, and its plan time; None without one."""
     import numpy as np
 
     errors, t_s = (record.column(name).to_numpy() for name in ("formation_error_m", "t_s"))

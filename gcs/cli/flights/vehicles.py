@@ -1,4 +1,4 @@
-"""`gcs vehicles`: who is out there, and how they are."""
+"""`gcs vehicles`: list the vehicles on a link with their state."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ if TYPE_CHECKING:
 
 def vehicles(
     link: LinkOption = None,
-    listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
+    listen: Annotated[
+        float, typer.Option("--listen", metavar="SECONDS", help="Time to listen for vehicles first.")
+    ] = 3.0,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """List the vehicles on a link: autopilot, version, mode, health, home, battery, quality of the link.
+    """List the vehicles on a link: autopilot, version, mode, health, home, battery, link quality.
 
-    Nothing is changed on board.
+    It changes nothing on board.
 
     Examples: gcs vehicles --link udpin:127.0.0.1:14550
 
@@ -34,7 +36,7 @@ def vehicles(
     """
     screen = Screen(json=json)
     if not listen > 0:
-        raise UsageError(f"--listen {listen:g}: give some seconds")
+        raise UsageError(f"--listen {listen:g}: not above 0", hint="give a number of seconds")
     import asyncio
 
     known = connection(link, None, signing_key_file)
@@ -58,13 +60,13 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
             refused = f"; {foreign} frames were not signed with our key" if foreign else ""
             raise PeerTimeout(
                 f"no vehicle was heard at {known} within {listen_s:g} s{refused}.",
-                hint="start them, or check the address and port they send to",
+                hint="start the vehicles, or check the address and port they send to",
             )
         if isinstance(fleet, LinkedFleet):
-            asked = [status_report(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
+            reports = [status_report(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
         else:
-            asked = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
-        found = await asyncio.gather(*asked)
+            reports = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
+        found = await asyncio.gather(*reports)
         fleet.check()
         return list(found)
 
@@ -89,28 +91,28 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
 
 def health(report: VehicleReport) -> str:
-    """What is wrong with a vehicle in a few words, "ready" if nothing is."""
+    """The faults of a vehicle in a few words, or "ready"."""
     wrong = [f"{name} not healthy" for name in report.ailing]
     if report.estimate_ok is False:
-        wrong.append("position not known")
+        wrong.append("no position estimate")
     if report.prearm_ok is False:
-        wrong.append("cannot be armed")
+        wrong.append("not ready to arm")
     if report.estimate_ok is None and report.prearm_ok is None:
-        wrong.append("does not tell")
+        wrong.append("no health reported")
     return ", ".join(wrong) or "ready"
 
 
 def battery(report: VehicleReport) -> str:
-    """Charge and voltage."""
+    """The charge and the voltage as text."""
     share = "?" if report.battery_share is None else f"{report.battery_share:.0%}"
     return share if report.battery_V is None else f"{share} {report.battery_V:.1f} V"
 
 
 def quality(report: VehicleReport) -> str:
-    """Lost frames and round trip."""
+    """The packet loss and the round-trip time as text."""
     loss = "?" if report.loss is None else f"{report.loss:.0%}"
     sync = report.timesync
-    return f"{loss} lost" + ("" if sync is None else f", {1e3 * sync.round_trip_s:.0f} ms")
+    return f"{loss} loss" + ("" if sync is None else f", {1e3 * sync.round_trip_s:.0f} ms")
 
 
 def _place(place: Home | None) -> str:

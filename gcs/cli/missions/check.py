@@ -1,4 +1,4 @@
-"""`gcs check`: any mission files, ours or not, held against each other, the ground and the autopilot."""
+"""`gcs check`: check mission files of any origin against each other, the ground and the autopilot."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
 from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice
 from gcs.errors import UsageError
 from gcs.mission.formats.registry import Content, suffixes_of
 
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
     from gcs.mission.check.flight_limits import FlightLimits
     from gcs.mission.formats.mission_file import MissionFile
 
-FINDINGS = 11  # exit code: the files were read, and something in them is wrong
+FINDINGS = 11  # exit code: the files were read, and there are findings
 TIMINGS = {"planned": "at planned speeds", "autopilot": "as a model of the autopilot flies them"}
-_MODELLED_MAX = 20  # missions flown by the model unasked: each takes a good part of a second
+_MODELLED_MAX = 20  # missions for which `autopilot` is the default: each takes a good part of a second
 
 
 def check(
@@ -29,8 +30,8 @@ def check(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help=f"Missions ({suffixes_of(Content.MISSION)}), one vehicle per file; {suffixes_of(Content.FENCE)} and "
-            f"{suffixes_of(Content.RALLY)} files go with the mission of the same name.",
+            help=f"Missions ({suffixes_of(Content.MISSION)}), one vehicle per file. A {suffixes_of(Content.FENCE)} or "
+            f"{suffixes_of(Content.RALLY)} file belongs to the mission of the same name.",
             show_default=False,
         ),
     ],
@@ -38,8 +39,8 @@ def check(
         str | None,
         typer.Option(
             "--autopilot",
-            help=f"The autopilot that flies them: {' or '.join(AUTOPILOTS)}.",
-            show_default="what each file says",
+            help=f"Autopilot: {' or '.join(AUTOPILOTS)}.",
+            show_default="that of each file",
         ),
     ] = None,
     terrain: Annotated[
@@ -52,36 +53,36 @@ def check(
             "--separation",
             metavar="METRES",
             help="Least distance of two vehicles.",
-            show_default="what the export or the scenario asks, else 2",
+            show_default="that of the export or the scenario, else 2",
         ),
     ] = None,
     timing: Annotated[
         str | None,
         typer.Option(
             "--timing",
-            help="How flights are worked out: planned (by speeds and distances alone) or autopilot (by a model of it, "
-            "which is early and late as it is).",
-            show_default=f"autopilot, for more than {_MODELLED_MAX} missions planned",
+            help="How flights are computed: planned (from speeds and distances alone) or autopilot (with a model of "
+            "its navigator and its delays).",
+            show_default=f"autopilot; planned for more than {_MODELLED_MAX} missions",
         ),
     ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Check missions: separation in step, ground, fence, rally points, speeds, jumps, what the autopilot carries out.
+    """Check missions: separation at equal time, ground, fence, rally points, speeds, jumps, unsupported commands.
 
-    Exit status 0 when nothing was found, 11 when something was, 6 when a file cannot be read.
+    Exit status 0 without findings, 11 with findings, 6 when a file cannot be read.
 
     Examples: gcs check out/*.plan --terrain missions/simulation1
 
     gcs check a.waypoints b.waypoints --autopilot px4 --separation 5
     """
     screen = Screen(json=json)
-    if autopilot not in (None, *AUTOPILOTS):
-        raise UsageError(f"--autopilot {autopilot}: there are {' and '.join(AUTOPILOTS)}")
+    if autopilot is not None and autopilot not in AUTOPILOTS:
+        raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
     if separation is not None and not separation > 0:
-        raise UsageError(f"--separation {separation:g}: give a distance above 0")
-    if timing not in (None, *TIMINGS):
-        raise UsageError(f"--timing {timing}: there are {' and '.join(TIMINGS)}")
+        raise UsageError(f"--separation {separation:g}: not above 0", hint="give a distance above 0 m")
+    if timing is not None and timing not in TIMINGS:
+        raise unknown_choice("--timing", timing, tuple(TIMINGS))
     from gcs.autopilots.traits import Autopilot
     from gcs.mission.check.fleet_check import check_fleet
     from gcs.mission.check.flight_limits import OVERSPEED, FlightLimits, limits_of, surroundings_of
@@ -91,12 +92,12 @@ def check(
     from gcs.mission.predicted.planned_flight import fly, surroundings
 
     missions = load_missions(files, None if autopilot is None else Autopilot.named(autopilot))
-    asked_m, changed = exported_from(missions)
+    exported_m, changed = exported_from(missions)
     timing = timing or ("autopilot" if len(missions) <= _MODELLED_MAX else "planned")
     modelled = AutopilotFlight()
     if terrain is None:
         around = surroundings(missions)
-        limits = FlightLimits(separation or asked_m or FlightLimits().separation_m)
+        limits = FlightLimits(separation or exported_m or FlightLimits().separation_m)
     else:
         from gcs.scenario.load import load_scenario
         from gcs.scenario.si import quadrotor
@@ -114,27 +115,33 @@ def check(
     screen.say(f"{len(missions)} mission{'s' * (len(missions) > 1)}, {report.duration_s:.0f} s {TIMINGS[timing]}")
     _summary(screen, missions, report, limits)
     count = len(findings)
-    screen.say("nothing found" if not count else f"{count} finding{'s' * (count > 1)}")
+    screen.say(f"{count or 'no'} finding{'s' * (count != 1)}")
     ok = report.ok and not changed
     screen.result(_data(missions, report, limits, ok) | {"timing": timing, "findings": [f.data() for f in findings]})
     return 0 if ok else FINDINGS
 
 
 def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
-    """The closest calls, for people."""
+    """Show a table of the least separation and clearance against their limits."""
+    table = Table("criterion", "measured", "limit", "verdict", "where")
     if report.closest is not None:
         least = report.closest
-        first, second = (missions[row].source for row in least.pair)
-        asked = f"(asked {limits.separation_m:g} m)"
-        screen.say(f"  nearest: {least.distance_m:.2f} m at {least.t_s:.1f} s {asked}, {first} and {second}")
+        first, second = (Path(missions[row].source).name for row in least.pair)
+        where = f"{first} and {second} at {least.t_s:.1f} s"
+        _add(table, "separation", least.distance_m, limits.separation_m, where)
     if report.clearance_min_m is not None:
         row, low = min(
             ((row, low) for row, low in enumerate(report.lowest) if low is not None), key=lambda x: x[1].clearance_m
         )
-        screen.say(
-            f"  lowest: {low.clearance_m:.2f} m above the ground at {low.t_s:.1f} s (asked {limits.clearance_m:g} m), "
-            f"{missions[row].source}"
-        )
+        where = f"{Path(missions[row].source).name} at {low.t_s:.1f} s"
+        _add(table, "clearance above ground", low.clearance_m, limits.clearance_m, where)
+    if table.row_count:
+        screen.show(table)
+
+
+def _add(table: Table, criterion: str, measured_m: float, limit_m: float, where: str) -> None:
+    verdict = "ok" if measured_m >= limit_m else "FAILED"
+    table.add_row(criterion, f"{measured_m:.2f} m", f"≥ {limit_m:g} m", verdict, where)
 
 
 def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`gcs download` and `gcs diff`: what vehicles hold, as files, and against a plan."""
+"""`gcs download` and `gcs diff`: read what vehicles have on board, as files or against a plan."""
 
 from __future__ import annotations
 
@@ -27,21 +27,25 @@ if TYPE_CHECKING:
     from gcs.link.fleet_upload.onboard import OnboardState
     from gcs.plan.trajectory.plan import Plan
 
-DIFFERENT = 11  # exit code: everything was read, and it is not the same
+DIFFERENT = 11  # exit code: everything was read, and there are differences
 FIND_S = 15.0
-_TOLD_MAX = 20
+_SHOWN = 20  # differences per vehicle
 
 
 def download(
-    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder to write; an older one is replaced whole.")],
+    to: Annotated[
+        Path, typer.Option("--to", metavar="DIR", help="Folder to write. An older one is replaced as a whole.")
+    ],
     link: LinkOption = None,
-    listen: Annotated[float, typer.Option("--listen", metavar="SECONDS", help="How long to listen first.")] = 3.0,
+    listen: Annotated[
+        float, typer.Option("--listen", metavar="SECONDS", help="Time to listen for vehicles first.")
+    ] = 3.0,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Read missions, fences and rally points of every vehicle on a link into files, uavN.plan.
+    """Read missions, fences and rally points of every vehicle on a link into files uavN.plan.
 
     Examples: gcs download --to held --link udpin:127.0.0.1:14550
     """
@@ -62,7 +66,7 @@ def diff(
     mission: MissionArgument,
     link: LinkOption = None,
     systems: MapOption = None,
-    missions_only: Annotated[bool, typer.Option("--missions-only", help="Look at missions alone.")] = False,
+    missions_only: Annotated[bool, typer.Option("--missions-only", help="Compare missions only.")] = False,
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     untimed: UntimedOption = False,
@@ -70,9 +74,9 @@ def diff(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Compare what vehicles hold with a plan. Nothing is changed on board.
+    """Compare what vehicles have on board with a plan; change nothing.
 
-    Exit status 0 when every vehicle holds what the plan gives it, 11 when one does not.
+    Exit status 0 when every vehicle has what the plan requires, 11 when there are differences.
 
     Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
     """
@@ -87,10 +91,10 @@ def diff(
     found = asyncio.run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
     for sysid, lines in found.items():
         screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
-        for line in lines[:_TOLD_MAX]:
+        for line in lines[:_SHOWN]:
             screen.say(f"  {line}")
-        if len(lines) > _TOLD_MAX:
-            screen.say(f"  and {len(lines) - _TOLD_MAX} more")
+        if len(lines) > _SHOWN:
+            screen.say(f"  and {len(lines) - _SHOWN} more")
     ok = not any(found.values())
     screen.result({"ok": ok, "plan_hash": plan.hash, "differences": {str(k): v for k, v in found.items()}})
     return 0 if ok else DIFFERENT
@@ -106,7 +110,7 @@ async def _read_all(known: Connection, backend: str, listen_s: float) -> list[On
         if not sessions:
             raise PeerTimeout(
                 f"no vehicle was heard at {known} within {listen_s:g} s.",
-                hint="start them, or check the address and port they send to",
+                hint="start the vehicles, or check the address and port they send to",
             )
         every = await asyncio.gather(*(read_onboard(session) for session in sessions.values()))
         fleet.check()
@@ -141,11 +145,11 @@ def _write(to: Path, every: list[OnboardState]) -> list[str]:
             firmware = Autopilot(held.autopilot)
         except ValueError:
             raise PeerError(
-                f"vehicle {held.sysid} runs autopilot number {held.autopilot}, for which no file is."
+                f"vehicle {held.sysid} runs autopilot number {held.autopilot}, for which there is no file format."
             ) from None
         if held.home is None:
             raise PeerError(
-                f"vehicle {held.sysid} has no home yet, and a .plan needs one.", hint="wait for its GNSS fix"
+                f"vehicle {held.sysid} has no home position yet, and a .plan needs one.", hint="wait for its GNSS fix"
             )
         file = PlanFile(firmware, held.home, held.mission, geofence=held.geofence(), rally=held.rally_points())
         texts[f"{vehicle_name(held.sysid)}.plan"] = write_plan_file(file)

@@ -1,4 +1,4 @@
-"""`gcs export`: a plan becomes files for other ground stations."""
+"""`gcs export`: write a plan as files for other ground stations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument, UntimedOption, UnverifiedOption
+from gcs.cli.shared_options import (
+    DebugOption,
+    JsonOption,
+    MissionArgument,
+    UntimedOption,
+    UnverifiedOption,
+    unknown_choice,
+)
 from gcs.errors import UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
@@ -27,13 +34,13 @@ ALTITUDES = ("relative", "amsl", "terrain")
 
 def export(
     mission: MissionArgument,
-    to: Annotated[Path, typer.Option("--to", help="Folder to write; an older export in it is replaced whole.")],
+    to: Annotated[Path, typer.Option("--to", help="Folder to write. An older export in it is replaced as a whole.")],
     formats: Annotated[
         list[str] | None,
         typer.Option(
             "--format",
             metavar="NAME",
-            help=f"What to write, any number of times: {', '.join(row.name for row in FORMATS)}, or {ALL}.",
+            help=f"What to write; repeat it for several: {', '.join(row.name for row in FORMATS)}, or {ALL}.",
             show_default=", ".join(row.name for row in DEFAULT),
         ),
     ] = None,
@@ -45,34 +52,38 @@ def export(
         str,
         typer.Option(
             "--altitude",
-            help="What missions count altitudes from: relative (the vehicle's home), amsl (mean sea level) or terrain "
-            "(the ground under the vehicle).",
+            help="Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the "
+            "ground under the vehicle).",
         ),
     ] = "relative",
     smooth: Annotated[
         float | None,
-        typer.Option("--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline this near to the plan."),
+        typer.Option(
+            "--smooth", metavar="METRES", help="Smooth the setpoints with a B-spline, at most this far from the plan."
+        ),
     ] = None,
     untimed: UntimedOption = False,
     gates: Annotated[
         int,
-        typer.Option("--gates", metavar="N", help="Points on the way where all wait for their common time; ArduPilot."),
+        typer.Option(
+            "--gates", metavar="N", help="Number of points where all vehicles wait for a common time; ArduPilot only."
+        ),
     ] = 0,
     start: Annotated[
         str | None,
         typer.Option(
             "--start",
             metavar="HH:MM:SS",
-            help="Time of day (UTC) at which all leave the hover after the take-off, and from which gates count; "
-            "ArduPilot.",
-            show_default="when the take-off is done",
+            help="Time of day (UTC) at which all vehicles leave the hover after take-off; gates count from it. "
+            "ArduPilot only.",
+            show_default="the end of the take-off",
         ),
     ] = None,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Write missions, setpoints and maps of every vehicle, for other people's software.
+    """Write missions, setpoints and maps of every vehicle, for other ground stations.
 
     Examples: gcs export missions/simulation1 --to out
 
@@ -90,7 +101,7 @@ def export(
     wanted = select_formats(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, _ = plan_for(mission, screen, watch, unverified=unverified, in_the_air=True)
+    plan, _ = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True)
     index = write(
         plan,
         to,
@@ -106,18 +117,20 @@ def export(
     for name in index.sha256:
         screen.say(f"  {to / name}")
     screen.say(
-        f"{index.waypoints} waypoints per vehicle; the polyline stays within {index.deviation.path_m:.3f} m of the "
-        f"plan, and within {index.deviation.time_m:.3f} m at equal time"
+        f"{index.waypoints} waypoints per vehicle; the polyline is at most {index.deviation.path_m:.3f} m from the "
+        f"plan, and at most {index.deviation.time_m:.3f} m at equal time"
     )
     if index.smoothing is not None:
         screen.say(
-            f"smoothed setpoints keep the plan's limits within 1 %, at most {index.smoothing.deviation_m:.3f} m and "
+            f"smoothed setpoints keep the plan's limits within 1 %: at most {index.smoothing.deviation_m:.3f} m and "
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
     if index.refused:
-        screen.say(f"WARNING: no missions were written: {index.refused}")
-        screen.say("  the setpoint stream keeps path and time; --untimed writes missions with the plan's own speeds")
+        screen.warn(
+            f"no missions were written: {index.refused}. Fly the setpoint stream, which keeps path and time, or write "
+            "missions at the plan's own speeds with --untimed"
+        )
     _say_verified(screen, index, plan)
     _say_timing(screen, index)
     _say_returns(screen, index, plan)
@@ -141,76 +154,76 @@ def export(
 
 
 def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    """What the missions hold as they were written."""
+    """Print the least clearance and separation of the missions as written."""
     report = index.report
     if report is None:
         return
-    how = "at their planned speeds" if index.timing is None else f"as {index.firmware.title} flies them"
-    told = f"missions read back and flown {how}: at least {report.clearance_min_m:.2f} m above ground"
+    how = "at the planned speeds" if index.timing is None else f"as a model of {index.firmware.title} flies them"
+    text = f"missions, read back and computed {how}: at least {report.clearance_min_m:.2f} m above ground"
     if report.closest is not None:
         first, second = (plan.sysids[row] for row in report.closest.pair)
-        told += f", vehicles {first} and {second} at least {report.closest.distance_m:.2f} m apart"
-    screen.say(told)
+        text += f", vehicles {first} and {second} at least {report.closest.distance_m:.2f} m apart"
+    screen.say(text)
 
 
 def _say_timing(screen: Screen, index: ExportIndex) -> None:
-    """How late everybody is expected to be, and how far from the plan."""
+    """Print each vehicle's predicted delay and distance from the plan."""
     timing = index.timing
     if timing is None:
         return
     title = f"predicted for {index.firmware.title}"
-    table = Table("vehicle", "late at worst", "from the plan at most", "RMS", title=title)
+    table = Table("vehicle", "largest delay", "largest distance from plan", "RMS distance", title=title)
     for one in timing.vehicles[:_SHOWN]:
         late = f"{one.late_s:+.2f} s at {one.late_at_s:.0f} s"
         off = f"{one.error_max_m:.2f} m at {one.error_at_s:.0f} s"
         table.add_row(str(one.sysid), late, off, f"{one.error_rms_m:.2f} m")
     screen.show(table)
     if len(timing.vehicles) > _SHOWN:
-        screen.say(f"  and {len(timing.vehicles) - _SHOWN} more; worst {timing.late_s:+.2f} s")
+        screen.say(f"  and {len(timing.vehicles) - _SHOWN} more; largest delay {timing.late_s:+.2f} s")
     near = timing.nearest
     if near is not None:
         first, second = near.sysids
         screen.say(
             f"vehicles {first} and {second} come within {near.distance_m:.2f} m at {near.t_s:.1f} s if one is "
-            f"{near.apart_s:g} s ahead"
+            f"{near.apart_s:g} s early"
         )
     for number, early_s in enumerate(timing.gates_early_s, start=1):
-        screen.say(f"gate {number}: all are there {early_s:.1f} s before it opens")
+        screen.say(f"gate {number}: all vehicles arrive {early_s:.1f} s before it opens")
 
 
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    """How everyone returns at once, and what stands in the way."""
+    """Print the return altitudes, the least separation when all vehicles return at once, and warnings."""
     from gcs.mission.failsafe.rtl_altitudes import return_warnings
 
     returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)
-    screen.say(f"returning: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
+    screen.say(f"return altitudes: {low:.2f} to {high:.2f} m above home, at {returns.speeds.cruise_mps:g} m/s")
     worst = returns.worst
     if worst is not None:
         first, second = worst.sysids
-        where = "home" if worst.ends == "home" else "to the nearer of home and rally point"
+        where = "home" if worst.ends == "home" else "the nearer of home and rally point"
         screen.say(
-            f"  from any instant at least {worst.distance_m:.2f} m apart; nearest are vehicles {first} and {second}, "
-            f"from {worst.t_s:.1f} s, {where}"
+            f"  if all return at any time: at least {worst.distance_m:.2f} m apart (vehicles {first} and {second}, "
+            f"return to {where} at {worst.t_s:.1f} s)"
         )
     for text in return_warnings(plan, returns):
-        screen.say(f"  WARNING: {text}")
+        screen.warn(text)
 
 
 def _seconds_of_day(text: str) -> int:
     """Seconds since midnight. Raises `UsageError` for anything but HH:MM:SS."""
     found = re.fullmatch(r"([01]\d|2[0-3]):([0-5]\d):([0-5]\d)", text)
     if not found:
-        raise UsageError(f"--start {text}: give a time of day as HH:MM:SS, UTC")
+        raise UsageError(f"--start {text}: not a time of day", hint="give HH:MM:SS in UTC")
     hour, minute, second = map(int, found.groups())
     return 3600 * hour + 60 * minute + second
 
 
 def _check(autopilot: str | None, altitude: str, gates: int) -> None:
-    """Refuse what cannot be meant before anything heavy starts."""
+    """Refuse wrong options before heavy imports. Raises `UsageError`."""
     if gates < 0:
-        raise UsageError(f"--gates {gates}: give a number, 0 or more")
-    if autopilot not in (None, *AUTOPILOTS):
-        raise UsageError(f"--autopilot {autopilot}: there are {' and '.join(AUTOPILOTS)}")
+        raise UsageError(f"--gates {gates}: below 0", hint="give 0 or more")
+    if autopilot is not None and autopilot not in AUTOPILOTS:
+        raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
     if altitude not in ALTITUDES:
-        raise UsageError(f"--altitude {altitude}: there are {', '.join(ALTITUDES)}")
+        raise unknown_choice("--altitude", altitude, ALTITUDES)

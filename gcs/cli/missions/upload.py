@@ -1,4 +1,4 @@
-"""`gcs upload` and `gcs restore`: every vehicle gets its mission or none does; parameters get old values back."""
+"""`gcs upload` and `gcs restore`: upload to all vehicles or to none; write old parameter values back."""
 
 from __future__ import annotations
 
@@ -37,12 +37,14 @@ def upload(
     link: LinkOption = None,
     systems: MapOption = None,
     missions_only: Annotated[
-        bool, typer.Option("--missions-only", help="Leave fences, rally points and parameters as they are.")
+        bool, typer.Option("--missions-only", help="Do not change fences, rally points and parameters.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show which parameters would change, and change nothing.")
+        bool, typer.Option("--dry-run", help="Show which parameters would change; change nothing.")
     ] = False,
-    to: Annotated[Path, typer.Option("--to", help="Folder for the record that `gcs restore` reads.")] = Path("uploads"),
+    to: Annotated[Path, typer.Option("--to", help="Folder for the record, which `gcs restore` reads.")] = Path(
+        "uploads"
+    ),
     signing_key_file: KeyOption = None,
     backend: BackendOption = "skein",
     transfer: TransferOption = "auto",
@@ -51,9 +53,10 @@ def upload(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Upload missions, fences, rally points and a few parameters to all vehicles at once, read back and compared.
+    """Upload missions, fences, rally points and parameters to all vehicles, read them back and compare.
 
-    All or nothing: if one vehicle fails, everything sent is cleared again, and each vehicle's state is told.
+    All vehicles or none: if one upload fails, everything uploaded is cleared again. The error then names the state of
+    each vehicle.
 
     Examples: gcs upload missions/field --link udpin:127.0.0.1:14550
 
@@ -73,10 +76,12 @@ def upload(
     held, changes = asyncio.run(loading)
     record = None
     if held is not None:
-        record = _keep(to, plan.scenario.name, held)
-        screen.say(f"all {len(held.digests)} vehicles hold their mission of plan {plan.hash[:12]}, read back equal")
+        record = _write_record(to, plan.scenario.name, held)
+        screen.say(
+            f"all {len(held.digests)} vehicles have their mission of plan {plan.hash[:12]}; the read-back is equal"
+        )
         if held.changes:
-            screen.say(f"their old parameters come back with: gcs restore {record}")
+            screen.say(f"to write the old parameter values back: gcs restore {record}")
     screen.say(f"time: {watch}")
     screen.result(
         {
@@ -91,14 +96,16 @@ def upload(
 
 
 def restore(
-    record: Annotated[Path, typer.Argument(metavar="RECORD", help="What `gcs upload` left.", show_default=False)],
+    record: Annotated[
+        Path, typer.Argument(metavar="RECORD", help="Record that `gcs upload` wrote.", show_default=False)
+    ],
     link: LinkOption = None,
     systems: MapOption = None,
     signing_key_file: KeyOption = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Give parameters the values that they had before an upload.
+    """Write back the parameter values from before an upload.
 
     Examples: gcs restore uploads/2026-11-21-161530-field.json --link udpin:127.0.0.1:14550
     """
@@ -116,7 +123,7 @@ def restore(
             await put(await fleet.vehicles(sysids, FIND_S, systems=known.systems), changes)
 
     asyncio.run(put_back())
-    screen.say(f"{len(changes)} parameters are as they were")
+    screen.say(f"{len(changes)} parameters have their old values")
     screen.result({"restored": len(changes)})
     return 0
 
@@ -139,9 +146,7 @@ async def _upload(
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
-        loads = build_loads(
-            plan, autopilots, timed=timed, safety=safety, warn=lambda text: screen.say(f"WARNING: {text}")
-        )
+        loads = build_loads(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
         watch.lap("missions")
         changes = await preview(sessions, loads)
         _show(screen, changes)
@@ -149,7 +154,7 @@ async def _upload(
         if dry_run:
             return None, changes
         held = await upload_fleet(
-            sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} holds its {what}")
+            sessions, loads, plan.hash, lambda sysid, what: screen.say(f"vehicle {sysid} has its {what}")
         )
         fleet.check()
         watch.lap("upload")
@@ -161,7 +166,7 @@ def _show(screen: Screen, changes: tuple[ParameterChange, ...]) -> None:
         return
     from rich.table import Table
 
-    table = Table("vehicle", "parameter", "now", "then", title="parameters that change")
+    table = Table("vehicle", "parameter", "old value", "new value", title="parameters that change")
     for change in changes:
         before, after = f"{change.before.value:g}", f"{change.after.value:g}"
         table.add_row(str(change.sysid), change.before.name, before, after)
@@ -179,7 +184,7 @@ def _change_data(change: ParameterChange) -> dict[str, Any]:
     }
 
 
-def _keep(folder: Path, name: str, held: Holdings) -> Path:
+def _write_record(folder: Path, name: str, held: Holdings) -> Path:
     from gcs.cli.console import to_json
     from gcs.files import atomic_write
 
@@ -192,7 +197,7 @@ def _keep(folder: Path, name: str, held: Holdings) -> Path:
 
 
 def read_record(path: Path) -> tuple[ParameterChange, ...]:
-    """The parameters that an upload changed. Raises `FileFormatError`."""
+    """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
     import json
 
     from gcs.errors import FileFormatError
@@ -213,5 +218,7 @@ def read_record(path: Path) -> tuple[ParameterChange, ...]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}.") from None
     except (ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(f"{path}: not the record of an upload.", hint="name what `gcs upload` left") from error
+        raise FileFormatError(
+            f"{path}: not the record of an upload.", hint="name a file that `gcs upload` wrote"
+        ) from error
     return tuple(found)

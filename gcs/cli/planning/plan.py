@@ -1,4 +1,4 @@
-"""`gcs plan`: from a scenario to a verified plan on disk."""
+"""`gcs plan`: plan a mission, verify the plan and write it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ def plan(
         Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="plans/NAME.skein")
     ] = None,
     alternatives: Annotated[
-        bool, typer.Option("--alternatives", help="Optimise every way through the map and show what each costs.")
+        bool, typer.Option("--alternatives", help="Optimise every route class through the map and show its cost.")
     ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Plan a mission, verify the plan and write it.
 
-    A plan that does not hold is written too, so that it can be looked at, and refused by every later command.
+    A plan that failed verification is written too, for inspection; every later command refuses it. Exit status 0 when
+    the plan is verified, 5 when it failed verification.
 
     Example: gcs plan missions/simulation1
     """
@@ -43,7 +44,7 @@ def plan(
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    made, report = plan_for(mission, screen, watch, unverified=True, every_way=alternatives, in_the_air=True)
+    made, report = plan_for(mission, screen, watch, unverified=True, alternatives=alternatives, from_the_air=True)
     path = out or Path("plans") / f"{made.scenario.name}{SUFFIX}"
     save_plan(made, report, path)
     watch.lap("write")
@@ -78,7 +79,7 @@ def plan(
 
 
 def show_plan(screen: Screen, made: Plan, report: Report) -> None:
-    """What a person wants to know about a plan, in a few lines."""
+    """Print a plan's vehicles, times, phases and changes, and the table of its verification."""
     scenario = made.scenario
     count = len(made.sysids)
     screen.say("")
@@ -90,19 +91,35 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     for phase in made.phases:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
     _show_changes(screen, made)
-    screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks")
-    limits = scenario.limits
-    screen.say(f"  clearance above ground at least {report.clearance_min_m:.3f} m (asked {limits.clearance_min_m:g} m)")
-    if report.separation_min_m is not None:
-        screen.say(f"  separation at least {report.separation_min_m:.3f} m (asked {limits.separation_min_m:g} m)")
-    screen.say(f"  Eq. 1 integrated again over 5 s: within {report.window_error_max_m * 1e3:.2f} mm (asked 10 mm)")
-    screen.say(f"  position at the arrival: within {report.terminal_error_m * 1e3:.3f} mm (asked 1 mm)")
+    _show_verdict(screen, made, report)
     for check in report.failures:
-        screen.say(f"  NOT HELD: {check}")
+        screen.say(f"  FAILED: {check}")
+
+
+def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
+    """A table of the figures that decide on a plan; `gcs verify` has all criteria."""
+    from rich.table import Table
+
+    from gcs.cli.plan_argument import verdict_word
+
+    limits = made.scenario.limits
+    failed = {check.name for check in report.failures}
+    title = f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed"
+    table = Table("criterion", "measured", "limit", "verdict", title=title)
+    rows = [
+        ("clearance above ground", f"{report.clearance_min_m:.3f} m", f"≥ {limits.clearance_min_m:g} m"),
+        ("Eq. 1 re-integrated over 5 s", f"{report.window_error_max_m * 1e3:.2f} mm", "≤ 10 mm"),
+        ("end position", f"{report.terminal_error_m * 1e3:.3f} mm", "≤ 1 mm"),
+    ]
+    if report.separation_min_m is not None:
+        rows.insert(1, ("separation", f"{report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
+    for name, measured, limit in rows:
+        table.add_row(name, measured, limit, verdict_word(name not in failed))
+    screen.show(table)
 
 
 def _information(made: Plan) -> dict[str, list[int]]:
-    """Whose state each vehicle needs at T0 when it follows telemetry (graph G of §2.2)."""
+    """The vehicles whose state each vehicle needs at T0 when it follows telemetry (graph G of §2.2)."""
     sources = made.information_graph(0.0).sources
     return {
         str(sysid): [made.sysids[row] for row in rows] for sysid, rows in zip(made.sysids, sources, strict=True) if rows
@@ -110,10 +127,10 @@ def _information(made: Plan) -> dict[str, list[int]]:
 
 
 def _show_changes(screen: Screen, made: Plan) -> None:
-    """Changes of shape on the flight's time line, with the paper's least time beside the flown one."""
+    """Print the changes of shape on the flight's time line, with the paper's least time beside the planned one."""
     if not made.moves:
         return
-    screen.say("changes of shape, with the paper's least time (Eqs. 8, 12, 14) beside the flown one")
+    screen.say("changes of shape: the paper's least time (Eqs. 8, 12, 14) → the planned time")
     name = max(len(move.name) for move in made.moves)
     for move in made.moves:
         how = ", ".join(part for part in (move.trigger, move.way, f"limited by {move.limited_by}") if part)
@@ -125,18 +142,18 @@ def _show_changes(screen: Screen, made: Plan) -> None:
 
 
 def _bar(move: Move, flight_s: float) -> str:
-    """The flight as a line, the change as the thick part of it."""
+    """A line for the flight; its thick part is the change."""
     first = int(_BAR * move.start_s / flight_s)
     last = max(math.ceil(_BAR * move.end_s / flight_s), first + 1)
     return f"{'─' * first}{'━' * (last - first)}{'─' * (_BAR - last)}"
 
 
 def _show_alternatives(screen: Screen, made: Plan) -> None:
-    """Every way through the map, shortest first."""
+    """Show every route class through the map, shortest first."""
     from rich.table import Table
 
-    table = Table("way", "length", "cost", "verdict", title="ways through the map")
-    for number, way in enumerate(made.alternatives, start=1):
-        cost = "–" if way.objective is None else f"{way.objective:.4f}"
-        table.add_row(str(number), f"{way.length_m:.0f} m", cost, way.verdict)
+    table = Table("route", "length", "cost", "verdict", title="route classes through the map")
+    for number, route in enumerate(made.alternatives, start=1):
+        cost = "–" if route.objective is None else f"{route.objective:.4f}"
+        table.add_row(str(number), f"{route.length_m:.0f} m", cost, route.verdict)
     screen.show(table)

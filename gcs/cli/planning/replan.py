@@ -1,4 +1,4 @@
-"""`gcs replan`: a plan that goes on from where the formation is, round what is new."""
+"""`gcs replan`: plan the remaining flight again, from a state of the leader, around new no-fly disks."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
-    from gcs.plan.trajectory.plan import MeshRound, Plan
+    from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import NoFlyZone
 
-_PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,their rates]]]"
+_PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,rates]]]"
 
 
 def replan(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file (.skein).", show_default=False)],
-    at: Annotated[float, typer.Option("--at", metavar="T", help="Time of the plan, s after T0.", show_default=False)],
+    plan: PlanArgument,
+    at: Annotated[float, typer.Option("--at", metavar="T", help="Plan time, s after T0.", show_default=False)],
     state: Annotated[
         str | None,
         typer.Option(
             metavar="NUMBERS",
-            help=f"Where the leader is: {_PARTS}; m, m/s, degrees. What is not said is as planned.",
+            help=f"State of the leader: {_PARTS}; m, m/s, degrees. Numbers left out are as planned.",
             show_default="as planned",
         ),
     ] = None,
     disk: Annotated[
         list[str] | None,
-        typer.Option("--disk", metavar="NORTH,EAST,RADIUS", help="A new no-fly disk, m; as often as there are."),
+        typer.Option("--disk", metavar="NORTH,EAST,RADIUS", help="A new no-fly disk, m. Repeat it for several."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="PLAN-at-T.skein")
@@ -43,14 +43,15 @@ def replan(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Plan the rest of a flight anew, from where the leader is at a time, round new no-fly disks; verify and write it.
+    """Plan the remaining flight again, from the leader's state at a time, around new no-fly disks; verify and write it.
 
-    The new plan begins in the air. It can be looked at, verified and exported (setpoints, histories, maps).
+    The new plan begins in the air. You can show, verify and export it (setpoints, histories, maps); `gcs fly` does not
+    take it. Exit status 0 when the plan is verified, 5 when it failed verification.
 
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, refusal
+    from gcs.cli.plan_argument import Stopwatch, refusal, solve_line
     from gcs.cli.planning.plan import show_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
@@ -62,7 +63,7 @@ def replan(
     watch.lap("load")
     replanner = Replanner(old, spare_disks=len(disks))
     watch.lap("build")
-    made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(_line(done)))
+    made = replanner.replan(leader, at, disks, on_round=lambda done: screen.say(solve_line(done)))
     watch.lap("re-plan")
     report = verify(made)
     watch.lap("verify")
@@ -98,13 +99,8 @@ def replan(
     raise refusal(report)
 
 
-def _line(done: MeshRound) -> str:
-    verdict = done.complaints[0] if done.complaints else "holds between nodes"
-    return f"{done.unknowns} unknowns, {done.iterations} iterations, {done.seconds:.2f} s: {verdict}"
-
-
 def _state(text: str | None, plan: Plan, at_s: float) -> Array:
-    """The leader's state (12,) as planned, with the numbers that were given."""
+    """The leader's state (12,): as planned, replaced by the numbers in `text`."""
     import numpy as np
 
     state = np.array(plan.leader_trajectory.state(min(max(at_s, plan.t_start_s), plan.t_end_s - 1e-6)))
@@ -121,7 +117,7 @@ def _disk(text: str) -> NoFlyZone:
 
     north_m, east_m, radius_m = _numbers("--disk", text, (3,), "NORTH,EAST,RADIUS")
     if radius_m <= 0.0:
-        raise typer.BadParameter(f"{text}: the radius must be larger than 0", param_hint="--disk")
+        raise typer.BadParameter(f"{text}: the radius must be more than 0 m", param_hint="--disk")
     return NoFlyZone(north_m=north_m, east_m=east_m, radius_m=radius_m)
 
 

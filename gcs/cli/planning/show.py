@@ -1,4 +1,4 @@
-"""`gcs show`: what a scenario or a plan contains, in a page and a picture."""
+"""`gcs show`: the content of a scenario or a plan, as text and as a map."""
 
 from __future__ import annotations
 
@@ -16,32 +16,35 @@ if TYPE_CHECKING:
 
 STEP_S = 0.2
 _SHOWN = 20  # vehicles
+_LABELS = {"way": "leader", "closed": "no-fly zones"}  # of keys of `--json` that text names otherwise
 
 
 def show(
     mission: MissionArgument,
     picture: Annotated[
         Path | None,
-        typer.Option("--picture", "-p", metavar="FILE", help="Draw a map with ground, zones, tracks and clearances."),
+        typer.Option(
+            "--picture", "-p", metavar="FILE", help="Draw a map of ground, no-fly zones, tracks and clearances."
+        ),
     ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Show what a scenario or plan contains: who flies, where, from what to what, under which limits.
+    """Show the content of a scenario or plan: vehicles, start, end, limits, pads.
 
     Example: gcs show plans/simulation1.skein --picture map.png
     """
     screen = Screen(json=json)
-    from gcs.plan.trajectory.plan_file import SUFFIX, load_plan
+    from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
     from gcs.scenario.load import load_scenario
 
-    plan = load_plan(mission)[0] if mission.suffix == SUFFIX else None
+    plan = load_plan(mission)[0] if is_plan_file(mission) else None
     scenario = plan.scenario if plan else load_scenario(mission)
     found = {**_scenario(scenario), **(_plan(plan) if plan else {})}
     screen.say(scenario.title or scenario.name)
-    width = max(map(len, found))
+    width = max(len(_LABELS.get(name, name)) for name in found)
     for name, text in found.items():
-        screen.say(f"  {name:<{width}}  {text}")
+        screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
     pads = _pads(scenario)
     _say_pads(screen, pads)
     if picture is not None:
@@ -75,9 +78,9 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         "ground": f"{ground}; clearance at least {limits.clearance_min_m:g} m",
         "wind": "none"
         if scenario.wind is None
-        else "{speed_mps:g} m/s out of {from_deg:g} degrees, {height_m:g} m up, "
-        "growing with height by the power of {shear:g}".format(**scenario.wind.model_dump()),
-        "closed": f"{len(scenario.no_fly)} areas, {sum(bool(zone.moves) for zone in scenario.no_fly)} of them moving",
+        else "{speed_mps:g} m/s from {from_deg:g} degrees at {height_m:g} m height; "
+        "power law of height with exponent {shear:g}".format(**scenario.wind.model_dump()),
+        "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move",
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or "none: the formation is rigid",
         "autopilot": scenario.mission.autopilot,
@@ -85,16 +88,16 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
 
 
 def _plan(plan: Plan) -> dict[str, Any]:
-    """What the plan adds; the verdict is worked out anew."""
+    """The figures of a plan; the plan is verified again."""
     from gcs.plan.trajectory.energy import energy_Wh
     from gcs.plan.verification.verify import verify
 
     report = verify(plan)
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
-    battery = "not described: no [vehicle.power]"
+    battery = "unknown: the scenario has no [vehicle.power]"
     if taken_Wh is not None and power is not None:
         most_Wh = float(taken_Wh.max())
-        battery = f"{most_Wh:.1f} Wh of {power.battery_Wh:g} ({most_Wh / power.battery_Wh:.0%}) taken at most"
+        battery = f"at most {most_Wh:.1f} of {power.battery_Wh:g} Wh ({most_Wh / power.battery_Wh:.0%})"
     separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
@@ -104,7 +107,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
 
 
 def _pads(scenario: Scenario) -> list[dict[str, Any]]:
-    """Where every vehicle has to stand before the flight."""
+    """The take-off point of every vehicle."""
     from gcs.frames import ned_to_geodetic
     from gcs.scenario.si import local_origin, pads_ned_m, sysids
 
@@ -126,7 +129,7 @@ def _pads(scenario: Scenario) -> list[dict[str, Any]]:
 def _say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    table = Table("vehicle", "latitude", "longitude", "above the sea", "north, east of the origin", title="pads")
+    table = Table("vehicle", "latitude", "longitude", "altitude AMSL", "north, east", title="pads")
     for pad in pads[:_SHOWN]:
         place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
         table.add_row(
@@ -134,4 +137,4 @@ def _say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
         )
     screen.show(table)
     if len(pads) > _SHOWN:
-        screen.say(f"and {len(pads) - _SHOWN} more (--json has all)")
+        screen.say(f"and {len(pads) - _SHOWN} more; --json prints all")

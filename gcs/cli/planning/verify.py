@@ -1,46 +1,44 @@
-"""`gcs verify`: check a plan again, from its polynomials alone."""
+"""`gcs verify`: verify a plan again, from its polynomials alone."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument
 
 
 def verify(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file (.skein).", show_default=False)],
+    plan: PlanArgument,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Check a plan again and list the closest call of every constraint.
+    """Verify a plan again and list the least margin of every criterion.
+
+    Exit status 0 when the plan is verified, 5 when it failed verification.
 
     Example: gcs verify plans/simulation1.skein
     """
     screen = Screen(json=json)
     from rich.table import Table
 
-    from gcs.cli.plan_argument import refusal
+    from gcs.cli.plan_argument import refusal, verdict_word
     from gcs.plan.trajectory.plan_file import load_plan
     from gcs.plan.verification.verify import verify as check_plan
 
     loaded, _ = load_plan(plan)
     report = check_plan(loaded)
-    closest: dict[str, object] = {}
-    table = Table("constraint", "phase", "margin", "at", "vehicle", "holds")
+    shown: set[str] = set()
+    table = Table("criterion", "measured margin", "limit", "verdict", "where")
     for check in sorted(report.checks, key=lambda c: c.worst):
-        if check.name in closest and check.ok:
+        if check.name in shown and check.ok:
             continue
-        closest[check.name] = check
-        when = "" if check.t_s is None else f"{check.t_s:.2f} s"
-        who = "" if check.sysid is None else str(check.sysid)
+        shown.add(check.name)
+        when = "" if check.t_s is None else f" at {check.t_s:.2f} s"
+        vehicle = "" if check.sysid is None else f", vehicle {check.sysid}"
         margin = f"{check.worst if abs(check.worst) > 1e-9 else 0.0:.4g} {check.unit}"
-        table.add_row(check.name, check.phase, margin, when, who, "yes" if check.ok else "NO")
+        limit = f"≥ {-check.tolerance:g}" if check.tolerance else "≥ 0"
+        table.add_row(check.name, margin, limit, verdict_word(check.ok), f"{check.phase}{when}{vehicle}")
     screen.show(table)
-    screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks")
+    screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed")
     screen.result({"ok": report.ok, "failures": [str(c) for c in report.failures], "checks": len(report.checks)})
     if report.ok:
         return 0

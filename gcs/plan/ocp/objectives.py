@@ -19,6 +19,7 @@ from gcs.physics.quadrotor import Array, Quadrotor
 from gcs.plan.formation.coordinates import Coordinate
 from gcs.plan.nlp.variables import NX
 from gcs.scenario.schema.scenario import Scenario, TerminalWeight
+from gcs.scenario.si import heading_ref_deg, height_ref_m
 
 TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1": lambda t, tf: np.ones_like(t),
@@ -272,9 +273,9 @@ def references(scenario: Scenario, length_m: float, duration_s: float) -> Object
         height_weight=height,
         terminal_weight=table.terminal_weight,
         speed_ref_mps=max(length_m / duration_s, 0.1),
-        heading_ref_rad=float(np.radians(table.heading_ref_deg)),
+        heading_ref_rad=float(np.radians(heading_ref_deg(scenario))),
         heading_scale_rad=float(np.radians(table.heading_scale_deg)),
-        height_ref_m=table.height_ref_m,
+        height_ref_m=height_ref_m(scenario),
         height_scale_m=table.height_scale_m,
     )
 

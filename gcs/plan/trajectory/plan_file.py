@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import zipfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,17 @@ from gcs.scenario.schema.scenario import Scenario
 
 SUFFIX = ".skein"
 _FORMAT = 2
+_MAGIC = b"PK\x03\x04"  # of a zip archive with at least one file
+_ARRAYS = (
+    "meta",
+    "joints_s",
+    "state",
+    "control",
+    "shape_joints_s",
+    "shape_functions",
+    "shape_tables_ned_m",
+    "checksum",
+)
 
 
 def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
@@ -55,11 +67,31 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
     atomic_write(Path(path), buffer.getvalue())
 
 
+def is_plan_file(path: Path) -> bool:
+    """Whether a path is to be read as a plan: its content begins as an archive does, else its suffix is `.skein`."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_MAGIC)) == _MAGIC or path.suffix == SUFFIX
+    except IsADirectoryError:
+        return False
+    except OSError:
+        return path.suffix == SUFFIX
+
+
 def load_plan(path: Path | str) -> tuple[Plan, Report]:
-    """Read a plan and its verdict; raises FileFormatError for anything else or anything damaged."""
+    """The plan and its verdict; raises FileFormatError for a file that is missing, damaged, or no plan.
+
+    The content decides, not the file's name.
+    """
     hint = "make it anew with `gcs plan`"
+    if Path(path).is_file() and not zipfile.is_zipfile(path):
+        raise FileFormatError(f"{path}: not a plan of this program: its content is no NumPy archive", hint=hint)
     try:
         with np.load(path, allow_pickle=False) as archive:
+            if lacking := [name for name in _ARRAYS if name not in archive.files]:
+                raise FileFormatError(
+                    f"{path}: not a plan of this program: the archive has no array {lacking[0]}", hint=hint
+                )
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(arrays["meta"].tobytes())
         if meta["format"] != _FORMAT:

@@ -128,7 +128,7 @@ class Formation(Part):
     frame: Literal["inertial", "course"] = Field(
         default="inertial", description="where the shape is constant: in the world (Eq. 22), or turning with the course"
     )
-    leader: VehicleId = Field(description="sysid of the vehicle the plan is made for")
+    leader: VehicleId = Field(default=1, description="sysid of the vehicle the plan is made for")
     vehicle: tuple[FormationVehicle, ...] = Field(
         default=(), max_length=254, description="every vehicle, leader included; or count and start_shape"
     )

@@ -1,8 +1,7 @@
-"""What a scenario is: the shape of `scenario.toml`, its units and its allowed ranges.
+"""The tables of `scenario.toml`: keys, units, ranges, defaults, and the rules inside one table.
 
-Knows: keys, types, ranges, and what must agree inside one table. Does not know: files, terrain heights,
-plans, and what must agree between tables (that is `gcs.scenario.validation.cross_table`). Values stay as people write
-them (metres up, degrees); `gcs.scenario.si` turns them into SI, NED and radians.
+Rules between tables are in `gcs.scenario.validation.cross_table`. Values stay as the file has them (metres up,
+degrees); `gcs.scenario.si` converts them to SI, NED and radians.
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 
 
 class OriginTable(Part):
-    """Where the local frame lies on Earth."""
+    """The point on Earth that is (0, 0, 0) of the local frame."""
 
     lat_deg: Annotated[Number, Field(ge=-85, le=85)] = Field(description="WGS-84 latitude, degrees")
     lon_deg: Annotated[Number, Field(ge=-180, le=180)] = Field(description="WGS-84 longitude, degrees")
@@ -91,35 +90,35 @@ class OriginTable(Part):
 
 
 class Time(Part):
-    """Times of the planned flight."""
+    """Duration of the planned flight, without take-off and landing."""
 
     flight_s: Annotated[Number, Field(gt=0, le=7200)] = Field(description="t_f, from start to end, s")
-    free: Truth = Field(default=False, description="flight_s is only a reference: the planner chooses the time")
-    earliest_s: Positive | None = Field(default=None, description="with free: the least time it may choose, s")
+    free: Truth = Field(default=False, description="the planner chooses the time; flight_s is then only its reference")
+    earliest_s: Positive | None = Field(default=None, description="with free: least time the planner may choose, s")
     latest_s: Annotated[Number, Field(gt=0, le=7200)] | None = Field(
-        default=None, description="with free: the longest time it may choose, s"
+        default=None, description="with free: longest time the planner may choose, s"
     )
 
     def disagreements(self) -> Findings:
-        """Bounds that are out of order."""
+        """Yield bounds that are out of order."""
         if self.earliest_s is not None and self.latest_s is not None and self.earliest_s >= self.latest_s:
-            yield ("latest_s",), f"must be later than earliest_s = {self.earliest_s:g}"
+            yield ("latest_s",), f"must be more than earliest_s = {self.earliest_s:g}"
 
 
 class Power(Part):
-    """Where a vehicle's energy comes from and goes to."""
+    """The battery and the propellers, for the energy a flight takes."""
 
     battery_Wh: Positive = Field(description="energy of a full battery, nominal voltage times capacity, Wh")
-    rotor_radius_m: Positive = Field(description="of a propeller, m")
+    rotor_radius_m: Positive = Field(description="radius of a propeller, m")
     figure_of_merit: Annotated[Number, Field(gt=0, le=1)] = Field(
         description="ideal power of momentum theory over the power drawn: propeller, motor, speed controller"
     )
 
 
 class VehicleTable(Part):
-    """Table 1: one type of quadrotor."""
+    """One type of quadrotor: the constants of the paper's Table 1."""
 
-    name: str = Field(description="name of the type, for people")
+    name: str = Field(description="name of the type, as reports show it")
     mass_kg: Positive = Field(description="m, kg")
     arm_m: Positive = Field(description="l, centre to rotor, m")
     inertia_kgm2: PositiveVector = Field(description="I_x, I_y, I_z, kg m^2")
@@ -128,35 +127,35 @@ class VehicleTable(Part):
     drag_Nspm: NonNegativeVector = Field(description="K_1..K_3, linear drag north, east, down, N s/m")
     drag_moment_Nms: NonNegativeVector = Field(description="K_4..K_6, linear drag of the rates, N m s")
     gravity_mps2: Annotated[Number, Field(ge=9.7, le=9.9)] = Field(default=9.8, description="g, m/s^2")
-    rotor_max_radps: Positive = Field(description="fastest a rotor turns, rad/s")
+    rotor_max_radps: Positive = Field(description="largest rotor speed, rad/s")
     power: Power | None = Field(
         default=None,
-        description="battery and propellers; without them a flight's need is told by its time",
+        description="battery and propellers; without them the battery's need is estimated from the flight time",
         exclude_if=lambda power: power is None,
     )
 
 
 class Performance(Part):
-    """What a type of vehicle can do, or may be asked to."""
+    """The limits that a type of vehicle has by itself."""
 
     speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
     roll_pitch_yaw_deg: tuple[
         Annotated[Number, Field(gt=0, le=180)],
         Annotated[Number, Field(gt=0, lt=90)],
         Annotated[Number, Field(gt=0, le=360)],
-    ] = Field(description="largest roll, pitch, yaw either way, degrees")
-    rates_degps: PositiveVector = Field(description="largest roll, pitch, yaw rate either way, degrees/s")
+    ] = Field(description="largest |roll|, |pitch|, |yaw|, degrees")
+    rates_degps: PositiveVector = Field(description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s")
     thrust_N: Annotated[tuple[NonNegative, Positive], AfterValidator(_ordered)] = Field(
         description="U_1, [low, high], N"
     )
     torque: PositiveVector = Field(description="largest |U_2|, |U_3| (N, on the arm) and |U_4| (N m)")
     load_factor_max: Positive = Field(description="n_max of Eq. 17, lateral acceleration in units of g")
     accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
-    control_margin: Share = Field(default=0.0, description="share of each control the plan keeps for feedback")
+    control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
 
 
 class LimitsTable(Performance):
-    """Eq. 51 and the limits the paper names without a value; they hold for every vehicle."""
+    """The limits of every vehicle: Eq. 51, and those that the paper names without a value."""
 
     north_m: Range = Field(description="[low, high], m north of the origin")
     east_m: Range = Field(description="[low, high], m east of the origin")
@@ -166,7 +165,7 @@ class LimitsTable(Performance):
 
 
 class Ripple(Part):
-    """Eq. 52: |sin(y + a) + b sin(x) + c cos(d r) + e cos(y) + f sin(g r)| m, of x north, y east and distance r, m."""
+    """Eq. 52: |sin(y + a) + b sin(x) + c cos(d r) + e cos(y) + f sin(g r)|; x north, y east, r distance, m."""
 
     a: Number = Field(description="phase of the wave east, rad")
     b: Number = Field(description="height of the wave north, m")
@@ -178,7 +177,7 @@ class Ripple(Part):
 
 
 class Mountains(Part):
-    """Eq. 53: one entry per mountain in every list."""
+    """The mountains of Eq. 53: one entry per mountain in every list."""
 
     north_m: tuple[Number, ...] = Field(default=(), description="summits, m north of the origin")
     east_m: tuple[Number, ...] = Field(default=(), description="summits, m east of the origin")
@@ -187,145 +186,168 @@ class Mountains(Part):
     spread_east_m: tuple[Positive, ...] = Field(default=(), description="decay length east and west, m")
 
     def disagreements(self) -> Findings:
-        """Lists that are not equally long."""
+        """Yield lists of unequal length."""
         lengths = {key: len(getattr(self, key)) for key in type(self).model_fields}
         if len(set(lengths.values())) > 1:
             found = ", ".join(f"{key} {length}" for key, length in lengths.items())
-            yield (), f"lists must be equally long, one entry per mountain; lengths are {found}"
+            yield (
+                (),
+                f"lists must be equally long, one entry per mountain; lengths are {found}. Complete the short ones",
+            )
 
 
 class Dem(Part):
-    """An elevation model: heights above mean sea level in a file that GDAL reads, GeoTIFF or SRTM .hgt for example."""
+    """An elevation model: heights above mean sea level, in a file that GDAL reads (GeoTIFF, SRTM .hgt)."""
 
-    file: str = Field(description="path of the file, from the folder of this one")
-    unit: Literal["m", "ft"] | None = Field(default=None, description="unit of its heights, where it does not say")
+    file: str = Field(description="path of the file, relative to the scenario's folder")
+    unit: Literal["m", "ft"] | None = Field(
+        default=None, description="unit of its heights, where the file does not name one"
+    )
 
 
 class Terrain(Part):
-    """Ground height: the larger of ripple and sum of mountains, or an elevation model; without any flat at height 0."""
+    """The ground: the larger of ripple and sum of mountains, or an elevation model. Left out: level, at height 0."""
 
-    ripple: Ripple | None = Field(default=None, description="Eq. 52; no ripple when left out")
-    mountains: Mountains = Field(default=Mountains(), description="Eq. 53; no mountains when left out")
+    ripple: Ripple | None = Field(default=None, description="Eq. 52; left out: no ripple")
+    mountains: Mountains = Field(default=Mountains(), description="Eq. 53; left out: no mountains")
     dem: Dem | None = Field(default=None, description="an elevation model instead of formulas")
-    relief: Relief | None = Field(default=None, description="what was read of the elevation model; not for writing")
+    relief: Relief | None = Field(
+        default=None, description="the heights read from the elevation model; the program writes it"
+    )
 
     def disagreements(self) -> Findings:
-        """An elevation model and formulas together."""
+        """Yield an elevation model that stands beside formulas."""
         if self.dem is not None and (self.ripple is not None or self.mountains.height_m):
-            yield ("dem",), "is the ground already: leave out ripple and mountains"
+            yield ("dem",), "is the whole ground. Remove ripple and mountains, or remove [terrain.dem]"
 
 
 class NoFlyZone(Part):
-    """A closed area of any height: a disk (Eq. 21) or a polygon, that may move."""
+    """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon. It may move."""
 
     north_m: Number | None = Field(default=None, description="disk: centre, m north of the origin")
     east_m: Number | None = Field(default=None, description="disk: centre, m east of the origin")
     radius_m: Positive | None = Field(default=None, description="disk: R_j, m")
     polygon_m: tuple[Point, ...] | None = Field(
-        default=None, description="polygon instead of a disk: its corners in order, [north, east], m"
+        default=None, description="polygon, instead of a disk: its corners in order, [north, east], m"
     )
     moves: tuple[Vector, ...] = Field(
-        default=(), description="displacement over time, straight in between: [t s, north m, east m], in order of time"
+        default=(), description="displacement over time, linear in between: [t s, north m, east m], in order of time"
     )
 
     def disagreements(self) -> Findings:
-        """Neither disk nor polygon, or both; corners that are no polygon; times out of order."""
+        """Yield a zone that is not exactly one of disk and polygon, bad corners, and times out of order."""
         disk = {"north_m": self.north_m, "east_m": self.east_m, "radius_m": self.radius_m}
         lacking = [key for key, value in disk.items() if value is None]
         if self.polygon_m is None:
             for key in lacking:
-                yield (key,), "missing: a disk has north_m, east_m and radius_m; the other kind is polygon_m"
+                yield (key,), "missing; a disk needs north_m, east_m and radius_m. Give it, or give polygon_m"
         elif len(lacking) < len(disk):
-            yield ("polygon_m",), f"and {next(k for k in disk if k not in lacking)}: a zone is a polygon or a disk"
+            yield (
+                ("polygon_m",),
+                f"stands beside {next(k for k in disk if k not in lacking)}. Keep the polygon or the disk",
+            )
         if self.polygon_m is not None:
             if len(self.polygon_m) < 3:
-                yield ("polygon_m",), "has fewer than three corners"
+                yield ("polygon_m",), f"has {len(self.polygon_m)} corners; a polygon needs at least 3"
             elif (shape := shapely.Polygon(self.polygon_m)) and not shape.is_valid:
-                yield ("polygon_m",), f"crosses itself: {shapely.is_valid_reason(shape)} (north east)"
+                yield (
+                    ("polygon_m",),
+                    f"crosses itself: {shapely.is_valid_reason(shape)} (north east). Give the corners in order",
+                )
             elif shape.area <= 0.0:
-                yield ("polygon_m",), "has no area: its corners are on one line"
+                yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
         times = [move[0] for move in self.moves]
         if any(b <= a for a, b in itertools.pairwise(times)):
-            yield ("moves",), "must be in order of time, each later than the one before"
+            yield ("moves",), "must be in order of time. Make each time later than the one before"
 
 
 class PlannedWind(Part):
-    """Steady wind that plans take into account, and emulated vehicles meet."""
+    """The steady wind that the planner takes into account and that emulated vehicles fly in."""
 
-    speed_mps: Annotated[Number, Field(ge=0, le=30)] = Field(description="at height_m above height 0, m/s")
-    from_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(description="where it comes from, 90 is east, degrees")
+    speed_mps: Annotated[Number, Field(ge=0, le=30)] = Field(description="wind speed at height_m, m/s")
+    from_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
+        description="direction the wind comes from, 90 is east, degrees"
+    )
     height_m: Positive = Field(default=10.0, description="reference height, m above height 0")
     shear: Annotated[Number, Field(ge=0, le=1)] = Field(
-        default=0.0, description="exponent of the power law: 0 the same at every height, 0.14 over open land"
+        default=0.0, description="exponent of the power law: 0 is the same wind at every height, 0.14 is open land"
     )
 
 
 class Boundary(Part):
-    """Eqs. 15, 16: the leader's state at one end."""
+    """The leader's state at one end of the flight (Eqs. 15, 16)."""
 
     position_m: Vector = Field(description="north, east, height, m")
-    velocity_mps: Vector = Field(description="north, east, up, m/s")
-    roll_pitch_yaw_deg: Vector = Field(description="Euler angles, degrees; yaw 0 is north, 90 is east")
+    velocity_mps: Vector = Field(default=(0.0, 0.0, 0.0), description="north, east, up, m/s")
+    roll_pitch_yaw_deg: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="Euler angles, degrees; yaw 0 is north, 90 is east"
+    )
 
 
 class ObjectiveTable(Part):
-    """Eq. 35 with the reference of every term."""
+    """The cost of a flight (Eq. 35): its weights, and the reference and unit of every term."""
 
-    weights: NonNegativeVector = Field(description="a_1 energy, a_2 heading, a_3 height")
+    weights: NonNegativeVector = Field(default=(0.8, 0.1, 0.1), description="a_1 energy, a_2 heading, a_3 height")
     time_weight: NonNegative = Field(default=0.0, description="cost of [time] flight_s seconds, where time is free")
-    terminal_weight: TerminalWeight = Field(description="Q(t) of section 2.5.3")
-    heading_ref_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
-        description="psi_r, the heading asked for towards the end, degrees"
+    terminal_weight: TerminalWeight = Field(default="1", description="Q(t) of section 2.5.3")
+    heading_ref_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
+        default=None, description="psi_r, the desired heading towards the end, degrees; left out: the yaw of [end]"
     )
-    height_ref_m: Number = Field(description="h_r, the height asked for towards the end, m above height 0")
-    drag_power_Ns2pm2: Positive = Field(description="k_f of Eq. 32, N s^2/m^2")
-    heading_scale_deg: Positive = Field(description="one unit of the heading term, degrees")
-    height_scale_m: Positive = Field(description="one unit of the height term, m")
+    height_ref_m: Number | None = Field(
+        default=None, description="h_r, the desired height towards the end, m above height 0; left out: that of [end]"
+    )
+    drag_power_Ns2pm2: Positive = Field(default=0.06, description="k_f of Eq. 32, N s^2/m^2")
+    heading_scale_deg: Positive = Field(default=60.0, description="one unit of the heading term, degrees")
+    height_scale_m: Positive = Field(default=10.0, description="one unit of the height term, m")
 
 
 class GroundPhases(Part):
-    """What joins a trajectory that begins and ends in the air to the ground."""
+    """The phases between the ground and the flight: take-off, hover, run-up, landing."""
 
-    run_up_m: NonNegative = Field(description="distance from the first hover to the start, m")
-    run_up_s: Positive = Field(description="time from the first hover to the start, s")
-    takeoff_s: Positive = Field(description="time from the ground to the first hover, s")
-    hover_s: NonNegative = Field(description="time of the hovers before the run-up and after the end, s")
-    landing_s: Positive = Field(description="time from the last hover to the ground, s")
+    run_up_m: NonNegative = Field(default=0.0, description="distance from the first hover to the start, m")
+    run_up_s: Positive = Field(default=1.0, description="time from the first hover to the start, s")
+    takeoff_s: Positive = Field(default=20.0, description="time from the ground to the first hover, s")
+    hover_s: NonNegative = Field(default=5.0, description="hover time before the run-up and after the end, s")
+    landing_s: Positive = Field(default=30.0, description="time from the last hover to the ground, s")
 
 
 class MissionOptions(Part):
-    """How the plan is turned into waypoints and setpoints."""
+    """The autopilot, the waypoints and the setpoint stream."""
 
     autopilot: AutopilotKey = Field(
-        default="ardupilot", description="for whom missions are written and timed, and whom emulated vehicles are like"
+        default="ardupilot", description="autopilot that missions are written and timed for, and that --sim emulates"
     )
-    tolerance_m: Positive = Field(description="farthest from the plan that waypoints at its own speeds lead, m")
-    setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(description="setpoints per second to each vehicle")
+    tolerance_m: Positive = Field(default=0.5, description="largest distance of the waypoint polyline to the plan, m")
+    setpoint_rate_hz: Annotated[Number, Field(ge=2, le=100)] = Field(
+        default=10.0, description="setpoints per second to each vehicle"
+    )
 
 
 class SensorsTable(Part):
-    """What the emulated vehicles measure with."""
+    """The sensors of emulated vehicles."""
 
-    grade: Literal["rtk", "gnss"] = Field(description="rtk errs by centimetres, gnss by metres")
+    grade: Literal["rtk", "gnss"] = Field(
+        default="gnss", description="rtk: position errors of centimetres; gnss: of metres"
+    )
 
 
 class Judge(Part):
-    """What the flight of emulated vehicles must hold; conflicts in any flight are judged by separation_min_m."""
+    """What a flight of emulated vehicles must meet. Any flight uses separation_min_m to detect conflicts."""
 
-    separation_min_m: Positive = Field(description="least true distance between two vehicles, m")
-    arrival_time_s: Positive = Field(description="largest error of the arrival time, s")
-    arrival_position_m: Positive = Field(description="largest position error at arrival, m")
-    position_rms_m: Positive = Field(description="largest RMS position error of a vehicle, m")
+    separation_min_m: Positive = Field(default=1.0, description="least true distance between two vehicles, m")
+    arrival_time_s: Positive = Field(default=3.0, description="largest error of the arrival time, s")
+    arrival_position_m: Positive = Field(default=5.0, description="largest position error at arrival, m")
+    position_rms_m: Positive = Field(default=3.5, description="largest RMS position error of a vehicle, m")
 
 
 class Scenario(Part):
-    """One complete task: who flies, where, from what to what, under which limits."""
+    """One mission: the vehicles, their limits, the place, the start, the end and the formation."""
 
     schema_version: Literal[1] = Field(description="version of this file format")
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")] = Field(
         description="short name for files and folders"
     )
-    title: str = Field(default="", description="one line for people")
+    title: str = Field(default="", description="one line that reports show")
     origin: OriginTable
     time: Time
     vehicle: VehicleTable
@@ -335,9 +357,9 @@ class Scenario(Part):
     wind: PlannedWind | None = None
     start: Boundary
     end: Boundary
-    objective: ObjectiveTable
+    objective: ObjectiveTable = ObjectiveTable()
     formation: Formation
-    ground_phases: GroundPhases
-    mission: MissionOptions
-    sensors: SensorsTable
-    judge: Judge
+    ground_phases: GroundPhases = GroundPhases()
+    mission: MissionOptions = MissionOptions()
+    sensors: SensorsTable = SensorsTable()
+    judge: Judge = Judge()

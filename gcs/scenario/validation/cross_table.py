@@ -54,7 +54,7 @@ def _ends_are_within_state_limits(scenario: Scenario) -> Mistakes:
 @RULES.needs("objective", "limits")
 def _heading_asked_for_is_allowed(scenario: Scenario) -> Mistakes:
     heading, most = scenario.objective.heading_ref_deg, scenario.limits.roll_pitch_yaw_deg[2]
-    if abs(heading) > most:
+    if heading is not None and abs(heading) > most:
         text = f"cannot be reached; limits.roll_pitch_yaw_deg[2] allows a yaw of {-most:g} to {most:g} degrees"
         yield Mistake(("objective", "heading_ref_deg"), text, heading)
 

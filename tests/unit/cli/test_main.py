@@ -57,12 +57,33 @@ def test_help_lists_every_command_and_examples(capsys: pytest.CaptureFixture[str
     for command in main.app.registered_commands:
         assert command.callback is not None
         assert command.callback.__name__.replace("_", "-") in text
+
+
+def test_the_help_has_a_panel_for_each_room_of_commands(capsys: pytest.CaptureFixture[str], repo_root: Path) -> None:
+    rooms = [path.parent.name for path in (repo_root / "gcs" / "cli").glob("*/__init__.py")]
+    assert sorted(main.PANELS) == sorted(rooms)
+    assert main.run(["--help"]) == 0
+    panels = capsys.readouterr().out.split("╭─ ")
+    for command in main.app.registered_commands:
+        assert command.callback is not None
+        title = main.PANELS[command.callback.__module__.split(".")[2]]
+        (panel,) = (panel for panel in panels if panel.startswith(title))
+        assert f"│ {command.callback.__name__} " in panel
+
+
+def test_gcs_alone_shows_the_first_steps(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run([]) == 0
-    assert capsys.readouterr().out == text
+    out, err = capsys.readouterr()
+    steps = [line.split() for line in out.splitlines() if line.startswith("  gcs ")]
+    known = {command.callback.__name__ for command in main.app.registered_commands if command.callback is not None}
+    assert 3 <= len(steps) <= 4
+    assert {step[1] for step in steps} <= known
+    assert "gcs --help" in out
+    assert err == ""
 
 
 def test_help_and_mistyped_arguments_load_nothing_heavy() -> None:
-    for arguments in (["--help"], ["schema", "--nonsense"], ["schema", "--help"], ["nonsense"]):
+    for arguments in ([], ["--help"], ["schema", "--nonsense"], ["schema", "--help"], ["nonsense"]):
         code = (
             f"import sys; from gcs.cli.main import run; run({arguments!r}); "
             f"sys.exit(' '.join({HEAVY!r} & set(sys.modules)) or 0)"
@@ -110,8 +131,8 @@ def test_a_bug_asks_for_a_report(with_command: Callable[[Ending], None], capsys:
     with_command(raises(ZeroDivisionError("by zero")))
     assert main.run(["x"]) == 70
     assert capsys.readouterr().err == (
-        "error: a mistake in this program: ZeroDivisionError: by zero\n"
-        "next: please report it, with the output of the same command and --debug\n"
+        "error: a bug in this program: ZeroDivisionError: by zero\n"
+        "next: run the same command with --debug and report its output\n"
     )
     assert main.run(["x", "--debug"]) == 70
     assert "Traceback" in capsys.readouterr().err
@@ -150,17 +171,20 @@ def test_screen_keeps_stdout_for_the_object(capsys: pytest.CaptureFixture[str]) 
     screen = Screen(json=True)
     screen.say("planning [0, 1] " + "x" * 200)
     screen.show("table")
+    screen.warn("a limit is near")
     screen.result({"path": Path("a"), "worst_m": 0.5})
     out, err = capsys.readouterr()
     assert json.loads(out) == {"ok": True, "path": "a", "worst_m": 0.5}
-    assert err == "planning [0, 1] " + "x" * 200 + "\ntable\n"
+    assert err == "WARNING: a limit is near\n"
+    assert not screen.is_watched
 
 
 def test_screen_speaks_plainly_to_people(capsys: pytest.CaptureFixture[str]) -> None:
     screen = Screen()
     screen.say("height [red] " + "y" * 200)
+    screen.warn("a limit is near")
     screen.result({"worst_m": 0.5})
-    assert capsys.readouterr() == ("height [red] " + "y" * 200 + "\n", "")
+    assert capsys.readouterr() == ("height [red] " + "y" * 200 + "\nWARNING: a limit is near\n", "")
     assert not screen.is_watched
 
 

@@ -1,8 +1,9 @@
-"""`gcs new` writes what plans at once; `gcs show` tells what is in a scenario or plan, and draws it."""
+"""`gcs new` writes a scenario that plans at once; `gcs show` prints and draws a scenario or plan."""
 
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from matplotlib import image
 
 from gcs.cli import main
+from gcs.scenario.load import load_scenario
+from gcs.scenario.schema.scenario import Scenario
 
 
 def gcs(*arguments: object) -> int:
@@ -33,7 +36,7 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert "hover at 50 % of their thrust" in text
     assert gcs("show", tmp_path / "first.skein", "--picture", tmp_path / "plan.png", "--json") == 0
     shown = json.loads(capsys.readouterr().out)
-    assert shown["verified"].startswith("yes: clearance 15.0")
+    assert shown["verified"].startswith("yes: clearance 14.99 m")
     assert [pad["sysid"] for pad in shown["pads"]] == [1, 2, 3, 4, 5, 6]
     north, east, _ = pymap3d.geodetic2ned(
         *np.array([[p["lat_deg"], p["lon_deg"], p["alt_amsl_m"]] for p in shown["pads"]]).T, -33.4, -70.6, 740
@@ -46,6 +49,24 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert is_drawn(tmp_path / "plan.png")
 
 
+def test_a_new_scenario_is_short_and_full_has_every_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new", tmp_path / "first") == 0
+    short = (tmp_path / "first" / "scenario.toml").read_text()
+    assert len(short.splitlines()) <= 25
+    assert gcs("new", tmp_path / "full" / "first", "--full") == 0
+    full = tomllib.loads((tmp_path / "full" / "first" / "scenario.toml").read_text())
+    assert set(full) >= {
+        name for name, field in Scenario.model_fields.items() if name not in ("vehicle", "terrain", "wind")
+    }
+    shown = []
+    for folder in ("first", "full/first"):
+        capsys.readouterr()
+        assert gcs("show", tmp_path / folder, "--json") == 0
+        shown.append(json.loads(capsys.readouterr().out))
+    assert shown[0] == shown[1]
+    assert load_scenario(tmp_path / "full" / "first").judge == load_scenario(tmp_path / "first").judge
+
+
 def test_nothing_is_overwritten_and_bad_names_and_places_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -54,7 +75,7 @@ def test_nothing_is_overwritten_and_bad_names_and_places_are_refused(
     for arguments, told in (
         ((tmp_path / "first",), "exists already"),
         ((tmp_path / "My Flight",), '"My Flight" cannot be the name'),
-        ((tmp_path / "second", "--at", "95", "0", "0"), "there is no place at 95, 0, 0 m"),
+        ((tmp_path / "second", "--at", "95", "0", "0"), "--at 95 0 0: out of range"),
     ):
         assert gcs("new", *arguments) == 2
         assert told in capsys.readouterr().err

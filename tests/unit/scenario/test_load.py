@@ -63,6 +63,7 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         ('grade = "rtk"', 'grade = "rtx"'),
         ("e = 1.0\n", "e = nan\n"),
         ("velocity_mps = [0.0, 0.0, 0.0]", "velocity_mps = [0.0, 0.0]"),
+        ("mass_kg = 0.5", "# mass_kg = 0.5"),
         ("height_ref_m = 10.0", "gravity_mps2 = 9.8"),
         # Tables that are right in themselves are still compared with each other.
         ("\nseparation_min_m = 0.3", "\nseparation_min_m = 0.3\nsurprise = 1"),
@@ -72,12 +73,12 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         "HERE/scenario.toml has 13 mistakes",
         "scenario.toml:10: origin.lat_deg = 95.0: must be a number from -85 to 85 (WGS-84 latitude, degrees)",
         "scenario.toml:15: time.flight_s = true: must be a number > 0 and <= 7200",
+        "scenario.toml:17: vehicle.mass_kg: missing; it must be a number > 0 (m, kg)",
         "scenario.toml:34: limits.clearance_min_m: missing; it must be a number >= 0",
         "scenario.toml:35: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
         "scenario.toml:43: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
         "scenario.toml:53: terrain.ripple.e = nan: must be a number",
         "end.velocity_mps[2]: missing; it must be a number",
-        "objective.height_ref_m: missing; it must be a number",
         "objective.gravity_mps2: unknown key here; it belongs into [vehicle]",
         'formation.vehicle[3].position_m[0] = "a": must be a number',
         "ground_phases.run_up_m = 100.0: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s",
@@ -163,7 +164,7 @@ def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path:
 
 def test_an_elevation_model_and_mountains_disagree(broken: Broken) -> None:
     told = broken(("[terrain.mountains]", '[terrain.dem]\nfile = "x.tif"\n\n[terrain.mountains]'))
-    assert "terrain.dem: is the ground already: leave out ripple and mountains" in told
+    assert "terrain.dem: is the whole ground. Remove ripple and mountains" in told
 
 
 def test_what_was_read_travels_with_the_scenario(tmp_path: Path, repo_root: Path) -> None:

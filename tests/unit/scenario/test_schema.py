@@ -117,12 +117,12 @@ def test_the_schema_refuses_what_the_loader_refuses(schema: Schema, repo_root: P
     data["origin"]["lat_deg"] = 95.0
     data["limits"]["hieght_m"] = [0.0, 1.0]
     data["time"]["flight_s"] = "275"
-    del data["judge"]["position_rms_m"]
+    del data["end"]["position_m"]
     data["sensors"]["grade"] = "rtx"
     data["end"]["velocity_mps"] = [0.0, 0.0]
     assert sorted(violations(data, schema, schema)) == [
+        ".end.position_m: missing",
         ".end.velocity_mps: 2 items",
-        ".judge.position_rms_m: missing",
         ".limits.hieght_m: unknown",
         ".origin.lat_deg: 95.0 out of range",
         ".sensors.grade: not in ['rtk', 'gnss']",

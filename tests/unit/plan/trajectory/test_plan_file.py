@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
 from gcs.plan.trajectory.plan import Phase, Plan
-from gcs.plan.trajectory.plan_file import load_plan, save_plan
+from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, save_plan
 from gcs.plan.verification.verify import Report
 from tests.unit.plan.problems import changed
 
@@ -111,6 +111,25 @@ def test_what_never_was_a_plan_is_refused(tmp_path: Path, saved: Path) -> None:
         assert "gcs plan" in caught.value.hint
     with pytest.raises(FileFormatError, match="there is no such plan"):
         load_plan(tmp_path / "none.skein")
+
+
+def test_a_plan_is_known_by_its_content(tmp_path: Path, saved: Path) -> None:
+    renamed = tmp_path / "plan-of-today.toml"
+    renamed.write_bytes(saved.read_bytes())
+    assert is_plan_file(renamed)
+    assert load_plan(renamed)[0].hash == load_plan(saved)[0].hash
+    text = tmp_path / "scenario.toml"
+    text.write_text("schema_version = 1\n")
+    assert not is_plan_file(text)
+    assert not is_plan_file(tmp_path)
+    assert is_plan_file(tmp_path / "missing.skein")
+    archive = tmp_path / "other"
+    with archive.open("wb") as file:
+        np.savez(file, meta=np.zeros(3))
+    with pytest.raises(FileFormatError, match="not a plan of this program: the archive has no array joints_s"):
+        load_plan(archive)
+    with pytest.raises(FileFormatError, match="not a plan of this program: its content is no NumPy archive"):
+        load_plan(text)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

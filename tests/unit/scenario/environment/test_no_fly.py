@@ -64,9 +64,9 @@ def test_a_moving_zone_is_where_it_is_at_the_time() -> None:
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"north_m": 1.0, "radius_m": 2.0}, "east_m: missing: a disk has"),
-        ({"polygon_m": L_SHAPE, "radius_m": 2.0}, "polygon_m: and radius_m: a zone is a polygon or a disk"),
-        ({"polygon_m": L_SHAPE[:2]}, "polygon_m: has fewer than three corners"),
+        ({"north_m": 1.0, "radius_m": 2.0}, "east_m: missing; a disk needs"),
+        ({"polygon_m": L_SHAPE, "radius_m": 2.0}, "polygon_m: stands beside radius_m. Keep the polygon or the disk"),
+        ({"polygon_m": L_SHAPE[:2]}, "polygon_m: has 2 corners; a polygon needs at least 3"),
         (
             {"polygon_m": [[0.0, 0.0], [9.0, 9.0], [0.0, 9.0], [9.0, 0.0]]},
             r"crosses itself: Self-intersection\[4.5 4.5",
