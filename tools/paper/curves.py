@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from tools.paper.track import ENDS_S
-from tools.pictures.scenery import ASKED, colour
+from tools.pictures.scenery import LIMIT, colour
 
 _STEP_S = 0.1
 _THICK, _THINNER = 4.5, 0.7  # vehicles that do the same are seen as rims of each other
@@ -64,7 +64,7 @@ def _figure(plan: Plan, t_s: Array, curves: list[Curve]) -> Figure:
                 axes.plot(t_s, values, color=colour(row), lw=_THICK - _THINNER * row, label=label)
             axes.grid(alpha=0.3)
         for bound in (curve.low, curve.high):
-            whole.axhline(bound, color=ASKED, lw=1.2, ls="--")
+            whole.axhline(bound, color=LIMIT, lw=1.2, ls="--")
         whole.set_ylabel(f"{curve.name}, {curve.unit}")
         room = 0.08 * (curve.high - curve.low)
         whole.set_ylim(curve.low - room, curve.high + room)
@@ -73,10 +73,10 @@ def _figure(plan: Plan, t_s: Array, curves: list[Curve]) -> Figure:
         for bound in (curve.low, curve.high):
             low, high = near.get_ylim()
             if low <= bound <= high:
-                near.axhline(bound, color=ASKED, lw=1.2, ls="--")
+                near.axhline(bound, color=LIMIT, lw=1.2, ls="--")
     panels[0, 0].set_title("with its limits (dashed)", fontsize=9)
     panels[0, 1].set_title(f"close up, as between the first and the last {ENDS_S:g} s", fontsize=9)
-    panels[0, 0].plot([], [], color=ASKED, lw=1.2, ls="--", label="limit, Eq. 51")
+    panels[0, 0].plot([], [], color=LIMIT, lw=1.2, ls="--", label="limit, Eq. 51")
     for axes in panels[-1]:
         axes.set_xlabel("time, s")
     handles, labels = panels[0, 0].get_legend_handles_labels()

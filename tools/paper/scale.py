@@ -20,7 +20,7 @@ from tools.bench.race import ONE_THREAD
 from tools.bench_scale import SPACING_M
 from tools.paper.drawing import save
 from tools.paper.run import CORES, ROOT, Run
-from tools.pictures.scenery import ASKED, colour
+from tools.pictures.scenery import LIMIT, colour
 
 TITLE = "Scale: planning against the number of vehicles"
 NAMES = {
@@ -145,7 +145,7 @@ def _draw(curves: dict[str, list[dict[str, Any]]], stops: dict[str, dict[str, fl
                 axes.plot(stop["vehicles"], stop["limit_s"], "x", color=colour(row), ms=9, mew=2)
         if key == "seconds":
             if stops:
-                axes.plot([], [], "x", color=ASKED, ms=9, mew=2, label="stopped: no plan by then")
+                axes.plot([], [], "x", color=LIMIT, ms=9, mew=2, label="stopped: no plan by then")
             figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncol=4, fontsize=7)
         axes.set(xlabel="vehicles", ylabel=name, xscale="log")
         if key == "seconds":

@@ -120,6 +120,6 @@ def _draw_speeds(axes: Any, plan: Plan, move: Move, t_s: Array) -> None:
     v_max = plan.scenario.formation.change_speed_mps
     end_s = move.start_s + move.paper_time_s
     step = ([move.start_s, move.start_s, end_s, end_s], [0.0, v_max, v_max, 0.0])
-    axes.plot(*step, "--", color=LIMIT, lw=1.2, label="longest way, as the paper has it")
+    axes.plot(*step, "--", color=LIMIT, lw=1.2, label="longest distance, by the paper")
     axes.set(xlabel="time, s", ylim=(0.0, 1.3 * v_max))
     axes.legend(fontsize=8, loc="upper right")
