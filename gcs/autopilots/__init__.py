@@ -1,1 +1,1 @@
-"""What differs between the autopilots, as rows of tables: modes, commands, limits, timers, and how they fly."""
+"""What differs between the autopilots: one table with a row for each, and models of how they fly waypoints."""

@@ -1,1 +1,1 @@
-"""How autopilots fly waypoints: models that predict when a vehicle is where."""
+"""Models of the autopilots' waypoint navigators: they predict the position of a vehicle over time."""

@@ -1,11 +1,9 @@
-"""ArduCopter's waypoint navigator.
+"""Model of ArduCopter's waypoint navigator.
 
-Knows: legs, corners, when a change of speed reaches which leg, how time is stretched for a vehicle that falls behind.
-Does not know: mission items, other autopilots.
-
-The target moves along legs that go from rest to rest and overlap at corners. The leg to come is worked out one leg
-ahead, with the speed that is in force then; a change of speed is obeyed when its leg becomes the present one, and then
-reaches a leg that has already begun (see `leg`). Speeds are limited by the path's slope.
+The target moves along legs that go from rest to rest and overlap at corners. The next leg is calculated one leg ahead,
+with the speed that is then set. A change of speed takes effect when its leg becomes the present one, and so reaches a
+leg that has already begun (see `ardupilot_leg`). The slope of the path limits speeds. If the vehicle falls behind, the
+time of the target passes more slowly.
 """
 
 from __future__ import annotations
@@ -16,19 +14,19 @@ from dataclasses import dataclass, replace
 
 from gcs.autopilots.navigation.ardupilot_leg import Corner, LegMotion, Motion, NavigatorLeg, limit_along
 from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector
-from gcs.autopilots.navigation.scurve import Gentleness, gain
+from gcs.autopilots.navigation.scurve import RampLimits, ramp_up
 from gcs.autopilots.navigation.tracking import Follower, Following
 
 _NOWHERE_M = 1e-3
-_SLACK = 0.05  # a vehicle so much slower than its target does not fall behind
+_SLACK = 0.05  # a speed lower by this share does not count as falling behind
 
 
 @dataclass(frozen=True)
 class ArduPilotNavigator:
-    """Its parameters; the defaults are those recorded, from WPNAV_ACCEL, _JERK, _RADIUS, _ACCEL_Z, _SPEED_UP, _DN.
+    """The parameters, with recorded defaults: WPNAV_ACCEL, _JERK, _RADIUS, _ACCEL_Z, _SPEED_UP, _DN.
 
-    Snap is not a parameter: half of what turns jerk around within ATC_INPUT_TC. Nor is the corner's acceleration
-    (WPNAV_ACCEL_C of 0): twice that along a leg.
+    Two limits are not parameters. Snap is half of what reverses jerk within ATC_INPUT_TC. The acceleration in corners
+    (WPNAV_ACCEL_C of 0) is twice that along a leg.
     """
 
     following: Following
@@ -45,11 +43,11 @@ class ArduPilotNavigator:
 
     @property
     def snap_mps4(self) -> float:
-        """Along a leg."""
+        """The limit of snap along a leg."""
         return min(0.25 * math.pi * self.jerk_mps3 / self.input_time_s, self.snap_max_mps4)
 
     def within(self, ability: Ability) -> ArduPilotNavigator:
-        """The same navigator of a vehicle that can do no more than this."""
+        """Return the same navigator for a vehicle with this ability."""
         return replace(
             self,
             acceleration_mps2=min(self.acceleration_mps2, ability.horizontal_mps2),
@@ -62,22 +60,22 @@ class ArduPilotNavigator:
         )
 
     def sustained_mps(self, length_m: float) -> float:
-        """What a ramp reaches within half a leg: every leg goes from rest to rest, overlapping with its neighbours."""
-        limits = Gentleness(self.acceleration_mps2, self.jerk_mps3, self.snap_mps4)
-        return gain(0.0, self.fastest_mps, 0.5 * length_m, limits).end_mps
+        """Return the speed that a ramp reaches in half a leg: legs go from rest to rest and overlap."""
+        limits = RampLimits(self.acceleration_mps2, self.jerk_mps3, self.snap_mps4)
+        return ramp_up(0.0, self.fastest_mps, 0.5 * length_m, limits).end_mps
 
     def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
-        """Every moment from the start on, without end."""
+        """Yield every state from the start, without end."""
         target = _Target(self, orders)
         vehicle = Follower(self.following, orders.begins)
         step_s, t_s, hold_until_s = self.step_s, 0.0, math.inf
-        stretch, patience_s = 1.0, self.acceleration_mps2 / self.jerk_mps3
+        time_rate, time_constant_s = 1.0, self.acceleration_mps2 / self.jerk_mps3
         motion = target.motion
         steps = 0
         while True:
-            stretch += (self._pace(motion, vehicle) - stretch) * step_s / patience_s
+            time_rate += (self._pace(motion, vehicle) - time_rate) * step_s / time_constant_s
             vehicle.step(*motion, step_s)
-            motion = target.advance(stretch * step_s)
+            motion = target.advance(time_rate * step_s)
             steps += 1
             t_s = steps * step_s
             completed = None
@@ -87,11 +85,11 @@ class ArduPilotNavigator:
                     hold_until_s = t_s + orders.holds_s[index]
             if t_s >= hold_until_s and not target.finished:
                 completed, hold_until_s = target.index, math.inf
-                target.go_on()
-            yield vehicle.moment(t_s, completed)
+                target.next_leg()
+            yield vehicle.state(t_s, completed)
 
     def _pace(self, motion: Motion, vehicle: Follower) -> float:
-        """How much of the target's speed the vehicle keeps up with, up to 1."""
+        """Return the share of the target's speed that the vehicle sustains, at most 1."""
         position, velocity, _ = motion
         speed = math.hypot(*velocity)
         if speed <= 0.0:
@@ -104,7 +102,7 @@ class ArduPilotNavigator:
 
 
 class _Target:
-    """Where the vehicle should be: up to three legs at once, the one before, this one, and the one to come."""
+    """The target of the vehicle. Up to three legs add up: the previous, the present and the next."""
 
     def __init__(self, navigator: ArduPilotNavigator, orders: NavigatorOrders) -> None:
         self._navigator = navigator
@@ -120,11 +118,11 @@ class _Target:
 
     @property
     def leg_end(self) -> Vector:
-        """The waypoint of the present leg."""
+        """The waypoint at the end of the present leg."""
         return self._this.destination
 
     def advance(self, step_s: float) -> Motion:
-        """Let the target's time pass."""
+        """Advance the target by `step_s` and return its motion."""
         this, following, before = self._this, self._next, self._before
         this.motion.advance(step_s)
         position, velocity, acceleration = this.now()
@@ -149,8 +147,8 @@ class _Target:
         self.motion = position, velocity, acceleration
         return self.motion
 
-    def go_on(self) -> None:
-        """The present waypoint is done with."""
+    def next_leg(self) -> None:
+        """Change to the next leg: the present waypoint is completed."""
         if self.index + 1 >= self._orders.count:
             self.finished = True
             return
@@ -162,27 +160,27 @@ class _Target:
         else:
             self._this = self._next
             for leg in (self._before, self._this):
-                leg.motion.set_top(self._top(leg.way, self.index))
+                leg.motion.set_top(self._top(leg.direction, self.index))
         self._next = self._leg_ahead()
 
     def _leg_ahead(self) -> NavigatorLeg | None:
         return None if self._orders.stops_at(self.index) else self._leg_to(self.index + 1, self.index)
 
     def _leg_to(self, index: int, speed_of: int) -> NavigatorLeg:
-        """The leg to a waypoint, at the speed that is in force on the way to `speed_of`."""
+        """Return the leg to a waypoint, at the speed set for the leg to `speed_of`."""
         navigator = self._navigator
         origin, destination = self._points[index], self._points[index + 1]
         length = max(math.dist(origin, destination), _NOWHERE_M)
-        way = _vector([(b - a) / length for a, b in zip(origin, destination, strict=True)])
+        direction = _vector([(b - a) / length for a, b in zip(origin, destination, strict=True)])
         vertical = navigator.vertical_mps2
-        acceleration = limit_along(way, navigator.acceleration_mps2, vertical, vertical)
-        limits = Gentleness(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
-        return NavigatorLeg(origin, destination, way, LegMotion(length, self._top(way, speed_of), limits))
+        acceleration = limit_along(direction, navigator.acceleration_mps2, vertical, vertical)
+        limits = RampLimits(acceleration, navigator.jerk_mps3, navigator.snap_mps4)
+        return NavigatorLeg(origin, destination, direction, LegMotion(length, self._top(direction, speed_of), limits))
 
-    def _top(self, way: Vector, speed_of: int) -> float:
+    def _top(self, direction: Vector, speed_of: int) -> float:
         navigator = self._navigator
         speed = min(self._orders.speeds_mps[speed_of], navigator.fastest_mps)
-        return limit_along(way, speed, navigator.climb_mps, navigator.sink_mps)
+        return limit_along(direction, speed, navigator.climb_mps, navigator.sink_mps)
 
 
 def _plus(parts: Vector, more: Iterable[float]) -> Vector:

@@ -1,11 +1,9 @@
-"""The navigators as recorded, and how well they predict the recordings.
+"""The navigators as they were recorded, and the errors of their predictions against the recordings.
 
-Knows: parameters of the vehicles that were recorded, the few that were fitted, and what is left over. Does not know:
-how they are used. `tools/fit_navigator.py` makes the fitted numbers and the residuals anew.
-
-Everything is a parameter that the autopilot reported, or its default, but two numbers each: on ArduPilot the vehicle's
-lag and drag; on PX4 (whose simulator's drag is known) what its integral gives back in descents, and the error of home's
-height in the first two minutes of flight. That error is noise: it decides which waypoints PX4 brakes at.
+Every value is a parameter that the autopilot reported, or its default, except two for each autopilot, which are fitted.
+ArduPilot: the vehicle's lag and drag. PX4 (the drag of its simulator is known): the part of the integral that it gives
+back in descents, and the error of home's altitude in the first two minutes of flight. That error is noise: it decides
+at which waypoints PX4 brakes. `tools/fit_navigator.py` makes the fitted values and the residuals again.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ from gcs.autopilots.navigation.ardupilot_navigator import ArduPilotNavigator
 from gcs.autopilots.navigation.px4_navigator import Px4Navigator
 from gcs.autopilots.navigation.tracking import Following, Loop
 
-# ArduCopter 4.5.6 (its own simulator). PSC_POSXY_P, _VELXY_P, _I, _D; the vertical loop plays no part in arrivals.
+# ArduCopter 4.5.6 (its own simulator). PSC_POSXY_P, _VELXY_P, _I, _D; the vertical loop does not change arrival times.
 ARDUPILOT = ArduPilotNavigator(
     Following(Loop(1.0, 2.0, 1.0, 0.5, True), Loop(1.0, 5.0, 1.0, 0.0, True), lag_s=0.075, drag_ps=0.369)
 )
@@ -31,14 +29,14 @@ PX4 = Px4Navigator(
 
 @dataclass(frozen=True)
 class Residual:
-    """Predicted minus recorded arrivals over one mission, in seconds."""
+    """Predicted minus recorded arrival times of one mission, s."""
 
     navigator: str
     mission: str
     rms_s: float
     mean_s: float
     worst_s: float
-    unseen_rms_s: float  # with parameters fitted to the other two missions
+    unseen_rms_s: float  # with values fitted to the other two missions
 
 
 RESIDUALS = (

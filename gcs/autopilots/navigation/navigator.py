@@ -1,7 +1,4 @@
-"""What a navigator is asked to fly, and what it answers, moment by moment.
-
-Knows: places, speeds and instants as plain numbers. Does not know: any autopilot.
-"""
+"""The interface of a waypoint navigator: orders in, one state for each time step out. No autopilot is named here."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ _STILL = (0.0, 0.0, 0.0)
 
 
 class NavigatorState(NamedTuple):
-    """A vehicle's motion at an instant after the start, and the waypoint that was completed just then, if any."""
+    """A vehicle's motion at time `t_s` after the start, and the waypoint completed in this step, if any."""
 
     t_s: float
     position_ned_m: Vector
@@ -29,21 +26,22 @@ class NavigatorState(NamedTuple):
 
 @dataclass(frozen=True)
 class NavigatorOrders:
-    """Waypoints to fly to one after the other, from `start_ned_m`.
+    """Waypoints in the order of flight, from `start_ned_m`.
 
-    Before each leg its speed is asked for (DO_CHANGE_SPEED). At a waypoint with a hold, and at the last, it stops.
+    The speed of a leg is set before it begins (DO_CHANGE_SPEED). The vehicle stops at waypoints with a hold, and at
+    the last one.
     """
 
     start_ned_m: Vector
     waypoints_ned_m: tuple[Vector, ...]
     speeds_mps: tuple[float, ...]  # of the leg to each waypoint
     holds_s: tuple[float, ...]
-    airborne_s: float = math.inf  # since take-off, when the first leg begins
-    vehicle: NavigatorState | None = None  # how it moves then; default: it stands at the start
+    airborne_s: float = math.inf  # time since take-off at which the first leg begins
+    vehicle: NavigatorState | None = None  # its motion at that time; default: at rest at the start
 
     def __post_init__(self) -> None:
         if not len(self.waypoints_ned_m) == len(self.speeds_mps) == len(self.holds_s) >= 1:
-            raise ValueError("every waypoint needs one speed and one hold, and there must be one waypoint")
+            raise ValueError("orders need at least one waypoint, with one speed and one hold for each")
         if not all(0.0 < speed < math.inf for speed in self.speeds_mps):
             raise ValueError(f"speeds must be positive and finite, not {self.speeds_mps}")
 
@@ -56,9 +54,9 @@ class NavigatorOrders:
         *,
         airborne_s: float = math.inf,
     ) -> NavigatorOrders:
-        """From the first of points (N + 1, 3) through the others, each leg at its speed (N,), without holds.
+        """Return orders from the first of points (N + 1, 3) through the others, each leg at its speed (N,).
 
-        Raises ValueError where the lengths disagree or a speed is not positive.
+        Raises ValueError if the lengths disagree or a speed is not positive and finite.
         """
         start, *waypoints = (vector(*row) for row in points_ned_m.tolist())
         holds = tuple(holds_s) if holds_s is not None else (0.0,) * len(waypoints)
@@ -71,17 +69,17 @@ class NavigatorOrders:
 
     @property
     def count(self) -> int:
-        """Number of waypoints."""
+        """The number of waypoints."""
         return len(self.waypoints_ned_m)
 
     def stops_at(self, index: int) -> bool:
-        """Whether waypoint `index` is the end of a leg that the next does not join."""
+        """Return whether the vehicle stops at waypoint `index`."""
         return index + 1 >= self.count or self.holds_s[index] > 0.0
 
 
 @dataclass(frozen=True)
 class Ability:
-    """What a vehicle can do at most, whatever its autopilot is set to."""
+    """The largest motion that a vehicle is capable of, whatever the parameters of its autopilot."""
 
     horizontal_mps: float = math.inf
     vertical_mps: float = math.inf
@@ -99,18 +97,18 @@ class Navigator(Protocol):
 
     @property
     def step_s(self) -> float:
-        """From one moment to the next."""
+        """The time between two states."""
 
     def within(self, ability: Ability) -> Navigator:
-        """The same navigator of a vehicle that can do no more than this."""
+        """Return the same navigator for a vehicle with this ability."""
 
     def sustained_mps(self, length_m: float) -> float:
-        """The speed it keeps up over straight legs of this length."""
+        """Return the speed that it sustains over straight legs of this length."""
 
     def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
-        """Every moment from the start on, without end: after the last waypoint the vehicle stays there."""
+        """Yield every state from the start, without end: after the last waypoint the vehicle stays there."""
 
 
 def vector(north: float, east: float, down: float) -> Vector:
-    """Three plain floats."""
+    """Return three plain floats."""
     return float(north), float(east), float(down)

@@ -1,7 +1,4 @@
-"""When a vehicle is where: a navigator flown to its end, without a vehicle.
-
-Knows: moments, and what it means to pass a waypoint. Does not know: any autopilot.
-"""
+"""Predicted flights: a navigator model is run until the last waypoint is completed. No autopilot is named here."""
 
 from __future__ import annotations
 
@@ -14,8 +11,8 @@ from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders
 from gcs.errors import VerificationError
 from gcs.physics.quadrotor import Array
 
-NEAR_M = 2.0  # where it stops, a vehicle has arrived this close by: both autopilots' radius
-_PATIENCE = 10.0  # times what the speeds ask for, and this many seconds for each waypoint
+NEAR_M = 2.0  # a vehicle that stops at a waypoint has arrived within this distance: the radius of both autopilots
+_TIMEOUT_FACTOR = 10.0  # of the time that the speeds require, with one second more for each waypoint
 
 
 @dataclass(frozen=True)
@@ -25,30 +22,30 @@ class Prediction:
     t_s: Array  # (M,)
     position_ned_m: Array  # (M, 3)
     velocity_ned_mps: Array  # (M, 3)
-    passed_s: Array  # (N,) when the vehicle is nearest to each waypoint, or at last near where it stops
-    completed_s: Array  # (N,) when the autopilot goes on to the next
+    passed_s: Array  # (N,) time of the least distance to each waypoint, or of arrival where it stops
+    completed_s: Array  # (N,) time at which the autopilot changes to the next leg
 
 
 def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
-    """Fly the orders.
+    """Return the predicted flight.
 
-    Raises `VerificationError` where a waypoint is not completed in ten times the time that the speeds ask for.
+    Raises `VerificationError` if a waypoint is not completed in ten times the time that the speeds require.
     """
     legs_m = np.linalg.norm(np.diff(_points(orders), axis=0), axis=1)
-    asked_s = float(np.sum(legs_m / orders.speeds_mps) + sum(orders.holds_s))
-    limit_s = _PATIENCE * (asked_s + orders.count)
+    required_s = float(np.sum(legs_m / orders.speeds_mps) + sum(orders.holds_s))
+    limit_s = _TIMEOUT_FACTOR * (required_s + orders.count)
     rows, completed = [], []
-    for moment in takewhile(lambda moment: moment.t_s < limit_s, navigator.fly(orders)):
-        rows.append((moment.t_s, *moment.position_ned_m, *moment.velocity_ned_mps))
-        if moment.completed is not None:
-            completed.append(moment.t_s)
-            if moment.completed + 1 == orders.count:
+    for state in takewhile(lambda state: state.t_s < limit_s, navigator.fly(orders)):
+        rows.append((state.t_s, *state.position_ned_m, *state.velocity_ned_mps))
+        if state.completed is not None:
+            completed.append(state.t_s)
+            if state.completed + 1 == orders.count:
                 break
     if len(completed) < orders.count:
         raise VerificationError(
-            f"The model of the autopilot does not get past waypoint {len(completed) + 1} of {orders.count}"
-            f" in {limit_s:.0f} s.",
-            hint="ask for higher speeds, or for waypoints that are farther apart",
+            f"The model of the autopilot does not complete waypoint {len(completed) + 1} of {orders.count}"
+            f" within {limit_s:.0f} s.",
+            hint="raise the speeds, or set the waypoints farther apart",
         )
     flown = np.array(rows)
     ends = np.array(completed)
@@ -57,10 +54,11 @@ def predict(navigator: Navigator, orders: NavigatorOrders) -> Prediction:
 
 
 def passing_times(t_s: Array, position_ned_m: Array, orders: NavigatorOrders, completed_s: Array) -> Array:
-    """When a flight, sampled at (M,) as positions (M, 3), passed each waypoint (N,), which were completed at (N,).
+    """Return the times (N,) at which a flight passed its waypoints.
 
-    Passing is being nearest, between the completion of the waypoint before and of the one after; where the vehicle
-    stops it is coming within NEAR_M.
+    The flight has positions (M, 3) at times (M,), and completed its waypoints at `completed_s` (N,). A waypoint is
+    passed at the least distance between the completion of the one before and of the one after. Where the vehicle stops,
+    it is passed on arrival within NEAR_M.
     """
     times = []
     for k, waypoint in enumerate(orders.waypoints_ned_m):

@@ -1,12 +1,9 @@
-"""PX4's waypoint navigator for multicopters.
+"""Model of PX4's waypoint navigator for multicopters.
 
-Knows: a smoothed target that flies at one waypoint after the other, when it switches, how it waits for the vehicle.
-Does not know: mission items, other autopilots.
-
-A waypoint is passed as soon as the vehicle is within the acceptance radius; then the target turns to the next, and the
-speed asked for holds at once. Where the vehicle is behind its target, the target's time runs slower. After take-off
-home's height is still being corrected for a while, which counts as a height that is off: the vehicle brakes before
-level waypoints.
+A smoothed target flies to one waypoint after the other. A waypoint is passed as soon as the vehicle is within the
+acceptance radius. The target then turns to the next one, and the speed of that leg takes effect at once. If the vehicle
+is behind its target, the time of the target passes more slowly. For some time after take-off the autopilot still
+corrects home's altitude. This acts as an altitude error: the vehicle brakes before level waypoints.
 """
 
 from __future__ import annotations
@@ -16,20 +13,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders, NavigatorState, Vector
-from gcs.autopilots.navigation.px4_speed import Approach, Axis, shed, synchronize, towards
+from gcs.autopilots.navigation.px4_speed import Approach, Axis, braking_speed, synchronize, towards
 from gcs.autopilots.navigation.tracking import Follower, Following
 
 
 @dataclass(frozen=True)
 class Px4Navigator:
-    """Its parameters; the defaults are those recorded.
+    """The parameters, with recorded defaults.
 
     MPC_ACC_HOR, _JERK_AUTO, _XY_TRAJ_P, _XY_ERR_MAX, _XY_VEL_MAX, NAV_ACC_RAD, NAV_MC_ALT_RAD, MPC_Z_V_AUTO_UP, _DN,
     MPC_ACC_UP_MAX, _DOWN_MAX.
     """
 
     following: Following
-    height_error_m: float = 0.0  # while home is being corrected
+    height_error_m: float = 0.0  # while home's altitude is being corrected
     acceleration_mps2: float = 3.0
     jerk_mps3: float = 4.0
     turn_share: float = 0.5  # of the acceleration
@@ -42,13 +39,13 @@ class Px4Navigator:
     up_mps2: float = 4.0
     down_mps2: float = 3.0
     home_settles_s: float = 120.0  # after take-off
-    switch_s: float = 0.05  # from being there to flying on
+    switch_s: float = 0.05  # from arrival to the next leg
     step_s: float = 0.04
 
     def within(self, ability: Ability) -> Px4Navigator:
-        """The same navigator of a vehicle that can do no more than this."""
+        """Return the same navigator for a vehicle with this ability."""
         acceleration = min(self.acceleration_mps2, ability.horizontal_mps2)
-        # Jerk that eases in over as long as it takes to reach the acceleration keeps to the snap.
+        # Jerk that rises over the time needed to reach the acceleration stays within the limit of snap.
         eased = math.sqrt(2.0 * ability.horizontal_mps4 * acceleration / math.pi)
         return replace(
             self,
@@ -62,11 +59,11 @@ class Px4Navigator:
         )
 
     def sustained_mps(self, length_m: float) -> float:
-        """What can be shed within a leg: the waypoint after the next counts as a stop."""
-        return min(self.fastest_mps, shed(length_m, 0.0, self.acceleration_mps2, self.jerk_mps3))
+        """Return the speed from which it can stop within a leg: the waypoint after the next counts as a stop."""
+        return min(self.fastest_mps, braking_speed(length_m, 0.0, self.acceleration_mps2, self.jerk_mps3))
 
     def fly(self, orders: NavigatorOrders) -> Iterator[NavigatorState]:
-        """Every moment from the start on, without end."""
+        """Yield every state from the start, without end."""
         target = _Target(self, orders.start_ned_m)
         vehicle = Follower(self.following, orders.begins)
         points = (orders.start_ned_m, *orders.waypoints_ned_m)
@@ -90,8 +87,8 @@ class Px4Navigator:
                 if index + 1 < orders.count:
                     index += 1
                 else:
-                    leave_s = math.nan  # never again
-            yield vehicle.moment(t_s, completed)
+                    leave_s = math.nan  # the last waypoint: it stays
+            yield vehicle.state(t_s, completed)
 
     def _is_there(self, vehicle: Follower, goal: Vector) -> bool:
         n, e, d = (goal[i] - vehicle.position[i] for i in range(3))
@@ -99,7 +96,7 @@ class Px4Navigator:
 
 
 class _Target:
-    """What the vehicle follows. `off_m`: by how much its height is taken to be wrong."""
+    """The target of the vehicle. `off_m` is the altitude error that the autopilot sees."""
 
     def __init__(self, navigator: Px4Navigator, start: Vector) -> None:
         self._navigator = navigator
@@ -121,7 +118,7 @@ class _Target:
 
     @property
     def state(self) -> tuple[Vector, Vector, Vector]:
-        """Position, velocity, acceleration."""
+        """Its position, velocity and acceleration."""
         x, y, z = self._axes
         return (
             (x.position, y.position, z.position),
@@ -130,7 +127,7 @@ class _Target:
         )
 
     def step(self, vehicle: Follower, leg: tuple[Vector, Vector, Vector], cruise_mps: float) -> None:
-        """Move on for a step, on the way from leg's first point to its second, and then to its third."""
+        """Advance by one step along a leg: from its first point to its second, and then to its third."""
         position, velocity, _ = self.state
         wanted = self._wanted(position, velocity, leg, cruise_mps)
         pace = self._pace(position, velocity, vehicle)
@@ -169,7 +166,7 @@ class _Target:
         return slowed[0], slowed[1], wanted[2]
 
     def _pace(self, position: Vector, velocity: Vector, vehicle: Follower) -> float:
-        """How fast the target's time runs: 1 where the vehicle is not behind."""
+        """Return the rate of the target's time: 1 if the vehicle is not behind."""
         n, e = position[0] - vehicle.position[0], position[1] - vehicle.position[1]
         if n * velocity[0] + e * velocity[1] < 0.0:
             return 1.0

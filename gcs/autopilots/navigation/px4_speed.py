@@ -1,11 +1,9 @@
-"""How fast PX4 lets a target go on the way to a waypoint, and which way.
+"""The speed limits of PX4's target on its leg to a waypoint, and the smoothing of its axes.
 
-Knows: the point to fly to, the one after it, and the limits. Does not know: time, vehicles, what comes later still.
-
-Speed is what still can be shed before the waypoint, where the turn says how fast it may be passed: on a circle that
-touches both legs within the acceptance radius. The waypoint after the next counts as a stop. Climb is treated likewise,
-and the target flies straight at its goal: where the height is off and the goal is near, the limit of climb slows all
-of it down.
+The speed is limited to what can still be braked before the waypoint. The turn limits the speed at the waypoint: it is
+that of a circle that touches both legs within the acceptance radius. The waypoint after the next counts as a stop. The
+vertical speed has the same kind of limit. The target flies straight at its goal, so with an altitude error near the
+goal the vertical limit reduces the whole speed.
 """
 
 from __future__ import annotations
@@ -17,16 +15,16 @@ from gcs.autopilots.navigation.navigator import Vector
 
 _STRAIGHT_RAD = math.pi - 1.2e-7
 _SAME_M = 1e-3
-_LEVEL_M = 0.1  # level waypoints some kilometres away differ by as much in NED, because the Earth is round
-_SMALL_MPS = 0.5  # of a speed and its limit: then only that part is cut
+_LEVEL_M = 0.1  # level waypoints at some kilometres distance differ by so much in NED: the Earth is round
+_SMALL_MPS = 0.5  # if a speed and its limit are below this, only that component is reduced
 _TURNING_ABOVE_MPS = 0.2
-_TURNING_BELOW = 0.98  # cosine between velocity and the way to the goal
-_AHEAD_M = 5.0  # of a turning target: the point on the leg that it aims at
+_TURNING_BELOW = 0.98  # cosine of the angle between velocity and the direction of the goal
+_AHEAD_M = 5.0  # distance of the point on the leg at which a turning target aims
 
 
 @dataclass(frozen=True)
 class Approach:
-    """Limits of a target's motion."""
+    """The limits of the target's motion."""
 
     acceleration_mps2: float
     jerk_mps3: float
@@ -39,7 +37,7 @@ class Approach:
     down_mps2: float
 
     def level_speed(self, position: Vector, goal: Vector, following: Vector, cruise_mps: float) -> float:
-        """Horizontal speed allowed at `position`."""
+        """Return the horizontal speed limit at `position`."""
         beyond = self._speed_towards(goal, following, 0.0, cruise_mps)
         at_goal = 0.0
         if _level(goal, following) >= max(self.radius_m, _SAME_M):
@@ -48,17 +46,17 @@ class Approach:
         return self._speed_towards(position, goal, at_goal, cruise_mps)
 
     def climb_speed(self, position: Vector, goal: Vector, following: Vector, down: bool) -> float:
-        """Vertical speed allowed at `position`; its turn is one of height over distance from the origin."""
+        """Return the vertical speed limit at `position`. The turn is that of altitude over distance from the origin."""
         acceleration, top = (self.down_mps2, self.sink_mps) if down else (self.up_mps2, self.climb_mps)
         at_goal = 0.0
         if abs(goal[2] - following[2]) > _LEVEL_M:
             here, there, beyond = ((math.hypot(p[0], p[1]), p[2]) for p in (position, goal, following))
             angle = _angle((there[0] - here[0], there[1] - here[1]), (there[0] - beyond[0], there[1] - beyond[1]))
             at_goal = min(_turn_speed(angle, acceleration, self.height_radius_m), top)
-        return min(top, shed(abs(goal[2] - position[2]), at_goal, acceleration, self.jerk_mps3))
+        return min(top, braking_speed(abs(goal[2] - position[2]), at_goal, acceleration, self.jerk_mps3))
 
     def turning(self, position: Vector, velocity: Vector, goal: Vector) -> bool:
-        """Whether the target does not yet fly at its goal."""
+        """Return whether the target does not yet fly towards its goal."""
         n, e = goal[0] - position[0], goal[1] - position[1]
         distance, speed = math.hypot(n, e), math.hypot(velocity[0], velocity[1])
         if speed <= _TURNING_ABOVE_MPS or distance <= self.radius_m:
@@ -66,28 +64,30 @@ class Approach:
         return velocity[0] * n + velocity[1] * e < _TURNING_BELOW * speed * distance
 
     def aim(self, position: Vector, origin: Vector, goal: Vector) -> Vector:
-        """The point on the leg that a turning target flies at."""
+        """Return the point on the leg at which a turning target aims."""
         length = math.dist(origin, goal) or 1.0
-        way = tuple((goal[i] - origin[i]) / length for i in range(3))
-        along = sum((position[i] - origin[i]) * way[i] for i in range(3))
-        foot = tuple(origin[i] + along * way[i] for i in range(3))
+        direction = tuple((goal[i] - origin[i]) / length for i in range(3))
+        along = sum((position[i] - origin[i]) * direction[i] for i in range(3))
+        foot = tuple(origin[i] + along * direction[i] for i in range(3))
         reach, aside = max(self.radius_m, _AHEAD_M), math.dist(foot, position)
         ahead = math.sqrt(max(reach * reach - aside * aside, 0.0))
-        return foot[0] + ahead * way[0], foot[1] + ahead * way[1], foot[2] + ahead * way[2]
+        return foot[0] + ahead * direction[0], foot[1] + ahead * direction[1], foot[2] + ahead * direction[2]
 
     def _speed_towards(self, position: Vector, goal: Vector, at_goal_mps: float, cruise_mps: float) -> float:
-        return min(cruise_mps, shed(_level(position, goal), at_goal_mps, self.acceleration_mps2, self.jerk_mps3))
+        return min(
+            cruise_mps, braking_speed(_level(position, goal), at_goal_mps, self.acceleration_mps2, self.jerk_mps3)
+        )
 
 
-def shed(distance_m: float, end_mps: float, acceleration: float, jerk: float) -> float:
-    """The speed from which `end_mps` can be reached within a distance, with jerk's share estimated."""
+def braking_speed(distance_m: float, end_mps: float, acceleration: float, jerk: float) -> float:
+    """Return the speed from which it can brake to `end_mps` within a distance; the effect of jerk is estimated."""
     ramp = 4.0 * acceleration * acceleration / jerk
     inside = ramp * ramp + 4.0 * (2.0 * acceleration * distance_m + end_mps * end_mps)
     return max(0.5 * (math.sqrt(inside) - ramp), end_mps)
 
 
 def towards(position: Vector, aim: Vector, level_mps: float, climb_mps: float) -> Vector:
-    """Velocity straight at `aim`, as fast as both limits allow."""
+    """Return the velocity straight at `aim`, as fast as both limits allow."""
     n, e, d = (aim[i] - position[i] for i in range(3))
     distance = math.sqrt(n * n + e * e + d * d)
     if distance == 0.0:
@@ -132,7 +132,7 @@ _STILL = 1e-9
 
 
 class Axis:
-    """One coordinate of a moving target."""
+    """One coordinate of the target."""
 
     def __init__(self, position: float) -> None:
         self.position = position
@@ -143,11 +143,11 @@ class Axis:
 
     @property
     def duration_s(self) -> float:
-        """Until the wanted speed is reached."""
+        """The time until the wanted speed is reached."""
         return sum(self._phases_s)
 
     def want(self, speed: float, acceleration_max: float, jerk_max: float) -> None:
-        """Plan the quickest way to `speed`."""
+        """Plan the fastest change to `speed`."""
         a = self.acceleration
         direction = math.copysign(1.0, speed - self.speed - 0.5 * a * abs(a) / jerk_max)
         self._wanted, self._acceleration_max = speed, acceleration_max
@@ -165,7 +165,7 @@ class Axis:
         self._phases_s = (rise_s, hold_s, fall_s)
 
     def take(self, duration_s: float) -> None:
-        """Reach what is wanted in `duration_s`, which is longer than needed, with the same jerk."""
+        """Plan the change to the wanted speed with the same jerk in `duration_s`, which is longer than necessary."""
         jerk = abs(self._jerk)
         direction = math.copysign(1.0, self._jerk)
         a, missing = direction * self.acceleration, direction * (self._wanted - self.speed)
@@ -185,7 +185,7 @@ class Axis:
         self._phases_s = (rise_s, max(duration_s - rise_s - fall_s, 0.0), fall_s)
 
     def advance(self, step_s: float) -> None:
-        """Move along the plan."""
+        """Advance along the planned change."""
         rise_s, hold_s, fall_s = self._phases_s
         rise_s, step_s = self._pass(rise_s, self._jerk, step_s)
         hold_s, step_s = self._pass(hold_s, 0.0, step_s)
@@ -196,7 +196,7 @@ class Axis:
             self.position += step_s * self.speed
 
     def _pass(self, phase_s: float, jerk: float, step_s: float) -> tuple[float, float]:
-        """Move within one phase; what is left of it, and of the step."""
+        """Advance within one phase. Return the remaining time of the phase and of the step."""
         dt = min(step_s, phase_s)
         if dt > 0.0:
             self.position += dt * (self.speed + dt * (0.5 * self.acceleration + jerk * dt / 6.0))
@@ -206,7 +206,7 @@ class Axis:
 
 
 def synchronize(axes: tuple[Axis, ...]) -> None:
-    """Let all axes take as long as the slowest."""
+    """Give all axes the duration of the slowest."""
     longest_s = max(axis.duration_s for axis in axes)
     for axis in axes:
         if axis.duration_s < longest_s:

@@ -1,9 +1,8 @@
-"""One change of speed along a line, as quick as acceleration, jerk and snap allow.
+"""One change of speed along a line, as fast as limits of acceleration, jerk and snap allow.
 
-Knows: an acceleration that rises, is held, and falls again. Does not know: legs, waypoints, autopilots.
-
-The fall mirrors the rise, and the second half of the rise mirrors the first, in which jerk eases in along a cosine over
-`ease_s` and is then flat. A ramp's distance is therefore its duration times the mean of its two speeds.
+Acceleration rises, is held, and falls again. The fall mirrors the rise, and the second half of the rise mirrors the
+first. In the first half jerk rises along a cosine for `ease_s` and is then constant. So the distance of a ramp is
+its duration times the mean of its two speeds.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ State = tuple[float, float, float]  # distance, speed, acceleration
 
 
 @dataclass(frozen=True)
-class Gentleness:
-    """The largest derivatives of speed."""
+class RampLimits:
+    """The largest derivatives of speed: acceleration, jerk and snap."""
 
     mps2: float
     mps3: float
@@ -28,13 +27,13 @@ class Gentleness:
 
     @cached_property
     def ease_s(self) -> float:
-        """Jerk eases in for so long where it reaches its limit: a cosine's steepest slope is the limit of snap."""
+        """The time in which jerk rises to its limit: the steepest slope of the cosine is the limit of snap."""
         return self.mps3 * math.pi / (2.0 * self.mps4)
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """From `start_mps` to `end_mps`."""
+    """A change of speed from `start_mps` to `end_mps`."""
 
     start_mps: float
     end_mps: float
@@ -45,30 +44,30 @@ class Ramp:
 
     @cached_property
     def rise_s(self) -> float:
-        """Until acceleration is at its peak."""
+        """The time until acceleration is at its peak."""
         return 2.0 * self.ease_s + self.flat_s
 
     @cached_property
     def duration_s(self) -> float:
-        """Of the whole change."""
+        """The duration of the whole change."""
         return 2.0 * self.rise_s + self.hold_s
 
     @cached_property
     def distance_m(self) -> float:
-        """Covered meanwhile."""
+        """The distance flown during the change."""
         return 0.5 * (self.start_mps + self.end_mps) * self.duration_s
 
     @property
-    def gains(self) -> bool:
-        """Whether it ends faster than it began."""
+    def rises(self) -> bool:
+        """Whether the speed rises."""
         return self.end_mps > self.start_mps
 
     def reversed(self) -> Ramp:
-        """The same from the end to the start."""
+        """Return the same change in the other direction."""
         return replace(self, start_mps=self.end_mps, end_mps=self.start_mps)
 
     def at(self, t_s: float) -> State:
-        """Distance, speed and acceleration `t_s` after its beginning, which must lie within it."""
+        """Return distance, speed and acceleration `t_s` after the start; 0 <= `t_s` <= `duration_s`."""
         if self.duration_s <= 0.0:
             return 0.0, self.end_mps, 0.0
         if self.start_mps <= self.end_mps:
@@ -105,17 +104,17 @@ class Ramp:
 
     @cached_property
     def _rise_m(self) -> float:
-        """Distance of the rise, from rest."""
+        """The distance of the rise, from rest."""
         middle_m, _, _ = self._easing(0.5 * self.rise_s)
         return 2.0 * middle_m + 0.125 * self.peak_mps2 * self.rise_s**2
 
     @cached_property
     def _eased(self) -> State:
-        """When jerk has eased in, from rest."""
+        """The state at the end of the cosine, from rest."""
         return self._cosine(self.ease_s)
 
     def _easing(self, t_s: float) -> State:
-        """From rest, up to half the rise."""
+        """Return the state from rest, up to half the rise."""
         if t_s <= self.ease_s:
             return self._cosine(t_s)
         distance, speed, acceleration = self._eased
@@ -137,16 +136,16 @@ class Ramp:
         )
 
 
-def level(speed_mps: float) -> Ramp:
-    """No change."""
+def constant_speed(speed_mps: float) -> Ramp:
+    """Return a ramp without change of speed."""
     return Ramp(speed_mps, speed_mps)
 
 
-def gain(start_mps: float, wanted_mps: float, room_m: float, limits: Gentleness) -> Ramp:
-    """The quickest ramp up to `wanted_mps`, or to what can be reached within `room_m`; none where even that is short.
+def ramp_up(start_mps: float, wanted_mps: float, room_m: float, limits: RampLimits) -> Ramp:
+    """Return the fastest ramp up to `wanted_mps`, or to the speed that can be reached within `room_m`.
 
-    From rest a small ramp is made quicker by easing for less time; in motion ease is always complete, so that a change
-    too small for it has less jerk, and none begins that the room would not see the end of.
+    From rest, a small ramp eases for a shorter time. In motion the ease is always complete: a change that is too small
+    for it has less jerk. If even the shortest ramp does not fit into `room_m`, the speed does not change.
     """
     wanted = wanted_mps - start_mps
 
@@ -162,7 +161,7 @@ def gain(start_mps: float, wanted_mps: float, room_m: float, limits: Gentleness)
         return candidate.end_mps <= wanted_mps and candidate.distance_m <= room_m
 
     if wanted <= _SAME_MPS or 4.0 * start_mps * limits.ease_s >= room_m:
-        return level(start_mps)
+        return constant_speed(start_mps)
     steepest = ramp(limits.mps2)
     if fits(steepest):
         hold_s = min(wanted / limits.mps2 - steepest.rise_s, _hold_for(steepest, room_m))
@@ -171,11 +170,11 @@ def gain(start_mps: float, wanted_mps: float, room_m: float, limits: Gentleness)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(ramp(middle)) else (low, middle)
-    return ramp(low) if low > 0.0 else level(start_mps)
+    return ramp(low) if low > 0.0 else constant_speed(start_mps)
 
 
 def _hold_for(steepest: Ramp, room_m: float) -> float:
-    """How long its peak can be held until it covers `room_m`: distance is quadratic in that."""
+    """Return how long the peak can be held until the distance is `room_m`: it is quadratic in that time."""
     peak, rise_s, start = steepest.peak_mps2, steepest.rise_s, steepest.start_mps
     linear = 2.0 * start + 3.0 * peak * rise_s
     missing = 2.0 * (room_m - steepest.distance_m)

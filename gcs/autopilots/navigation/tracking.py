@@ -1,6 +1,4 @@
-"""How a vehicle follows a target that moves: the autopilot's position and velocity loops, its tilt's lag, and drag.
-
-Knows: gains, forces as accelerations. Does not know: who moves the target.
+"""A vehicle that follows a moving target: the position and velocity loops of the autopilot, the lag of tilt, and drag.
 
 Along each axis, with p, v, a of the target and x, u of the vehicle:
 
@@ -9,8 +7,8 @@ Along each axis, with p, v, a of the target and x, u of the vehicle:
     lag * thrust' = push - thrust
     u' = lift * thrust - drag * u
 
-`lift` is vertical thrust over weight: tilt turns thrust sideways, so a vehicle that descends gets less push than it
-asked for. Some autopilots then take the integral back (`unwinding`), and stay slower than they were asked.
+`lift` is vertical thrust over weight. Tilt turns thrust sideways, so a descending vehicle gets less push than it
+commands. Some autopilots then reduce the integral (`unwinding`), and stay slower than commanded.
 """
 
 from __future__ import annotations
@@ -24,28 +22,28 @@ _GRAVITY_MPS2 = 9.80665
 
 @dataclass(frozen=True)
 class Loop:
-    """Gains of one axis."""
+    """The gains of one axis."""
 
     position_ps: float
     velocity_ps: float
     integral_ps2: float
     damping: float
-    damps_error: bool  # of the acceleration wanted, else of any acceleration
+    damps_error: bool  # damps the error of acceleration; else acceleration itself
 
 
 @dataclass(frozen=True)
 class Following:
-    """Both kinds of axes, and what the vehicle adds."""
+    """The loops of both kinds of axes, and the lag and drag of the vehicle."""
 
     horizontal: Loop
     vertical: Loop
     lag_s: float
-    drag_ps: float  # horizontal deceleration per speed
-    unwinding: float = 0.0  # integral given back per push that did not come, over the velocity gain
+    drag_ps: float  # deceleration over horizontal speed
+    unwinding: float = 0.0  # reduction of the integral by the missing push, times the velocity gain
 
 
 class Follower:
-    """A vehicle on its way; `position`, `velocity`, `acceleration` are lists of three."""
+    """A vehicle in flight; `position`, `velocity`, `acceleration` are lists of three (NED)."""
 
     def __init__(self, following: Following, begins: NavigatorState) -> None:
         self._loops = (following.horizontal, following.horizontal, following.vertical)
@@ -60,7 +58,7 @@ class Follower:
         self._integral = [0.0, 0.0, 0.0]
 
     def step(self, position: Vector, velocity: Vector, acceleration: Vector, step_s: float) -> None:
-        """Follow a target that is at `position` now, for `step_s`."""
+        """Follow, for `step_s`, a target with this motion."""
         sink = self._vertical_drag_ps * self.velocity[2] + self._thrust[2]
         lift = 1.0 - sink / _GRAVITY_MPS2
         for i in (0, 1, 2):
@@ -80,8 +78,8 @@ class Follower:
             self.velocity[i] = u + step_s * rate
             self.acceleration[i] = rate
 
-    def moment(self, t_s: float, completed: int | None) -> NavigatorState:
-        """How it moves now."""
+    def state(self, t_s: float, completed: int | None) -> NavigatorState:
+        """Return its present motion, with a time and a completed waypoint."""
         return NavigatorState(
             t_s, _vector(self.position), _vector(self.velocity), _vector(self.acceleration), completed
         )

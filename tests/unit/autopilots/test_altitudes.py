@@ -1,4 +1,4 @@
-"""Altitudes are written so that they are kept."""
+"""Altitudes are written so that the autopilot stores the altitude wanted."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _ALTITUDES = st.floats(-500.0, 9000.0)
 
 
 @given(_ALTITUDES)
-def test_arducopter_keeps_the_nearest_centimetre(alt_m: float) -> None:
+def test_arducopter_stores_the_nearest_centimetre(alt_m: float) -> None:
     written = written_alt_m(alt_m, Autopilot.ARDUPILOT)
     assert kept_alt_m(written, Autopilot.ARDUPILOT) == pytest.approx(alt_m, abs=0.005 + 1e-9)
     assert abs(written - alt_m) < 0.0061
 
 
 @given(_ALTITUDES)
-def test_px4_keeps_millimetres(alt_m: float) -> None:
+def test_px4_stores_millimetres(alt_m: float) -> None:
     written = written_alt_m(alt_m, Autopilot.PX4)
     assert kept_alt_m(written, Autopilot.PX4) == pytest.approx(alt_m, abs=0.001)
 
 
-def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
+def test_an_altitude_written_as_it_is_may_lose_a_centimetre() -> None:
     assert kept_alt_m(2.059, Autopilot.ARDUPILOT) == 2.05
     assert kept_alt_m(0.53, Autopilot.ARDUPILOT) == 0.52  # 0.53 is a little less in single precision
     assert written_alt_m(0.53, Autopilot.ARDUPILOT) == 0.531
@@ -44,8 +44,8 @@ def test_a_centimetre_is_lost_where_nobody_thinks_of_it() -> None:
 
 
 @pytest.mark.parametrize("firmware", list(Autopilot))
-def test_legs_take_their_times_as_vehicles_keep_them(simulation1_plan: Plan, firmware: Autopilot) -> None:
-    """Lengths of what an emulated vehicle keeps, at the speeds it is told, are the times between waypoints."""
+def test_stored_legs_take_the_planned_times(simulation1_plan: Plan, firmware: Autopilot) -> None:
+    """Stored leg lengths over the speeds sent are the times between waypoints."""
     origin = local_origin(simulation1_plan.scenario)
     storage = by_name(firmware.key).missions.storage[0]
     for mission in build_missions(simulation1_plan, firmware=firmware):

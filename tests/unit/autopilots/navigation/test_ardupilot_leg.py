@@ -1,4 +1,4 @@
-"""Motion along a leg of ArduCopter, and what a change of speed makes of it at which moment."""
+"""Motion along a leg of ArduCopter, and the effect of a change of speed at different times."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.autopilots.navigation.ardupilot_leg import LegMotion, limit_along
-from gcs.autopilots.navigation.scurve import Gentleness
+from gcs.autopilots.navigation.scurve import RampLimits
 
-LIMITS = Gentleness(2.5, 1.0, 5.236)
+LIMITS = RampLimits(2.5, 1.0, 5.236)
 
 
 def leg(length_m: float, top_mps: float, elapsed_s: float = 0.0) -> LegMotion:
@@ -22,7 +22,7 @@ def leg(length_m: float, top_mps: float, elapsed_s: float = 0.0) -> LegMotion:
 
 
 def check(motion: LegMotion) -> None:
-    """From the present on: one smooth motion to rest at the end of the leg."""
+    """From now on the motion is smooth and ends at rest at the end of the leg."""
     t_s = np.linspace(motion.elapsed_s, motion.duration_s, 800)
     states = np.array([motion.at(t) for t in t_s.tolist()])
     step_s = t_s[1] - t_s[0]
@@ -34,7 +34,7 @@ def check(motion: LegMotion) -> None:
 
 
 def test_short_legs_are_slow():
-    """Half the leg is for getting faster; where acceleration is not held, speed goes with length^(2/3)."""
+    """Half the leg is for acceleration. If the peak is not held, the speed is proportional to length^(2/3)."""
     tops = [leg(length, 20.0).at(leg(length, 20.0).duration_s / 2)[1] for length in (25.0, 50.0)]
     assert tops[0] == pytest.approx(0.59 * 25.0 ** (2 / 3), abs=0.15)
     assert tops[1] == pytest.approx(tops[0] * 2 ** (2 / 3), rel=0.03)
@@ -93,7 +93,7 @@ def test_nothing_changes_once_the_leg_ends():
     st.lists(st.tuples(st.floats(0.05, 0.9), st.floats(0.5, 9.0)), min_size=1, max_size=3),
     st.floats(0.5, 9.0),
 )
-def test_every_change_leaves_a_smooth_way_to_the_end(length_m, changes, first_mps):
+def test_the_motion_after_every_change_is_smooth_to_the_end(length_m, changes, first_mps):
     motion = leg(length_m, first_mps)
     for share, top in changes:
         motion.advance(share * motion.remaining_s)

@@ -1,4 +1,4 @@
-"""Both navigators on small missions: arrivals as known, and what every flight has to be like."""
+"""Both navigators on small missions: known arrival times, and properties of every flight."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOTH = pytest.mark.parametrize("navigator", [ARDUPILOT, PX4], ids=["ardupilot", 
 # Straight on and faster, a corner and slower, a corner that climbs, a corner.
 POINTS = np.array([[0, 0, -20], [60, 0, -20], [100, 0, -20], [100, 50, -20], [130, 50, -26], [130, 90, -26]], float)
 SPEEDS = (5.0, 8.0, 3.0, 4.0, 6.0)
-ASKED_S = np.cumsum(np.linalg.norm(np.diff(POINTS, axis=0), axis=1) / SPEEDS)
+PLANNED_S = np.cumsum(np.linalg.norm(np.diff(POINTS, axis=0), axis=1) / SPEEDS)
 
 
 @pytest.mark.parametrize(
@@ -39,17 +39,17 @@ def test_arrivals_of_a_small_mission(name, airborne_s, passed_s):
 
 
 def test_ardupilot_slows_down_late_and_px4_brakes_at_corners():
-    """The same small mission; neither keeps the times that lengths and speeds would make."""
+    """On the same small mission neither has the times that follow from lengths and speeds."""
     ardupilot, px4 = (
         predict(navigator, NavigatorOrders.through(POINTS, SPEEDS)).passed_s for navigator in (ARDUPILOT, PX4)
     )
-    third_leg_s = np.diff(ASKED_S)[1]
+    third_leg_s = np.diff(PLANNED_S)[1]
     assert np.diff(ardupilot)[1] < 0.6 * third_leg_s
     assert np.diff(px4)[1] > 1.1 * third_leg_s
 
 
 @BOTH
-def test_a_hold_is_held_and_then_it_goes_on_from_rest(navigator):
+def test_after_a_hold_it_starts_from_rest(navigator):
     free = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS))
     held = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS, (0.0, 0.0, 4.0, 0.0, 0.0)))
     np.testing.assert_array_equal(held.passed_s[:2], free.passed_s[:2])
@@ -69,11 +69,11 @@ legs = st.lists(
 @BOTH
 @given(legs)
 @settings(max_examples=12, deadline=None)
-def test_a_flight_is_smooth_goes_on_and_is_not_faster_than_asked(navigator, legs):
-    points, course = [np.array([0.0, 0.0, -40.0])], 0.0
+def test_a_flight_is_smooth_goes_forward_and_keeps_the_speed_limit(navigator, legs):
+    points, heading = [np.array([0.0, 0.0, -40.0])], 0.0
     for length, turn, climb, _ in legs:
-        course += turn
-        points.append(points[-1] + [length * math.cos(course), length * math.sin(course), -climb])
+        heading += turn
+        points.append(points[-1] + [length * math.cos(heading), length * math.sin(heading), -climb])
     speeds = [speed for *_, speed in legs]
     flown = predict(navigator, NavigatorOrders.through(np.array(points), speeds))
     step_s = np.diff(flown.t_s)
@@ -82,7 +82,7 @@ def test_a_flight_is_smooth_goes_on_and_is_not_faster_than_asked(navigator, legs
     np.testing.assert_allclose(moved, middle, atol=1e-9)
     assert np.abs(np.diff(flown.velocity_ned_mps, axis=0)).max() < 12.0 * step_s.max()
     assert np.hypot(*flown.velocity_ned_mps[:, :2].T).max() < 1.1 * max(speeds) + 0.3
-    # Overlapping legs and a change that is not made can hurry, but no leg is flown at twice its speed.
+    # Overlapping legs, and a change of speed that is not made, can shorten a leg; waypoints keep their order.
     assert np.all(np.diff(flown.passed_s) > 0.0)
     assert np.all(np.diff(flown.completed_s) > 0.0)
     for k, (point, passed_s) in enumerate(zip(points[1:], flown.passed_s, strict=True)):
@@ -91,12 +91,12 @@ def test_a_flight_is_smooth_goes_on_and_is_not_faster_than_asked(navigator, legs
     for k in range(len(legs)):
         begin_s = flown.passed_s[k - 1] if k else 0.0
         leg = flown.position_ned_m[(flown.t_s >= begin_s) & (flown.t_s <= flown.passed_s[k])]
-        way = (points[k + 1] - points[k]) / np.linalg.norm(points[k + 1] - points[k])
-        assert np.diff(leg @ way).min() > -0.02, f"leg {k} is flown back"
+        direction = (points[k + 1] - points[k]) / np.linalg.norm(points[k + 1] - points[k])
+        assert np.diff(leg @ direction).min() > -0.02, f"leg {k} is flown back"
 
 
 @BOTH
-def test_a_weak_vehicle_is_flown_gently(navigator):
+def test_the_ability_of_a_vehicle_limits_its_flight(navigator):
     ability = Ability(horizontal_mps2=0.8, horizontal_mps3=0.5, horizontal_mps4=0.4, horizontal_mps=4.0)
     gentle = predict(navigator.within(ability), NavigatorOrders.through(POINTS, SPEEDS))
     strong = predict(navigator, NavigatorOrders.through(POINTS, SPEEDS))
@@ -128,13 +128,13 @@ def test_waypoints_on_the_spot_are_completed_at_once(navigator):
 
 
 def test_orders_are_checked():
-    with pytest.raises(ValueError, match="speeds"):
+    with pytest.raises(ValueError, match="speeds must be"):
         NavigatorOrders.through(POINTS, (5.0, 0.0, 3.0, 4.0, 6.0))
     with pytest.raises(ValueError, match="one speed"):
         NavigatorOrders.through(POINTS, (5.0,))
 
 
-def test_a_flight_that_never_ends_is_said():
+def test_a_flight_without_end_is_an_error():
     stuck = ARDUPILOT.within(Ability(horizontal_mps=1e-4))
     with pytest.raises(VerificationError, match="waypoint 1 of 1"):
         predict(stuck, NavigatorOrders.through(POINTS[:2], (8.0,)))

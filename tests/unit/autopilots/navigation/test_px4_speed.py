@@ -1,4 +1,4 @@
-"""How fast PX4 goes before waypoints: closed forms."""
+"""PX4's speed limits before waypoints, in closed form."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gcs.autopilots.navigation.px4_speed import Approach, shed, towards
+from gcs.autopilots.navigation.px4_speed import Approach, braking_speed, towards
 
 APPROACH = Approach(3.0, 4.0, 1.5, 2.0, 0.8, 3.0, 1.5, 4.0, 3.0)
 HERE, GOAL = (0.0, 0.0, -20.0), (60.0, 0.0, -20.0)
@@ -20,27 +20,27 @@ def turned(degrees: float) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize(("turn_deg", "speed_mps"), [(60.0, 2.3), (90.0, 1.7), (120.0, 1.3), (150.0, 0.9)])
 def test_a_corner_is_passed_at_the_speed_of_its_circle(turn_deg, speed_mps):
-    """Acceleration times radius over the tangent of half the turn, squared root; the first two as recorded."""
+    """The square root of acceleration times radius over the tangent of half the turn; two values were recorded."""
     near = (59.999, 0.0, -20.0)
     speed = APPROACH.level_speed(near, GOAL, turned(turn_deg), 5.0)
     assert speed == pytest.approx(math.sqrt(1.5 * 2.0 / math.tan(math.radians(turn_deg / 2))), rel=1e-3)
     assert speed == pytest.approx(speed_mps, abs=0.05)
 
 
-def test_straight_on_nothing_slows_down_and_at_the_end_everything_does():
+def test_it_brakes_at_the_last_waypoint_and_not_on_a_straight_line():
     assert APPROACH.level_speed((59.0, 0.0, -20.0), GOAL, turned(0.0), 5.0) == 5.0
-    assert APPROACH.level_speed((59.0, 0.0, -20.0), GOAL, GOAL, 5.0) == pytest.approx(shed(1.0, 0.0, 3.0, 4.0))
+    assert APPROACH.level_speed((59.0, 0.0, -20.0), GOAL, GOAL, 5.0) == pytest.approx(braking_speed(1.0, 0.0, 3.0, 4.0))
     assert APPROACH.level_speed(HERE, GOAL, GOAL, 5.0) == 5.0
 
 
-def test_shedding_speed_costs_distance():
+def test_braking_needs_distance():
     """v² + 4 a²/j v = end² + 2 a d."""
-    speed = shed(20.0, 2.0, 3.0, 4.0)
+    speed = braking_speed(20.0, 2.0, 3.0, 4.0)
     assert speed**2 + 9.0 * speed == pytest.approx(4.0 + 120.0)
-    assert shed(0.0, 2.0, 3.0, 4.0) == 2.0
+    assert braking_speed(0.0, 2.0, 3.0, 4.0) == 2.0
 
 
-def test_a_height_that_is_off_slows_down_near_the_goal_only():
+def test_an_altitude_error_reduces_the_speed_near_the_goal_only():
     far, near = ((x, 0.0, -20.6) for x in (0.0, 57.0))
     slow = APPROACH.climb_speed(near, GOAL, turned(0.0), down=True)
     assert math.hypot(*towards(far, GOAL, 5.0, slow)[:2]) == pytest.approx(5.0, rel=0.01)

@@ -1,4 +1,4 @@
-"""PX4's smoothing of one axis: bounded, quick, and in step with other axes."""
+"""PX4's smoothing of one axis: within its limits, fast, and as long as that of the other axes."""
 
 from __future__ import annotations
 

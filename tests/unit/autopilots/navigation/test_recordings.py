@@ -1,4 +1,4 @@
-"""The navigators against flights of real autopilots, where the recordings are at hand."""
+"""The navigators compared with recorded flights of real autopilots, if the recordings are available."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_arrivals_are_predicted_as_well_as_the_table_says(residual: Residual) ->
     assert error[np.abs(error).argmax()] == pytest.approx(residual.worst_s, abs=0.05)
 
 
-def test_the_table_holds_the_goals_for_missions_not_seen() -> None:
+def test_the_errors_on_missions_without_fit_are_within_the_goals() -> None:
     assert len(RESIDUALS) == 6
     for residual in RESIDUALS:
         assert residual.unseen_rms_s <= GOALS_S[residual.navigator], residual

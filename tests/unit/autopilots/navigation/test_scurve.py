@@ -1,4 +1,4 @@
-"""One change of speed: its derivatives are derivatives, its limits hold, and it is as quick as they allow."""
+"""One change of speed: consistent derivatives, within its limits, and as fast as they allow."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.autopilots.navigation.scurve import Gentleness, Ramp, gain, level
+from gcs.autopilots.navigation.scurve import Ramp, RampLimits, constant_speed, ramp_up
 
-LIMITS = Gentleness(2.5, 1.0, 5.2)
+LIMITS = RampLimits(2.5, 1.0, 5.2)
 SPEEDS = st.floats(0.0, 8.0)
 ROOMS = st.floats(0.5, 200.0)
 
@@ -24,7 +24,7 @@ def sampled(ramp: Ramp, n: int = 600) -> tuple[np.ndarray, np.ndarray]:
 
 @given(SPEEDS, SPEEDS, ROOMS)
 def test_a_ramp_keeps_its_limits_and_joins_its_ends(start, wanted, room):
-    ramp = gain(start, wanted, room, LIMITS)
+    ramp = ramp_up(start, wanted, room, LIMITS)
     assert ramp.end_mps <= max(wanted, start) + 1e-9
     assert ramp.duration_s == 0.0 or ramp.distance_m <= room + 1e-9
     if ramp.duration_s == 0.0:
@@ -44,8 +44,8 @@ def test_a_ramp_keeps_its_limits_and_joins_its_ends(start, wanted, room):
 
 
 @given(SPEEDS, SPEEDS)
-def test_the_way_back_mirrors_the_way_there(start, wanted):
-    ramp = gain(start, wanted, 500.0, LIMITS)
+def test_a_slow_down_mirrors_the_ramp_up(start, wanted):
+    ramp = ramp_up(start, wanted, 500.0, LIMITS)
     back = ramp.reversed()
     assert back.distance_m == pytest.approx(ramp.distance_m)
     for share in (0.1, 0.35, 0.5, 0.9):
@@ -55,31 +55,31 @@ def test_the_way_back_mirrors_the_way_there(start, wanted):
         assert back.at(ramp.duration_s - t_s) == pytest.approx(there, abs=1e-9)
 
 
-def test_with_all_the_room_the_wanted_speed_is_reached_with_acceleration_held():
-    ramp = gain(0.0, 20.0, 1e4, LIMITS)
+def test_with_enough_distance_it_reaches_the_wanted_speed():
+    ramp = ramp_up(0.0, 20.0, 1e4, LIMITS)
     rise_s = LIMITS.mps2 / LIMITS.mps3 + LIMITS.ease_s  # to the peak along a trapezoid of eased jerk
     assert ramp.end_mps == pytest.approx(20.0)
     assert ramp.rise_s == pytest.approx(rise_s)
     assert ramp.duration_s == pytest.approx(20.0 / LIMITS.mps2 + rise_s)
 
 
-def test_little_room_from_rest_makes_it_shorter_and_snap_stays():
-    """A ramp that only eases covers 8 snap tj^4 / pi."""
+def test_a_short_ramp_from_rest_eases_for_a_shorter_time():
+    """A ramp that only eases has the distance 8 snap ease_s^4 / pi."""
     room = 0.01
-    ramp = gain(0.0, 5.0, room, LIMITS)
+    ramp = ramp_up(0.0, 5.0, room, LIMITS)
     ease_s = (room * math.pi / (8.0 * LIMITS.mps4)) ** 0.25
     assert ramp.ease_s == pytest.approx(ease_s, rel=1e-6)
     assert ramp.flat_s == 0.0
     assert ramp.distance_m == pytest.approx(room)
 
 
-def test_in_motion_ease_is_complete_or_there_is_no_ramp():
-    small = gain(4.0, 4.01, 100.0, LIMITS)
+def test_in_motion_the_ease_is_complete_or_the_speed_does_not_change():
+    small = ramp_up(4.0, 4.01, 100.0, LIMITS)
     assert small.ease_s == LIMITS.ease_s
     assert small.end_mps == pytest.approx(4.01)
-    assert gain(4.0, 5.0, 4.0 * 4.0 * LIMITS.ease_s, LIMITS) == level(4.0)
+    assert ramp_up(4.0, 5.0, 4.0 * 4.0 * LIMITS.ease_s, LIMITS) == constant_speed(4.0)
 
 
 def test_no_change_takes_no_time():
-    assert level(3.0).at(0.0) == (0.0, 3.0, 0.0)
-    assert gain(5.0, 3.0, 100.0, LIMITS).duration_s == 0.0
+    assert constant_speed(3.0).at(0.0) == (0.0, 3.0, 0.0)
+    assert ramp_up(5.0, 3.0, 100.0, LIMITS).duration_s == 0.0
