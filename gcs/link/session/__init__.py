@@ -1,1 +1,1 @@
-"""One vehicle's conversation, and the fleet of all vehicles on the links."""
+"""The session with one vehicle, and the fleet of all vehicles on the links."""

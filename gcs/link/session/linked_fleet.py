@@ -1,8 +1,7 @@
-"""All vehicles on one link or several: found by their heartbeats, told ours.
+"""All vehicles on one or several links: found by their heartbeats, each with a session.
 
-Knows: one codec, the endpoints, a session per vehicle, the event loop. Does not know: what is said in the sessions.
-Frames of unknown systems, of other ground stations and of other components are logged and left alone; so is what is
-addressed to another station, and, with a key, what is not signed with it.
+Frames of unknown systems, other ground stations and other components are logged and ignored. So are messages addressed
+to another station and, with a key, frames that are not signed with it.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from gcs.autopilots.protocol_timers import ProtocolTimers
 from gcs.errors import PeerTimeout, ProtocolMisuse, UsageError
 from gcs.link.endpoints.base import Address, Endpoint
 from gcs.link.endpoints.factory import make_endpoint
+from gcs.link.microservices.command import CommandSender
 from gcs.link.mission_protocol.strategy import Transfer
 from gcs.link.session.routing import LinkAddress, RoutingTable
 from gcs.link.session.vehicle_session import VehicleSession
@@ -30,7 +30,7 @@ _LOOK_S = 0.1
 
 
 class FrameDirection(Enum):
-    """Which way a frame went."""
+    """The direction of a frame."""
 
     IN = "in"
     OUT = "out"
@@ -40,7 +40,7 @@ FrameHook = Callable[[FrameDirection, bytes], None]
 
 
 class LinkedFleet:
-    """The ground station's end of its links. Use it as `async with Fleet.open(spec) as fleet`."""
+    """The ground station's side of its links. Use it as `async with LinkedFleet.open(spec) as fleet`."""
 
     def __init__(
         self,
@@ -54,10 +54,10 @@ class LinkedFleet:
     ) -> None:
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
-        self.refused_frames = 0  # not signed as they should be
+        self.refused_frames = 0  # without a valid signature
         self._endpoints = tuple(endpoints)
         self._codec = Codec(*me)
-        self._book = RoutingTable()
+        self._routing = RoutingTable()
         self._on_frame = on_frame
         self._timers = timers
         self._transfer = transfer
@@ -77,48 +77,48 @@ class LinkedFleet:
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
     ) -> AsyncIterator[LinkedFleet]:
-        """Opens the endpoints that `specs` name (see `parse_link_spec`) and says so with a heartbeat at 1 Hz.
+        """Open the endpoints that `specs` name (see `parse_link_spec`) and send a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` sees every frame in and out; `timers` replace those of the vehicles' autopilots,
+        `on_frame(direction, frame)` gets every frame in and out; `timers` replace those of the vehicles' autopilots,
         `transfer` chooses how missions are sent. With `signing` that is on, every frame is signed, and unsigned frames
         are refused. Raises `UsageError`, `LinkError`.
         """
         endpoints = [make_endpoint(spec) for spec in ([specs] if isinstance(specs, str) else specs)]
         fleet = cls(endpoints, me=me, on_frame=on_frame, timers=timers, signing=signing, transfer=transfer)
-        beating: asyncio.Task[None] | None = None
+        heartbeats: asyncio.Task[None] | None = None
         try:
             for link, endpoint in enumerate(endpoints):
                 await endpoint.open(partial(fleet._receive, link))
-            beating = asyncio.ensure_future(fleet._beat())
+            heartbeats = asyncio.ensure_future(fleet._send_heartbeats())
             yield fleet
         finally:
-            if beating is not None:
-                beating.cancel()
+            if heartbeats is not None:
+                heartbeats.cancel()
                 with suppress(asyncio.CancelledError):
-                    await beating
+                    await heartbeats
             for endpoint in endpoints:
                 endpoint.close()
 
     @property
     def local_address(self) -> Address:
-        """Where vehicles can send to on the first link; tells the port that was free when the link asked for port 0."""
+        """The address of the first link that vehicles can send to; for port 0, with the port that was free."""
         return self._endpoints[0].local_address
 
     async def vehicles(
         self, sysids: Collection[int], timeout_s: float, *, systems: Mapping[int, int] | None = None
     ) -> dict[int, VehicleSession]:
-        """The sessions of these vehicles, once each has been heard, by the ids given.
+        """Return the sessions of these vehicles, by the ids given, once each has sent a heartbeat.
 
-        `systems` names the MAVLink system of a vehicle where it is not the vehicle's own number. Raises `PeerTimeout`
-        that names the silent ones, `DuplicateSystemId`, or `UsageError` where two vehicles were to be one system.
+        `systems` maps a vehicle to its MAVLink system if the two numbers differ. Raises `PeerTimeout` that names the
+        silent vehicles, `DuplicateSystemId`, or `UsageError` if two vehicles have the same system.
         """
         system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(sysids)}
-        _refuse_shared(system_of)
+        _reject_shared_systems(system_of)
         end_s = self._loop.time() + timeout_s
         while True:
             self.check()
             missing = [sysid for sysid, system in system_of.items() if system not in self.sessions]
-            if not missing and not self._book.unproven(self._loop.time()):
+            if not missing and not self._routing.unidentified(self._loop.time()):
                 found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
                 for sysid, session in found.items():
                     session.sysid = sysid
@@ -129,41 +129,41 @@ class LinkedFleet:
                 raise PeerTimeout(
                     f"no heartbeat from {_vehicles(missing, system_of)} within {timeout_s:g} s"
                     f" (heard: {', '.join(map(str, sorted(self.sessions))) or 'none'}).",
-                    hint="start them, or check the address and port they send to",
+                    hint="start them, or check the address and port that they send to",
                 )
             with suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK_S):
                     await self._found.wait()
 
     async def listen(self, duration_s: float) -> dict[int, VehicleSession]:
-        """Whoever is heard within `duration_s`, by system id. Raises `DuplicateSystemId`."""
+        """Return all vehicles heard within `duration_s`, by system id. Raises `DuplicateSystemId`."""
         await asyncio.sleep(duration_s)
         self.check()
         return dict(sorted(self.sessions.items()))
 
     def check(self) -> None:
-        """Raises `DuplicateSystemId` if two vehicles claimed one system id since the link was opened."""
-        self._book.unproven(self._loop.time())
-        for conflict in self._book.conflicts.values():
+        """Raise `DuplicateSystemId` if two vehicles have claimed one system id since the link was opened."""
+        self._routing.unidentified(self._loop.time())
+        for conflict in self._routing.conflicts.values():
             raise conflict
 
     def send(self, message: Message, system: int) -> None:
-        """Sends a message to where a system was heard. Raises `ProtocolMisuse` if it never was."""
-        place = self._book.place(system)
-        if place is None:
-            raise ProtocolMisuse(f"{message.name} was to be sent to system {system}, which was never heard.")
-        self._send(message, place.link, place.address)
+        """Send a message to the address of a system. Raises `ProtocolMisuse` if the system was never heard."""
+        target = self._routing.address(system)
+        if target is None:
+            raise ProtocolMisuse(f"{message.name} cannot be sent to system {system}, which was never heard.")
+        self._send(message, target.link, target.address)
 
     def where(self, system: int) -> str:
-        """The link and address at which a system is talked to, for people."""
-        place = self._book.place(system)
-        return "" if place is None else f"{self._endpoints[place.link].spec.mode.value}:{place}"
+        """Return the link and address of a system as text, empty if it was never heard."""
+        target = self._routing.address(system)
+        return "" if target is None else f"{self._endpoints[target.link].spec.mode.value}:{target}"
 
     def _receive(self, link: int, data: bytes, address: Address) -> None:
-        """Takes in what arrived on one link."""
+        """Process the bytes that arrived on one link."""
         now_s = self._loop.time()
-        place = LinkAddress(link, address)
-        for message in self._codec.decode(data, place):
+        source = LinkAddress(link, address)
+        for message in self._codec.decode(data, source):
             if self._on_frame is not None:
                 self._on_frame(FrameDirection.IN, message.raw)
             session = self.sessions.get(message.sysid)
@@ -174,19 +174,19 @@ class LinkedFleet:
             if not self._signing.accepts(message.raw, now_s, note=False):
                 self.refused_frames += 1
                 continue
-            self._book.identify(message, place)
-            if not self._book.claim(message.sysid, place, now_s):
+            self._routing.identify(message, source)
+            if not self._routing.accept(message.sysid, source, now_s):
                 self._found.set()
                 continue
             self._signing.accepts(message.raw, now_s)
             if session is None:
-                self._meet(message)
+                self._add_vehicle(message)
                 continue
             session.quality.receive(message.raw)
             if message.is_for(self.me):
                 session.receive(message, now_s)
 
-    def _meet(self, heartbeat: Message) -> None:
+    def _add_vehicle(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
         self.sessions[system] = VehicleSession(
             heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers, transfer=self._transfer
@@ -199,21 +199,21 @@ class LinkedFleet:
             self._on_frame(FrameDirection.OUT, frame)
         self._endpoints[link].send(frame, address)
 
-    async def _beat(self) -> None:
+    async def _send_heartbeats(self) -> None:
         while True:
             now_s = self._loop.time()
-            places = self._book.places()
-            for place in places:
-                self._send(_HEARTBEAT, place.link, place.address)
-            for link in {*range(len(self._endpoints))} - {place.link for place in places}:
+            known = self._routing.addresses()
+            for target in known:
+                self._send(_HEARTBEAT, target.link, target.address)
+            for link in {*range(len(self._endpoints))} - {target.link for target in known}:
                 if self._endpoints[link].spec.mode.speaks_first:
                     self._send(_HEARTBEAT, link, None)
-            for system, suspects in self._book.unproven(now_s).items():
-                for place in suspects:
-                    self._send(_who_are_you(self.sessions[system].station), place.link, place.address)
+            for system, targets in self._routing.unidentified(now_s).items():
+                for target in targets:
+                    self._send(_request_identity(self.sessions[system].station), target.link, target.address)
             for session in self.sessions.values():
                 session.tick(now_s)
-            await asyncio.sleep(_HEARTBEAT_S if not self._book.unproven(now_s) else _LOOK_S)
+            await asyncio.sleep(_HEARTBEAT_S if not self._routing.unidentified(now_s) else _LOOK_S)
 
 
 _HEARTBEAT = Message(
@@ -229,11 +229,9 @@ _HEARTBEAT = Message(
 )
 
 
-def _who_are_you(station: Station) -> Message:
-    fields = {"target_system": station.sysid, "target_component": station.compid, "confirmation": 0}
-    params = {f"param{n}": 0.0 for n in range(2, 8)}
-    asked = {"command": int(MavCommand.REQUEST_MESSAGE), "param1": float(MessageId.AUTOPILOT_VERSION)}
-    return Message("COMMAND_LONG", {**fields, **asked, **params})
+def _request_identity(station: Station) -> Message:
+    (message,) = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), station).start(0.0)
+    return message
 
 
 def _is_vehicle(message: Message) -> bool:
@@ -244,13 +242,13 @@ def _is_vehicle(message: Message) -> bool:
     )
 
 
-def _refuse_shared(system_of: Mapping[int, int]) -> None:
+def _reject_shared_systems(system_of: Mapping[int, int]) -> None:
     seen: dict[int, int] = {}
     for sysid, system in system_of.items():
         if system in seen:
             raise UsageError(
                 f"vehicles {seen[system]} and {sysid} would both be system {system}.",
-                hint="name a system of its own for each: --map 1=7,2=8",
+                hint="give each vehicle a system of its own: --map 1=7,2=8",
             )
         seen[system] = sysid
 

@@ -1,16 +1,13 @@
-"""How many of a vehicle's frames arrive, counted by the gaps in their numbers.
-
-Knows: the sequence number in a frame's header. Does not know: messages, clocks.
-"""
+"""Lost frames of one vehicle, counted by the gaps in the sequence numbers of its frames."""
 
 from __future__ import annotations
 
 _V2 = 0xFD
-_FAR_BACK = 128  # a number so far ahead comes from behind: the frame was overtaken, or is a copy
+_FAR_BACK = 128  # a larger gap means a late frame or a copy
 
 
 class LinkQuality:
-    """Counts the frames of one component of one vehicle."""
+    """The frame counts of one component of one vehicle."""
 
     def __init__(self) -> None:
         self.received = 0
@@ -19,11 +16,11 @@ class LinkQuality:
 
     @property
     def loss(self) -> float | None:
-        """The share of frames that did not arrive; None before any did."""
+        """The share of lost frames; None before the first frame."""
         return self.lost / (self.received + self.lost) if self.received else None
 
     def receive(self, frame: bytes) -> None:
-        """Take note of a whole frame."""
+        """Count one whole frame."""
         if not frame:
             return
         number = frame[4] if frame[0] == _V2 else frame[2]

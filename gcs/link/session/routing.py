@@ -1,11 +1,8 @@
-"""At which address each system id lives, and what to think of a second one.
+"""The routing table: the link and address of each system id, and the detection of two vehicles with one system id.
 
-Knows: addresses of all links, what AUTOPILOT_VERSION tells of who a vehicle is. Does not know: sockets, sessions;
-time is an argument.
-
-Two addresses that use one system id are one vehicle on two links, or two vehicles with one id. Only their own word
-tells: `uid2`, and `uid` where that is empty (ArduPilot's `uid` is always 0). Until both have said who they are, the
-first is talked to; what does not say so in time is taken for a second vehicle.
+Two addresses with one system id are one vehicle on two links, or two vehicles. AUTOPILOT_VERSION decides: `uid2`, or
+`uid` if `uid2` is empty (ArduPilot's `uid` is always 0). Until both addresses have reported their id, messages go to
+the first one. An address that does not report its id in time counts as a second vehicle. Time is an argument.
 """
 
 from __future__ import annotations
@@ -17,12 +14,12 @@ from gcs.errors import PeerError
 from gcs.link.endpoints.base import Address
 from gcs.link.wire.message import Message
 
-SILENT_S = 3.0  # a vehicle not heard for so long may have moved to another address
-PROOF_S = 2.0  # for two addresses to say that they are one vehicle
+SILENT_S = 3.0  # after this silence a vehicle may have moved to another address
+IDENTIFY_S = 2.0  # the time for a second address to report its id
 
 
 class LinkAddress(NamedTuple):
-    """An address on one of the station's links, which count from 0."""
+    """An address on one of the station's links. Links count from 0."""
 
     link: int
     address: Address
@@ -44,89 +41,88 @@ class DuplicateSystemId(PeerError):
 
 
 @dataclass
-class _Home:
-    place: LinkAddress
+class _Route:
+    address: LinkAddress
     heard_s: float
 
 
 @dataclass
-class _Rival:
-    place: LinkAddress
+class _Candidate:
     since_s: float
     heard_s: float
 
 
 class RoutingTable:
-    """Each vehicle is answered at its own source address."""
+    """The address of each system id: the source address of its messages."""
 
     def __init__(self) -> None:
-        self._homes: dict[int, _Home] = {}
-        self._rivals: dict[int, dict[LinkAddress, _Rival]] = {}
+        self._routes: dict[int, _Route] = {}
+        self._candidates: dict[int, dict[LinkAddress, _Candidate]] = {}
         self._identities: dict[int, dict[LinkAddress, bytes]] = {}
         self.conflicts: dict[int, DuplicateSystemId] = {}
 
-    def place(self, sysid: int) -> LinkAddress | None:
-        """Where to answer system `sysid`."""
-        home = self._homes.get(sysid)
-        return home.place if home else None
+    def address(self, sysid: int) -> LinkAddress | None:
+        """Return the address of system `sysid`; None if it was never heard."""
+        route = self._routes.get(sysid)
+        return route.address if route else None
 
-    def places(self) -> set[LinkAddress]:
-        """All places in the book."""
-        return {home.place for home in self._homes.values()}
+    def addresses(self) -> set[LinkAddress]:
+        """Return the addresses of all systems."""
+        return {route.address for route in self._routes.values()}
 
-    def claim(self, sysid: int, place: LinkAddress, now_s: float) -> bool:
-        """Whether a message of `sysid` from `place` is to be believed.
+    def accept(self, sysid: int, address: LinkAddress, now_s: float) -> bool:
+        """Return whether to accept a message of `sysid` from `address`.
 
-        A second place is not while the first one is alive; when that has been silent for `SILENT_S`, the vehicle has
-        moved (a restarted simulator has a new port).
+        A second address is accepted after the first has been silent for `SILENT_S`: the vehicle has moved (a restarted
+        simulator has a new port).
         """
-        home = self._homes.get(sysid)
-        if home is None or now_s - home.heard_s > SILENT_S:
-            self._homes[sysid] = _Home(place, now_s)
-            self._rivals.get(sysid, {}).pop(place, None)
+        route = self._routes.get(sysid)
+        if route is None or now_s - route.heard_s > SILENT_S:
+            self._routes[sysid] = _Route(address, now_s)
+            self._candidates.get(sysid, {}).pop(address, None)
             return True
-        if home.place == place:
-            home.heard_s = now_s
+        if route.address == address:
+            route.heard_s = now_s
             return True
-        rival = self._rivals.setdefault(sysid, {}).setdefault(place, _Rival(place, now_s, now_s))
-        rival.heard_s = now_s
+        candidate = self._candidates.setdefault(sysid, {}).setdefault(address, _Candidate(now_s, now_s))
+        candidate.heard_s = now_s
         return False
 
-    def identify(self, message: Message, place: LinkAddress) -> None:
-        """Learn from AUTOPILOT_VERSION who a vehicle is; the same id from two is a conflict."""
+    def identify(self, message: Message, address: LinkAddress) -> None:
+        """Record the id in AUTOPILOT_VERSION. Different ids of one system id are a conflict."""
         if message.name != "AUTOPILOT_VERSION":
             return
-        who = identity(message)
-        if not any(who):
-            return  # it does not tell
+        uid = identity(message)
+        if not any(uid):
+            return  # the vehicle does not report an id
         known = self._identities.setdefault(message.sysid, {})
-        known[place] = who if known.get(place, who) == who else b"two"
-        for other, theirs in known.items():
-            if theirs != who or known[place] != who:
-                self._note(message.sysid, other, place)
+        known[address] = uid if known.get(address, uid) == uid else b"two"
+        for other, other_uid in known.items():
+            if other_uid != uid or known[address] != uid:
+                self._conflict(message.sysid, other, address)
 
-    def unproven(self, now_s: float) -> dict[int, tuple[LinkAddress, ...]]:
-        """Places to ask who they are, by system id; those that did not tell in time become conflicts."""
-        asked: dict[int, tuple[LinkAddress, ...]] = {}
-        for sysid, rivals in self._rivals.items():
-            home = self._homes[sysid].place
-            told = self._identities.get(sysid, {})
-            for place, rival in tuple(rivals.items()):
-                if home in told and told.get(place) == told[home]:
+    def unidentified(self, now_s: float) -> dict[int, tuple[LinkAddress, ...]]:
+        """Return the addresses to request AUTOPILOT_VERSION from, by system id. Late answers become conflicts."""
+        open_requests: dict[int, tuple[LinkAddress, ...]] = {}
+        for sysid, candidates in self._candidates.items():
+            first = self._routes[sysid].address
+            known = self._identities.get(sysid, {})
+            for address, candidate in tuple(candidates.items()):
+                if first in known and known.get(address) == known[first]:
                     continue
-                if now_s - rival.heard_s > SILENT_S:
-                    del rivals[place]
-                elif now_s - rival.since_s > PROOF_S:
-                    self._note(sysid, home, place)
+                if now_s - candidate.heard_s > SILENT_S:
+                    del candidates[address]
+                elif now_s - candidate.since_s > IDENTIFY_S:
+                    self._conflict(sysid, first, address)
                 else:
-                    asked[sysid] = (*asked.get(sysid, (home,)), place)
-        return asked
+                    open_requests[sysid] = (*open_requests.get(sysid, (first,)), address)
+        return open_requests
 
-    def _note(self, sysid: int, first: LinkAddress, second: LinkAddress) -> None:
+    def _conflict(self, sysid: int, first: LinkAddress, second: LinkAddress) -> None:
         self.conflicts.setdefault(sysid, DuplicateSystemId(sysid, first, second))
 
 
 def identity(message: Message) -> bytes:
-    """Who sent an AUTOPILOT_VERSION: its uid2, or its uid where that is empty; zeros where it does not tell."""
+    """Return the unique id in AUTOPILOT_VERSION: uid2, or uid if uid2 is empty; zeros if both are."""
     uid2 = bytes(message.fields["uid2"])
     return uid2 if any(uid2) else int(message.fields["uid"]).to_bytes(8, "little")
