@@ -45,7 +45,7 @@ def emulated(make_fleet: MakeFleet, autopilot: str = "ardupilot", *faults: str) 
     return fleet, f"udpout:{fleet.places[1][0].address}"
 
 
-async def deliver(
+async def upload(
     link: str, transfer: Transfer, timers: ProtocolTimers | None = None
 ) -> tuple[list[object], Counter[int]]:
     """Both vehicles get ITEMS; what ended well, and frames in and out by message number."""
@@ -54,7 +54,7 @@ async def deliver(
         link, on_frame=lambda _, frame: seen.update([frame[7]]), timers=timers, transfer=transfer
     ) as ground:
         sessions = await ground.vehicles(SYSIDS, 10.0)
-        return list(await asyncio.gather(*(session.deliver(ITEMS) for session in sessions.values()))), seen
+        return list(await asyncio.gather(*(session.upload_items(ITEMS) for session in sessions.values()))), seen
 
 
 def held(fleet: Fleet, sysid: int) -> bool:
@@ -66,7 +66,7 @@ def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -
     fleet, link = emulated(make_fleet, "ardupilot", "all:loss=0.2", "all:duplicate=0.1", "all:reorder=0.1")
 
     async def scene() -> None:
-        machines, seen = await deliver(link, Transfer.AUTO)
+        machines, seen = await upload(link, Transfer.AUTO)
         assert all(isinstance(machine, FileUpload) for machine in machines)
         assert seen[FILE] and not seen[ITEM]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
@@ -78,7 +78,7 @@ def test_item_by_item_where_that_is_asked_for(make_fleet: MakeFleet) -> None:
     fleet, link = emulated(make_fleet)
 
     async def scene() -> None:
-        machines, seen = await deliver(link, Transfer.ITEMS)
+        machines, seen = await upload(link, Transfer.ITEMS)
         assert all(isinstance(machine, VerifiedUpload) for machine in machines)
         assert seen[ITEM] and not seen[FILE]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
@@ -91,7 +91,7 @@ def test_item_by_item_where_the_vehicle_does_not_answer_about_files(make_fleet: 
     fleet._world.vehicles[0]._files = None
 
     async def scene() -> None:
-        machines, _ = await deliver(link, Transfer.AUTO, IMPATIENT)
+        machines, _ = await upload(link, Transfer.AUTO, IMPATIENT)
         assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
@@ -102,11 +102,11 @@ def test_px4_is_not_asked_and_does_not_take_them(make_fleet: MakeFleet) -> None:
     _, link = emulated(make_fleet, "px4")
 
     async def scene() -> None:
-        machines, seen = await deliver(link, Transfer.AUTO)
+        machines, seen = await upload(link, Transfer.AUTO)
         assert all(isinstance(machine, VerifiedUpload) for machine in machines)
         assert not seen[FILE]
         with pytest.raises(PeerError, match="takes no missions as files"):
-            await deliver(link, Transfer.FILE)
+            await upload(link, Transfer.FILE)
 
     run(scene())
 
@@ -127,8 +127,8 @@ def test_a_refused_file_is_told_or_gone_around(make_fleet: MakeFleet) -> None:
 
     async def scene() -> None:
         with pytest.raises(FtpRefused, match="FILE_PROTECTED"):
-            await deliver(link, Transfer.FILE)
-        machines, _ = await deliver(link, Transfer.AUTO)
+            await upload(link, Transfer.FILE)
+        machines, _ = await upload(link, Transfer.AUTO)
         assert [type(machine) for machine in machines] == [VerifiedUpload, FileUpload]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 
@@ -140,7 +140,7 @@ def test_a_restart_in_the_middle_of_a_file_loses_the_file_and_nothing_else(make_
     before = tuple(fleet._world.vehicles)
 
     async def scene() -> None:
-        await deliver(link, Transfer.AUTO)
+        await upload(link, Transfer.AUTO)
         assert [now is then for now, then in zip(fleet._world.vehicles, before, strict=True)] == [False, True]
         assert all(held(fleet, sysid) for sysid in SYSIDS)
 

@@ -18,7 +18,7 @@ from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
 from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MissionResult
+from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MessageId, MissionResult
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 QUICK = ProtocolTimers(mission=MissionTimers(reply_s=0.2, item_s=0.1, retries=2, give_up_s=0.5))
@@ -174,7 +174,7 @@ def test_commands_refusals_and_silence():
         quick = CommandTimers(reply_s=0.1, retries=1)
         async with flying(vehicle), LinkedFleet.open(SPEC) as fleet:
             session = (await fleet.vehicles({3}, 5.0))[3]
-            current = await session.request_message(42, "MISSION_CURRENT")
+            current = await session.request_message(MessageId.MISSION_CURRENT)
             assert current.fields["seq"] == 7
             with pytest.raises(CommandRefused, match="not today"):
                 await session.command(400, 1.0)

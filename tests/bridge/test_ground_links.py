@@ -14,6 +14,7 @@ from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
+from gcs.mavlink import MessageId
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 
@@ -43,7 +44,7 @@ def test_every_kind_of_link_alone_and_repeated(make_fleet: Callable[..., Fleet],
         async with Ground.open(specs) as ground:
             sessions = await ground.vehicles(fleet.sysids, 10.0)
             for sysid, session in sessions.items():
-                told = await session.request_message(148, "AUTOPILOT_VERSION")
+                told = await session.request_message(MessageId.AUTOPILOT_VERSION)
                 assert bytes(told.fields["uid2"])[11:14] == b"%03d" % sysid
                 assert ground.where(sysid).startswith(ours.split(":", maxsplit=1)[0])
 
@@ -59,7 +60,7 @@ def test_a_vehicle_on_two_links_is_one_vehicle(make_fleet: Callable[..., Fleet])
             (session,) = (await ground.vehicles([1], 10.0)).values()
             await asyncio.sleep(2.5)  # longer than two addresses have to prove that they are one vehicle
             ground.check()
-            await session.request_message(148, "AUTOPILOT_VERSION")
+            await session.request_message(MessageId.AUTOPILOT_VERSION)
 
     run(scene())
 
@@ -85,7 +86,7 @@ def test_vehicles_may_be_called_something_else_on_the_link(make_fleet: Callable[
             sessions = await ground.vehicles([1, 2], 10.0, systems={1: 3, 2: 1})
             assert {sysid: s.station.sysid for sysid, s in sessions.items()} == {1: 3, 2: 1}
             assert [s.sysid for s in sessions.values()] == [1, 2]
-            told = await sessions[1].request_message(148, "AUTOPILOT_VERSION")
+            told = await sessions[1].request_message(MessageId.AUTOPILOT_VERSION)
             assert bytes(told.fields["uid2"])[11:14] == b"003"
             with pytest.raises(UsageError, match="vehicles 1 and 3 would both be system 3"):
                 await ground.vehicles([1, 2, 3], 1.0, systems={1: 3, 2: 1})

@@ -17,6 +17,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.link.wire.signing_keys import signing_with
+from gcs.mavlink import MessageId
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from sim_bridge.fleet import Fleet
 
@@ -214,7 +215,7 @@ def test_what_a_vehicle_said_before_is_not_believed_again(fleet: Fleet) -> None:
         note = lambda way, frame: heard.append(frame) if way is FrameDirection.IN else None  # noqa: E731
         async with opened(fleet, KEY, on_frame=note) as ground:
             session = (await ground.vehicles([1], 10.0))[1]
-            await session.request_message(148, "AUTOPILOT_VERSION")
+            await session.request_message(MessageId.AUTOPILOT_VERSION)
             old = [f for f in heard if int.from_bytes(f[7:10], "little") == 0]
             refused = ground.refused_frames
             _, port = ground.local_address

@@ -120,7 +120,7 @@ def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
             failed = caught.value
             assert failed.sysid == 4
             item = 5 + int(autopilot == "ardupilot")
-            assert f"nothing may start, because of vehicle 4: vehicle 4 refused the mission at item {item}" in str(
+            assert f"no vehicle may start, because of vehicle 4: vehicle 4 refused the mission at item {item}" in str(
                 failed
             )
             assert "command not supported" in str(failed)

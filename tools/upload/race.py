@@ -95,7 +95,7 @@ def ours(port: int, items: Sequence[MissionItem], sysids: Sequence[int], transfe
 
             async def one(sysid: int) -> bool:
                 try:
-                    machine = await sessions[sysid].deliver(items)
+                    machine = await sessions[sysid].upload_items(items)
                 except GcsError as error:
                     print(f"ours, vehicle {sysid}: {error.message}", file=sys.stderr)
                     return False

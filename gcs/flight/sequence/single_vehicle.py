@@ -55,7 +55,7 @@ async def until_mode(
 
 def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
     """Whichever backend it was found by; to be closed by whoever asks. Raises `PeerError` for unknown autopilots."""
-    return SessionControl(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.hands()
+    return SessionControl(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.control()
 
 
 class SessionControl:

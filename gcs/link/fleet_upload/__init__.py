@@ -1,1 +1,1 @@
-"""A fleet is loaded together, or not at all."""
+"""Upload to the whole fleet: all vehicles, or none."""

@@ -1,7 +1,4 @@
-"""What a vehicle holds: mission, fence, rally points, read once; and how that differs from what it should hold.
-
-Knows: items of all types, home as item 0. Does not know: files, plans.
-"""
+"""The items on board of one vehicle (mission, fence, rally points), and their differences from its load."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from gcs.mission.model import Home, MissionItem
 
 @dataclass(frozen=True)
 class OnboardState:
-    """Everything one vehicle holds; home does not count as an item."""
+    """All items on board of one vehicle, without home."""
 
     sysid: int
     autopilot: int
@@ -29,33 +26,33 @@ class OnboardState:
     rally: tuple[MissionItem, ...]
 
     def geofence(self) -> Geofence:
-        """The fence as shapes. Raises `PeerError` where it is none (PX4 stores any items)."""
+        """Return the fence as shapes. Raises `PeerError` if its items are invalid (PX4 stores any items)."""
         try:
             return fence_from_items(self.fence)
         except BadItem as error:
-            raise PeerError(f"vehicle {self.sysid} holds a fence that is none: {error}.") from None
+            raise PeerError(f"vehicle {self.sysid} has an invalid fence on board: {error}.") from None
 
     def rally_points(self) -> tuple[RallyPoint, ...]:
-        """The rally points. Raises `PeerError` where an item is none."""
+        """Return the rally points. Raises `PeerError` if an item is invalid."""
         try:
             return rally_from_items(self.rally)
         except BadItem as error:
-            raise PeerError(f"vehicle {self.sysid} holds rally points that are none: {error}.") from None
+            raise PeerError(f"vehicle {self.sysid} has invalid rally points on board: {error}.") from None
 
     def differences(self, load: VehicleLoad) -> list[str]:
-        """In words, what is not as `load` has it; what the load leaves alone is not looked at."""
+        """Return the differences from `load` in words. Parts that the load does not include are not compared."""
         parts = [("mission", load.mission.items, self.mission)]
         parts += [("fence", items, self.fence) for items in (load.fence,) if items is not None]
         parts += [("rally points", items, self.rally) for items in (load.rally,) if items is not None]
         return [
-            f"{name}, item {d.item}: {d.what} should be {d.sent}, is {d.read_back}"
+            f"{name}, item {d.item}: {d.what} required {d.sent}, on board {d.read_back}"
             for name, wanted, found in parts
             for d in compare_missions(wanted, found, autopilot=self.autopilot)
         ]
 
 
 async def read_onboard(session: Loadable) -> OnboardState:
-    """Download everything. Raises `PeerError`."""
+    """Download all items of one vehicle. Raises `PeerError`."""
     items = await session.download(MissionType.MISSION)
     fence = await session.download(MissionType.FENCE)
     rally = await session.download(MissionType.RALLY)

@@ -1,10 +1,9 @@
-"""A fleet is loaded all together, or not at all.
+"""Upload to all vehicles at once: all of them, or none.
 
-Knows: the order of things, and what a failure leaves behind. Does not know: sockets, plans but for their hash.
-
-First every vehicle is asked for the parameters that are going to change; then all are sent their missions, fences and
-rally points at once, read back and compared; then the parameters are set. Whoever fails ends it for all: what was sent
-is cleared, parameters get their old values, and each vehicle's state is told. Only `Holdings` lets anybody start.
+First every vehicle reports the parameters that will change. Then all receive their missions, fences and rally points at
+once, which are read back and compared; then the parameters are set. If one vehicle fails, the upload ends for all: sent
+items are cleared, parameters get their old values, and the error gives the state of each vehicle. Only `Holdings`
+allows a flight to start.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _SILENT_S = 4.0
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """One parameter of one vehicle, before and after."""
+    """One parameter of one vehicle, before and after the upload."""
 
     sysid: int
     before: Parameter
@@ -35,29 +34,30 @@ class ParameterChange:
 
 @dataclass(frozen=True)
 class Holdings:
-    """Proof that every vehicle held its load of one plan when it was read back; `digests` by vehicle."""
+    """Proof that the load of one plan was read back from every vehicle. `digests` are by vehicle."""
 
     plan_hash: str
     digests: Mapping[int, str]
     changes: tuple[ParameterChange, ...] = ()
 
     def require(self, plan_hash: str, sysids: Sequence[int]) -> None:
-        """Raises `FlightError` unless all these vehicles hold their load of this very plan."""
+        """Raise `FlightError` unless all these vehicles have their load of this plan on board."""
         missing = [sysid for sysid in sysids if sysid not in self.digests]
         if plan_hash != self.plan_hash or missing:
-            who = ", ".join(map(str, missing)) if missing else "all"
+            named = ", ".join(map(str, missing)) if missing else "all"
             raise FlightError(
-                f"nobody starts: vehicles without a verified mission of this plan: {who}.", hint="upload again"
+                f"no vehicle may start. Vehicles without a verified mission of this plan: {named}.", hint="upload again"
             )
 
 
 class UploadFailed(PeerError):
-    """Nobody may start. `cause` is the first failure, `states` what each vehicle was left with."""
+    """The upload failed, and no vehicle may start. `cause` is the first failure, `states` what is on board now."""
 
     def __init__(self, sysid: int, cause: GcsError, states: Mapping[int, str]) -> None:
-        told = "; ".join(f"vehicle {s}: {state}" for s, state in sorted(states.items()))
+        on_board = "; ".join(f"vehicle {s}: {state}" for s, state in sorted(states.items()))
         super().__init__(
-            f"nothing may start, because of vehicle {sysid}: {cause.message} Left behind: {told}.", hint=cause.hint
+            f"no vehicle may start, because of vehicle {sysid}: {cause.message} On board now: {on_board}.",
+            hint=cause.hint,
         )
         self.sysid = sysid
         self.cause = cause
@@ -66,7 +66,7 @@ class UploadFailed(PeerError):
 
 @dataclass
 class _Loading:
-    """One vehicle on the way."""
+    """One vehicle during the upload."""
 
     session: Loadable
     load: VehicleLoad
@@ -76,7 +76,7 @@ class _Loading:
 
 
 async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[ParameterChange, ...]:
-    """The parameters that an upload would change. Nothing is changed. Raises `PeerError`, `UsageError`."""
+    """Return the parameters that an upload would change; change nothing. Raises `PeerError`, `UsageError`."""
     found = await asyncio.gather(*(_changes(sessions[load.sysid], load) for load in loads))
     return tuple(change for changes in found for change in changes)
 
@@ -87,17 +87,17 @@ async def upload_fleet(
     plan_hash: str,
     on_step: Callable[[int, str], None] = lambda sysid, what: None,
 ) -> Holdings:
-    """Load all vehicles at once; returns what each holds.
+    """Upload to all vehicles at once; return the proof of what is on board.
 
-    `on_step(vehicle, what)` hears of progress. Raises `PeerError` before anything is sent where a vehicle is armed or
-    does not know a parameter, and `UploadFailed` after everything sent was taken back. Cancelled, it takes back too.
+    `on_step(vehicle, what)` reports progress. Raises `PeerError` before the first upload if a vehicle is armed or does
+    not know a parameter. Raises `UploadFailed` after the upload was rolled back. A cancelled upload is rolled back too.
     """
     every = [_Loading(sessions[load.sysid], load) for load in loads]
     for one in every:
         if one.session.armed:
             raise PeerError(
-                f"vehicle {one.session.sysid} is armed; nothing is uploaded to a vehicle that may be flying.",
-                hint="land and disarm it first",
+                f"vehicle {one.session.sysid} is armed, and may be in flight: no upload.",
+                hint="land and disarm it, then upload again",
             )
     try:
         before = await _all_or_first([_changes(one.session, one.load) for one in every], every)
@@ -106,20 +106,20 @@ async def upload_fleet(
     for one, changes in zip(every, before, strict=True):
         one.changes = changes
     try:
-        await _all_or_first([_put(one, on_step) for one in every], every)
+        await _all_or_first([_upload(one, on_step) for one in every], every)
         await _all_or_first([_set(one, on_step) for one in every], every)
     except _Failed as failed:
-        states = await _take_back(every)
+        states = await _roll_back(every)
         raise UploadFailed(failed.sysid, failed.cause, states) from failed.cause
     except asyncio.CancelledError:
-        await _take_back(every)
+        await _roll_back(every)
         raise
     digests = {one.load.sysid: one.load.digest(plan_hash) for one in every}
     return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes))
 
 
 async def restore(sessions: Mapping[int, Loadable], changes: Sequence[ParameterChange]) -> None:
-    """Give every changed parameter its old value. Raises `PeerError`; the others are restored all the same."""
+    """Restore the old value of every changed parameter. Raises `PeerError` after all vehicles were tried."""
     by_vehicle: dict[int, list[Parameter]] = {}
     for change in changes:
         by_vehicle.setdefault(change.sysid, []).append(change.before)
@@ -139,7 +139,7 @@ class _Failed(Exception):
 
 
 async def _all_or_first(actions: Sequence[Awaitable[T]], every: Sequence[_Loading]) -> list[T]:
-    """All results, or the first failure once all others have stopped."""
+    """Return all results. Raises the first failure after the other actions have stopped."""
     tasks = [asyncio.ensure_future(action) for action in actions]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
@@ -171,14 +171,14 @@ async def _changes(session: Loadable, load: VehicleLoad) -> list[ParameterChange
     return changes
 
 
-async def _put(one: _Loading, on_step: Callable[[int, str], None]) -> None:
+async def _upload(one: _Loading, on_step: Callable[[int, str], None]) -> None:
     session, mission = one.session, one.load.mission
     one.touched.add(MissionType.MISSION)
     await session.upload_mission(mission)
     on_step(session.sysid, f"mission of {len(mission.items)} items")
     for kind, items in one.load.extras:
         one.touched.add(kind)
-        await session.deliver(items, kind)
+        await session.upload_items(items, kind)
         on_step(session.sysid, f"{kind.name.lower()} of {len(items)} items")
 
 
@@ -189,29 +189,29 @@ async def _set(one: _Loading, on_step: Callable[[int, str], None]) -> None:
         on_step(one.session.sysid, f"{len(one.changes)} parameters")
 
 
-async def _take_back(every: Sequence[_Loading]) -> dict[int, str]:
-    """Clear what was sent, restore parameters; what each vehicle is left with, in words."""
-    states = await asyncio.gather(*(asyncio.shield(_cleared(one)) for one in every))
+async def _roll_back(every: Sequence[_Loading]) -> dict[int, str]:
+    """Clear what was sent and restore parameters. Return the state of each vehicle in words."""
+    states = await asyncio.gather(*(asyncio.shield(_roll_back_one(one)) for one in every))
     return {one.session.sysid: state for one, state in zip(every, states, strict=True)}
 
 
-async def _cleared(one: _Loading) -> str:
+async def _roll_back_one(one: _Loading) -> str:
     if not one.touched:
-        return "as it was"
+        return "unchanged"
     if one.session.heartbeat_age_s() > _SILENT_S:
-        return "silent; what it holds may be a mix of old and new: do not fly it"
-    left = []
+        return "no heartbeat, its items may be a mix of old and new: do not fly it"
+    problems = []
     for kind in sorted(one.touched):
         try:
-            await one.session.deliver((), kind)
+            await one.session.upload_items((), kind)
         except GcsError:
-            left.append(f"its {kind.name.lower()} may be a mix of old and new: do not fly it")
+            problems.append(f"its {kind.name.lower()} may be a mix of old and new: do not fly it")
     if one.wrote:
         try:
             await one.session.write_parameters([change.before for change in one.changes])
         except GcsError:
-            left.append("its parameters may be changed")
-    if left:
-        return ", ".join(left)
+            problems.append("its parameters may be changed")
+    if problems:
+        return ", ".join(problems)
     names = " and ".join(kind.name.lower() for kind in sorted(one.touched))
-    return f"{names} cleared" + (", parameters as they were" if one.wrote else "")
+    return f"{names} cleared" + (", parameters restored" if one.wrote else "")

@@ -1,7 +1,4 @@
-"""What one vehicle is to hold before it may start: mission, fence, rally points, parameters; and its hash.
-
-Knows: items and values, how they look on the wire. Does not know: links, where plans come from.
-"""
+"""The load of one vehicle (mission, fence, rally points, parameters) and its hash."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ _ITEM = struct.Struct("<HB4fiifB")
 
 @dataclass(frozen=True)
 class VehicleLoad:
-    """Everything for one vehicle. None leaves what the vehicle has; an empty tuple clears it."""
+    """The load of one vehicle. None leaves the items on board unchanged; an empty tuple clears them."""
 
     mission: VehicleMission
     fence: tuple[MissionItem, ...] | None = None
@@ -27,17 +24,17 @@ class VehicleLoad:
 
     @property
     def sysid(self) -> int:
-        """The vehicle it is for."""
+        """The number of the vehicle."""
         return self.mission.sysid
 
     @property
     def extras(self) -> tuple[tuple[MissionType, tuple[MissionItem, ...]], ...]:
-        """What goes beside the mission, by type."""
+        """Fence and rally points by type, if the load includes them."""
         both = ((MissionType.FENCE, self.fence), (MissionType.RALLY, self.rally))
         return tuple((kind, items) for kind, items in both if items is not None)
 
     def digest(self, plan_hash: str) -> str:
-        """SHA-256 over the plan's hash, the vehicle, and all that it is to hold, as the wire has it."""
+        """Return SHA-256 over the plan's hash, the vehicle, and its load in the format of the wire."""
         parts = hashlib.sha256(f"{plan_hash} {self.sysid} {self.mission.home}".encode())
         for kind, items in ((MissionType.MISSION, self.mission.items), *self.extras):
             parts.update(struct.pack("<BH", kind, len(items)))

@@ -1,1 +1,1 @@
-"""MAVSDK as a backend: the only room that imports it."""
+"""The MAVSDK backend."""

@@ -1,7 +1,6 @@
-"""MAVSDK's way to ask a vehicle for what `gcs.link.session.vehicle_api` names, and what it tells of a vehicle.
+"""MAVSDK's control of a vehicle in flight, and its status report.
 
-Knows: its plugins for actions, offboard control, telemetry and versions. Does not know: links, missions.
-It repeats setpoints by itself, 20 times a second, with stamps of its own.
+MAVSDK repeats setpoints by itself, 20 times a second, with its own time stamps.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from gcs.link.session.vehicle_api import Setpoint
 from gcs.mission.model import Home
 
 T = TypeVar("T")
-Call = Callable[[str, Callable[[], T]], Awaitable[T]]  # what for, and the call that blocks
-_PATIENCE_S = 10.0
-_TOLD_S, _RATE_HZ = 3.0, 5.0
+Call = Callable[[str, Callable[[], T]], Awaitable[T]]  # the purpose, and the blocking call
+_TIMEOUT_S = 10.0
+_REPORT_S, _RATE_HZ = 3.0, 5.0
 _STREAM_FIRST_S = max(row.flight.stream_first_s for row in TRAITS.values())
 _LOOK_S = 0.05
 _VERSION_TYPES = ("?", "-dev", "-alpha", "-beta", "-rc", "")
@@ -48,7 +47,7 @@ class MavsdkControl:
 
     async def take_off(self, height_m: float) -> None:
         """See `Flyable`."""
-        await self._call("set the height of its take-off", lambda: self._action.set_takeoff_altitude(height_m))
+        await self._call("set the take-off height", lambda: self._action.set_takeoff_altitude(height_m))
         await self._call("take off", self._action.takeoff)
 
     async def hold(self) -> None:
@@ -69,11 +68,11 @@ class MavsdkControl:
     async def follow(self, setpoint: Setpoint) -> None:
         """See `Flyable`."""
         yaw_deg = math.degrees(setpoint.yaw_ned_rad)
-        place = offboard.PositionNedYaw(*setpoint.position_ned_m, yaw_deg)
-        rate = offboard.VelocityNedYaw(*setpoint.velocity_ned_mps, yaw_deg)
-        push = offboard.AccelerationNed(*setpoint.acceleration_ned_mps2)
-        put = self._offboard.set_position_velocity_acceleration_ned
-        await self._call("take a setpoint", lambda: put(place, rate, push))
+        position = offboard.PositionNedYaw(*setpoint.position_ned_m, yaw_deg)
+        velocity = offboard.VelocityNedYaw(*setpoint.velocity_ned_mps, yaw_deg)
+        acceleration = offboard.AccelerationNed(*setpoint.acceleration_ned_mps2)
+        send = self._offboard.set_position_velocity_acceleration_ned
+        await self._call("take a setpoint", lambda: send(position, velocity, acceleration))
         if not self._following:
             await asyncio.sleep(_STREAM_FIRST_S)
             await self._call("start offboard control", self._offboard.start)
@@ -83,7 +82,7 @@ class MavsdkControl:
             )
 
     async def close(self) -> None:
-        """See `Flyable`. The plugins go with it."""
+        """See `Flyable`. Destroys the plugins."""
         for plugin in (self._action, self._offboard, self._telemetry):
             plugin.destroy()
 
@@ -92,30 +91,30 @@ class MavsdkControl:
         await self._until(lambda: self._telemetry.flight_mode() == mode, f"in {mode.name}")
 
     async def _until(self, condition: Callable[[], bool], what: str) -> None:
-        end_s = time.monotonic() + _PATIENCE_S
+        end_s = time.monotonic() + _TIMEOUT_S
         while not condition():
             if time.monotonic() > end_s:
-                raise PeerTimeout(f"vehicle {self._sysid}: it was not {what} within {_PATIENCE_S:g} s.")
+                raise PeerTimeout(f"vehicle {self._sysid} was not {what} within {_TIMEOUT_S:g} s.")
             await asyncio.sleep(_LOOK_S)
 
 
 async def report(sysid: int, system: Any, autopilot: int, call: Call[Any]) -> VehicleReport:
-    """What MAVSDK knows of a vehicle; it has no word on lost frames, round trips and most sensors.
+    """Return the report of a vehicle by MAVSDK, which does not report lost frames, round trips and most sensors.
 
-    ArduPilot tells nothing unasked, so it is asked to tell, and goes on telling on this link.
+    ArduPilot sends no telemetry unless requested. The requested rates stay set on this link.
     """
-    told, versions = telemetry.Telemetry(system), info.Info(system)
+    state, versions = telemetry.Telemetry(system), info.Info(system)
     try:
         for name in ("health", "battery", "gps_info", "position", "landed_state"):
-            await _or_none(call, f"tell its {name}", partial(getattr(told, f"set_rate_{name}"), _RATE_HZ))
-        end_s = time.monotonic() + _TOLD_S
-        while not _is_complete(told) and time.monotonic() < end_s:
+            await _or_none(call, f"report its {name}", partial(getattr(state, f"set_rate_{name}"), _RATE_HZ))
+        end_s = time.monotonic() + _REPORT_S
+        while not _is_complete(state) and time.monotonic() < end_s:
             await asyncio.sleep(_LOOK_S)
-        version = await _or_none(call, "tell its version", versions.get_version)
-        identity = await _or_none(call, "tell its number", versions.get_identification)
-        origin = await _or_none(call, "tell its origin", told.get_gps_global_origin)
-        health, battery, place, fix = told.health(), told.battery(), told.position(), told.gps_info()
-        home = told.home()
+        version = await _or_none(call, "report its version", versions.get_version)
+        identity = await _or_none(call, "report its id", versions.get_identification)
+        origin = await _or_none(call, "report its origin", state.get_gps_global_origin)
+        health, battery, position, fix = state.health(), state.battery(), state.position(), state.gps_info()
+        home = state.home()
         share = battery.remaining_percent / 100.0
         calibrated = {
             "gyro": health.is_gyrometer_calibration_ok,
@@ -129,15 +128,15 @@ async def report(sysid: int, system: Any, autopilot: int, call: Call[Any]) -> Ve
             autopilot=autopilot_name(autopilot),
             version=None if version is None else _version(version),
             uid=None if identity is None else str(identity.hardware_uid).rstrip("0") or None,
-            mode=told.flight_mode().name,
-            armed=bool(told.armed()),
-            state=told.landed_state().name.lower(),
+            mode=state.flight_mode().name,
+            armed=bool(state.armed()),
+            state=state.landed_state().name.lower(),
             prearm_ok=bool(health.is_armable),
             estimate_ok=bool(health.is_local_position_ok and health.is_global_position_ok),
             ailing=tuple(name for name, good in calibrated.items() if not good),
-            home=_place(home.latitude_deg, home.longitude_deg, home.absolute_altitude_m),
-            position=_place(place.latitude_deg, place.longitude_deg, place.absolute_altitude_m),
-            origin=None if origin is None else _place(origin.latitude_deg, origin.longitude_deg, origin.altitude_m),
+            home=_position(home.latitude_deg, home.longitude_deg, home.absolute_altitude_m),
+            position=_position(position.latitude_deg, position.longitude_deg, position.absolute_altitude_m),
+            origin=None if origin is None else _position(origin.latitude_deg, origin.longitude_deg, origin.altitude_m),
             satellites=int(fix.num_satellites),
             fix_type=int(fix.fix_type),
             battery_share=share if 0.0 <= share <= 1.0 else None,
@@ -147,19 +146,19 @@ async def report(sysid: int, system: Any, autopilot: int, call: Call[Any]) -> Ve
             heartbeat_age_s=0.0 if system.is_connected() else math.inf,
         )
     finally:
-        told.destroy()
+        state.destroy()
         versions.destroy()
 
 
-def _is_complete(told: Any) -> bool:
-    place, home, battery = told.position(), told.home(), told.battery()
-    known = (place.latitude_deg, home.latitude_deg, battery.remaining_percent)
-    return bool(told.health().is_armable and all(math.isfinite(number) for number in known))
+def _is_complete(state: Any) -> bool:
+    position, home, battery = state.position(), state.home(), state.battery()
+    known = (position.latitude_deg, home.latitude_deg, battery.remaining_percent)
+    return bool(state.health().is_armable and all(math.isfinite(number) for number in known))
 
 
-async def _or_none(call: Call[T], what: str, asked: Callable[[], T]) -> T | None:
+async def _or_none(call: Call[T], what: str, blocking: Callable[[], T]) -> T | None:
     try:
-        return await call(what, asked)
+        return await call(what, blocking)
     except PeerError:
         return None
 
@@ -169,7 +168,7 @@ def _version(found: Any) -> str:
     return numbers + _VERSION_TYPES[int(found.flight_sw_version_type)]
 
 
-def _place(lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Home | None:
+def _position(lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Home | None:
     if not all(math.isfinite(number) for number in (lat_deg, lon_deg, alt_amsl_m)):
         return None
     return Home(lat_deg, lon_deg, alt_amsl_m)

@@ -1,13 +1,13 @@
-"""MAVSDK in place of our own machines, behind the same interface; only this module and `backend_mavsdk_flight` know it.
+"""The MAVSDK backend, with the interface of our own sessions: missions, fences, rally points and parameters.
 
-Knows: its plugins for missions and parameters, its names of links. Does not know: MAVLink messages.
-It cannot sign, and has timers of its own. Its calls block and run in threads; one that was given up ends with its own
-patience. Success is its word only, so here too everything is read back and compared.
+MAVSDK cannot sign and has timers of its own. Its calls block and run in threads; a cancelled call ends with the timeout
+of MAVSDK. Its success is no proof, so here too everything is read back and compared.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager
@@ -22,23 +22,23 @@ from gcs.errors import LinkError, PeerError, PeerTimeout
 from gcs.link.endpoints.base import LinkMode, parse_link_spec
 from gcs.link.mavsdk.mavsdk_flight import MavsdkControl, report
 from gcs.link.microservices.parameter import REAL32, Parameter
-from gcs.link.mission_protocol.item_messages import with_home
-from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.item_messages import file_frame, with_home
+from gcs.link.mission_protocol.read_back import compare_missions, read_back_error
 from gcs.link.session.status_report import VehicleReport
-from gcs.mavlink import GENERIC_AUTOPILOT, MissionType
+from gcs.link.wire.message import Station
+from gcs.mavlink import GENERIC_AUTOPILOT, MissionType, ParameterType
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 T = TypeVar("T")
-_INT32 = 6
 _LOOK_S = 0.05
-_FORGOTTEN_S, _AGAIN_S = 12.0, 0.5
-_BEAT_S = 1.5  # heartbeats come once a second
+_BUSY_MAX_S, _RETRY_S = 12.0, 0.5
+_HEARTBEAT_WAIT_S = 1.5  # heartbeats arrive once a second
 _SCHEMES = {LinkMode.LISTEN: "udpin", LinkMode.CALL: "udpout", LinkMode.TCP: "tcpout", LinkMode.SERIAL: "serial"}
 _AUTOPILOTS = {theirs: Autopilot[theirs.name] for theirs in mavsdk.Autopilot if theirs.name in Autopilot.__members__}
 
 
 class MavsdkVehicle:
-    """One of MAVSDK's systems, as `gcs.link.session.vehicle_api.Loadable` has it."""
+    """One system of MAVSDK with the interface `gcs.link.session.vehicle_api.Loadable`."""
 
     def __init__(self, system: Any) -> None:
         self.sysid = int(system.get_system_id())
@@ -47,15 +47,15 @@ class MavsdkVehicle:
         self._params = param.Param(system)
         self._telemetry = telemetry.Telemetry(system)
         self._heard = False
-        self._telemetry.subscribe_armed(self._hear)
+        self._telemetry.subscribe_armed(self._note_heartbeat)
         self._lock = asyncio.Lock()
 
-    def _hear(self, *_: Any) -> None:
+    def _note_heartbeat(self, *_: Any) -> None:
         self._heard = True
 
     @property
     def heard(self) -> bool:
-        """Whether a heartbeat came since it was found: before, MAVSDK calls everybody disarmed."""
+        """Whether a heartbeat has arrived. Before the first one, MAVSDK reports every vehicle as disarmed."""
         return self._heard
 
     @property
@@ -65,20 +65,20 @@ class MavsdkVehicle:
 
     @property
     def armed(self) -> bool:
-        """Whether its last heartbeat says so."""
+        """Whether it is armed, by its last heartbeat."""
         return bool(self._telemetry.armed())
 
     @property
     def home_is_item_0(self) -> bool:
-        """Whether its missions carry home as item 0."""
+        """Whether item 0 of its missions is home."""
         return link_behaviour(self.autopilot).home_is_item_0
 
     def heartbeat_age_s(self) -> float:
-        """0, or infinite once MAVSDK calls it lost."""
+        """Return 0, or infinity once MAVSDK reports it as lost."""
         return 0.0 if self._system.is_connected() else float("inf")
 
-    async def deliver(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> None:
-        """Uploads once, reads back and compares."""
+    async def upload_items(self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION) -> None:
+        """Upload items once, read them back and compare."""
         raw = [_raw(seq, item, mission_type) for seq, item in enumerate(items)]
         if not raw:
             await self._clear()
@@ -89,89 +89,89 @@ class MavsdkVehicle:
         else:
             await self.call("upload its mission", lambda: self._missions.upload_mission(raw))
         first = int(self.home_is_item_0 and mission_type == MissionType.MISSION)
-        held = await self.download(mission_type)
-        differences = compare_missions(items[first:], held[first:], autopilot=self.autopilot)
+        on_board = await self.download(mission_type)
+        differences = compare_missions(items[first:], on_board[first:], autopilot=self.autopilot)
         if differences:
-            raise PeerError(f"vehicle {self.sysid} does not hold what it was sent: {differences[0]}.")
+            raise read_back_error(Station(self.sysid, 1), mission_type, differences)
 
     async def _clear(self) -> None:
-        """What MAVSDK was told to give up may go on on board: PX4 answers "busy" until it has forgotten that."""
-        end_s = time.monotonic() + _FORGOTTEN_S
+        """Clear all items. PX4 answers "busy" until it has forgotten a transfer that MAVSDK cancelled."""
+        end_s = time.monotonic() + _BUSY_MAX_S
         while True:
             try:
-                return await self.call("clear what it holds", self._missions.clear_mission)
+                return await self.call("clear its items", self._missions.clear_mission)
             except PeerError:
                 if time.monotonic() > end_s:
                     raise
-            await asyncio.sleep(_AGAIN_S)
+            await asyncio.sleep(_RETRY_S)
 
     async def upload_mission(self, mission: VehicleMission) -> None:
-        """Delivers a mission, with home where the autopilot wants it."""
-        await self.deliver(with_home(mission.items, mission.home) if self.home_is_item_0 else mission.items)
+        """Upload a mission, with home as item 0 if the autopilot requires it."""
+        await self.upload_items(with_home(mission.items, mission.home) if self.home_is_item_0 else mission.items)
 
     async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
-        """What the vehicle holds."""
+        """Return the items on board."""
         downloads = {
             MissionType.MISSION: self._missions.download_mission,
             MissionType.FENCE: self._missions.download_geofence,
             MissionType.RALLY: self._missions.download_rallypoints,
         }
         try:
-            raw = await self.call("download what it holds", downloads[MissionType(mission_type)])
+            raw = await self.call("download its items", downloads[MissionType(mission_type)])
         except PeerError as error:
-            if "NO_MISSION_AVAILABLE" in error.message:  # how it says that there are none
+            if "NO_MISSION_AVAILABLE" in error.message:  # MAVSDK's answer for an empty mission
                 return ()
             raise
         return tuple(_item(one) for one in raw)
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """Parameters by name; MAVSDK tells a whole number only from one that is none, so both are tried."""
+        """Return parameters by name. MAVSDK has one call for integers and one for floats, so both are tried."""
         return {name: await self.call(f"read {name}", partial(self._read, name)) for name in names}
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
-        """Sets parameters, and reads each again."""
+        """Set parameters and read each one back."""
         for wanted in parameters:
-            put = self._params.set_param_float if wanted.kind == REAL32 else self._params.set_param_int
-            await self.call(f"set {wanted.name}", partial(put, wanted.name, wanted.value))
+            setter = self._params.set_param_float if wanted.kind == REAL32 else self._params.set_param_int
+            await self.call(f"set {wanted.name}", partial(setter, wanted.name, wanted.value))
             found = (await self.read_parameters([wanted.name]))[wanted.name]
             if not wanted.same_value(found):
-                raise PeerError(f"vehicle {self.sysid} was told {wanted}, and keeps {found.value}.")
+                raise PeerError(f"vehicle {self.sysid} did not set {wanted}: it reports {found.value}.")
 
     async def home(self) -> Home | None:
-        """Where its home is, as last told."""
-        place = self._telemetry.home()
-        if place is None or place.latitude_deg != place.latitude_deg:
+        """Return its last reported home position."""
+        home = self._telemetry.home()
+        if home is None or math.isnan(home.latitude_deg):
             return None
-        return Home(place.latitude_deg, place.longitude_deg, place.absolute_altitude_m)
+        return Home(home.latitude_deg, home.longitude_deg, home.absolute_altitude_m)
 
     def close(self) -> None:
-        """Let go of the plugins."""
+        """Destroy the plugins."""
         for plugin in (self._missions, self._params, self._telemetry):
             plugin.destroy()
 
     def _read(self, name: str) -> Parameter:
         try:
-            return Parameter(name, int(self._params.get_param_int(name)), _INT32)
-        except Exception:  # it has a float's type, or is not there: the next call tells
+            return Parameter(name, int(self._params.get_param_int(name)), int(ParameterType.INT32))
+        except Exception:  # a float, or unknown: the next call decides
             return Parameter(name, float(self._params.get_param_float(name)), REAL32)
 
-    def hands(self) -> MavsdkControl:
-        """What it can be asked in flight; to be closed by whoever asks."""
+    def control(self) -> MavsdkControl:
+        """Return the control of the vehicle in flight. The caller closes it."""
         return MavsdkControl(self.sysid, self._system, self.call)
 
     async def report(self) -> VehicleReport:
-        """What it tells of itself."""
+        """Return its status report."""
         return await report(self.sysid, self._system, self.autopilot, self.call)
 
     async def call(self, what: str, call: Callable[[], T]) -> T:
-        """One of MAVSDK's calls that block, in a thread, one at a time. Raises `PeerError` with its reason."""
+        """Run a blocking call of MAVSDK in a thread, one at a time. Raises `PeerError` with its reason."""
         async with self._lock:
             work = asyncio.ensure_future(asyncio.to_thread(call))
             try:
                 return await asyncio.shield(work)
             except asyncio.CancelledError:
                 self._missions.cancel_mission_upload()
-                await asyncio.wait({work})  # MAVSDK must not be taken away under a call
+                await asyncio.wait({work})  # MAVSDK must not be destroyed during a call
                 work.exception()
                 raise
             except Exception as error:  # MAVSDK's plugins have an exception class each
@@ -180,7 +180,7 @@ class MavsdkVehicle:
 
 
 class MavsdkFleet:
-    """What `gcs.link.session.linked_fleet.Fleet` is for loading, on MAVSDK."""
+    """All vehicles on the links of MAVSDK, with the interface of `gcs.link.session.linked_fleet.LinkedFleet`."""
 
     def __init__(self, sdk: Any) -> None:
         self._sdk = sdk
@@ -189,7 +189,7 @@ class MavsdkFleet:
     @classmethod
     @asynccontextmanager
     async def open(cls, specs: Sequence[str]) -> AsyncIterator[MavsdkFleet]:
-        """Opens links by our names for them. Raises `UsageError`, `LinkError`."""
+        """Open links by their names (see `parse_link_spec`). Raises `UsageError`, `LinkError`."""
         urls = [mavsdk_url(spec) for spec in specs]
         station = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
         sdk = mavsdk.Mavsdk(station)
@@ -209,13 +209,16 @@ class MavsdkFleet:
     async def vehicles(
         self, sysids: Collection[int], timeout_s: float, *, systems: Mapping[int, int] | None = None
     ) -> dict[int, MavsdkVehicle]:
-        """These vehicles, once each has been heard. Raises `PeerTimeout` that names the silent ones."""
+        """Return these vehicles once each has sent a heartbeat. Raises `PeerTimeout` that names the silent ones."""
         system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(sysids)}
         end_s = time.monotonic() + timeout_s
         while missing := [s for s, system in system_of.items() if not self._is_heard(system)]:
             if time.monotonic() > end_s:
                 silent = ", ".join(map(str, missing))
-                raise PeerTimeout(f"no heartbeat from vehicles {silent} within {timeout_s:g} s.")
+                raise PeerTimeout(
+                    f"no heartbeat from vehicles {silent} within {timeout_s:g} s.",
+                    hint="start them, or check the address and port that they send to",
+                )
             await asyncio.sleep(_LOOK_S)
         found = {sysid: self._known[system] for sysid, system in system_of.items()}
         for sysid, vehicle in found.items():
@@ -223,27 +226,27 @@ class MavsdkFleet:
         return found
 
     async def listen(self, duration_s: float) -> dict[int, MavsdkVehicle]:
-        """Whoever is heard within `duration_s`, by system id."""
+        """Return all vehicles heard within `duration_s`, by system id."""
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s:
             self._look()
             await asyncio.sleep(_LOOK_S)
-        while not all(vehicle.heard for vehicle in self.known) and time.monotonic() < end_s + _BEAT_S:
+        while not all(vehicle.heard for vehicle in self.known) and time.monotonic() < end_s + _HEARTBEAT_WAIT_S:
             await asyncio.sleep(_LOOK_S)
         return {system: vehicle for system, vehicle in sorted(self._known.items()) if vehicle.heard}
 
     @property
     def known(self) -> tuple[MavsdkVehicle, ...]:
-        """Everybody heard so far, by system id."""
+        """All vehicles found so far, by system id."""
         return tuple(vehicle for _, vehicle in sorted(self._known.items()))
 
     def close(self) -> None:
-        """Let go of the plugins before MAVSDK goes."""
+        """Destroy all plugins, which must precede the end of MAVSDK."""
         for vehicle in self._known.values():
             vehicle.close()
 
     def check(self) -> None:
-        """MAVSDK does not tell two vehicles with one id apart."""
+        """Do nothing: MAVSDK cannot distinguish two vehicles with one system id."""
 
     def _is_heard(self, system: int) -> bool:
         vehicle = self._look().get(system)
@@ -257,19 +260,18 @@ class MavsdkFleet:
 
 
 def mavsdk_url(spec: str) -> str:
-    """A link as MAVSDK writes it. Raises `UsageError`."""
+    """Return the name of a link in the form of MAVSDK. Raises `UsageError`."""
     link = parse_link_spec(spec)
     return f"{_SCHEMES[link.mode]}://{link.host}:{link.port}"
 
 
 def _raw(seq: int, item: MissionItem, mission_type: int) -> Any:
     params = (float(p) for p in item.params)
-    place = (item.lat_degE7, item.lon_degE7, item.alt_m)
+    position = (item.lat_degE7, item.lon_degE7, item.alt_m)
     auto = int(item.autocontinue)
-    return mission_raw.MissionItem(seq, item.frame, item.command, int(seq == 0), auto, *params, *place, mission_type)
+    return mission_raw.MissionItem(seq, item.frame, item.command, int(seq == 0), auto, *params, *position, mission_type)
 
 
 def _item(raw: Any) -> MissionItem:
     params = (raw.param1, raw.param2, raw.param3, raw.param4)
-    frame = {5: 0, 6: 3, 11: 10}.get(raw.frame, raw.frame)
-    return MissionItem(raw.command, frame, params, raw.x, raw.y, raw.z, bool(raw.autocontinue))
+    return MissionItem(raw.command, file_frame(raw.frame), params, raw.x, raw.y, raw.z, bool(raw.autocontinue))

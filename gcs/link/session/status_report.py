@@ -1,7 +1,6 @@
-"""What a vehicle tells of itself when it is asked: who it is, how it is, where it is, how well it is heard.
+"""The status report of one vehicle: identity, health, position, battery and link quality, from requested messages.
 
-Knows: which messages tell what on either autopilot. Does not know: what is good enough (that is the pre-flight's).
-Nothing is changed on board: every message is asked for once, and what does not come is None.
+Nothing is changed on board. Every message is requested once; a message that does not arrive gives None.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ _SENSORS = {
 
 @dataclass(frozen=True)
 class VehicleReport:
-    """One vehicle now. Angles in degrees, altitudes above the sea; None is what it did not tell."""
+    """The present state of one vehicle. Angles in degrees, altitudes AMSL; None means not reported."""
 
     sysid: int
     system: int
@@ -60,21 +59,21 @@ class VehicleReport:
     state: str  # MAV_STATE
     prearm_ok: bool | None
     estimate_ok: bool | None
-    ailing: tuple[str, ...]  # sensors that are switched on and not healthy
+    ailing: tuple[str, ...]  # sensors that are enabled and not healthy
     home: Home | None
     position: Home | None
     origin: Home | None  # of its local frame
     satellites: int | None
-    fix_type: int | None  # GPS_FIX_TYPE: 3 is a fix in space, 6 one to centimetres
+    fix_type: int | None  # GPS_FIX_TYPE: 3 is a 3D fix, 6 is RTK fixed
     battery_share: float | None
     battery_V: float | None
-    loss: float | None  # of its frames
+    loss: float | None  # share of lost frames
     timesync: TimeSample | None
     heartbeat_age_s: float
 
 
 async def status_report(session: VehicleSession, where: str = "") -> VehicleReport:
-    """Ask one vehicle for everything; takes some round trips, and at most a few seconds."""
+    """Return the report of one vehicle. It takes some round trips, at most a few seconds."""
     clock = asyncio.ensure_future(measure_clock(session))
     filter_id = link_behaviour(session.autopilot).estimator.message
     wanted = (
@@ -86,9 +85,9 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         MessageId.HOME_POSITION,
         MessageId.GPS_GLOBAL_ORIGIN,
     )
-    told = {message_id: await _asked(session, message_id) for message_id in wanted}
-    version, status, receiver = (told[i] for i in (wanted[0], wanted[1], wanted[3]))
-    estimate = told[filter_id]
+    reported = {message_id: await _requested(session, message_id) for message_id in wanted}
+    version, status, receiver = (reported[i] for i in (wanted[0], wanted[1], wanted[3]))
+    estimate = reported[filter_id]
     return VehicleReport(
         sysid=session.sysid,
         system=session.station.sysid,
@@ -101,10 +100,10 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
         prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & _PREARM),
         estimate_ok=None if estimate is None else estimate_is_good(estimate),
-        ailing=() if status is None else _ailing(status),
-        home=_place(told[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
-        position=_place(told[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
-        origin=_place(told[MessageId.GPS_GLOBAL_ORIGIN], "latitude", "longitude", "altitude"),
+        ailing=() if status is None else _unhealthy(status),
+        home=_position(reported[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
+        position=_position(reported[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
+        origin=_position(reported[MessageId.GPS_GLOBAL_ORIGIN], "latitude", "longitude", "altitude"),
         fix_type=None if receiver is None else int(receiver.fields["fix_type"]),
         satellites=None if receiver is None else int(receiver.fields["satellites_visible"]),
         battery_share=_battery_share(status),
@@ -116,13 +115,13 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
 
 
 async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) -> TimeSample | None:
-    """The offset of the vehicle's boot clock and the round trip, by TIMESYNC; None where it does not answer."""
+    """Return the offset of the vehicle's boot clock and the round trip, by TIMESYNC; None without an answer."""
     loop = asyncio.get_running_loop()
     sync = TimeSync(session.station)
     answered = asyncio.Event()
     count = 0
 
-    def hear(message: Message) -> None:
+    def receive(message: Message) -> None:
         nonlocal count
         if message.name == "TIMESYNC" and message.fields["tc1"]:
             sync.receive(message, loop.time())
@@ -130,7 +129,7 @@ async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) ->
             if count >= exchanges:
                 answered.set()
 
-    stop = session.subscribe(hear)
+    stop = session.subscribe(receive)
     try:
         for _ in range(exchanges):
             session.send(sync.request(loop.time()))
@@ -146,9 +145,9 @@ async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) ->
 
 
 def estimate_is_good(message: Message) -> bool:
-    """Whether a filter's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) say that it knows where it is.
+    """Return whether the estimator's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) report a valid position.
 
-    PX4 sets "constant position" (0x80) when all is well, too: there it means nothing.
+    PX4 also sets "constant position" (0x80) when the estimate is healthy, so the flag is ignored there.
     """
     flags = int(message.fields["flags"])
     bad = _BAD_FLAGS if message.name == "EKF_STATUS_REPORT" else 0
@@ -156,15 +155,15 @@ def estimate_is_good(message: Message) -> bool:
 
 
 def version_text(version: int) -> str:
-    """AUTOPILOT_VERSION.flight_sw_version as people write it: 4.5.6, 1.17.0-alpha."""
+    """Return AUTOPILOT_VERSION.flight_sw_version as text: 4.5.6, 1.17.0-alpha."""
     kind = version & 0xFF
     return f"{version >> 24 & 0xFF}.{version >> 16 & 0xFF}.{version >> 8 & 0xFF}{_VERSION_TYPES.get(kind, '')}"
 
 
-async def _asked(session: VehicleSession, message_id: MessageId) -> Message | None:
+async def _requested(session: VehicleSession, message_id: MessageId) -> Message | None:
     try:
         timers = session.timers
-        return await session.request_message(message_id, message_id.name, timers.status_reply_s, timers=timers.status)
+        return await session.request_message(message_id, timers.status_reply_s, timers=timers.status)
     except GcsError:
         return None
 
@@ -176,13 +175,13 @@ def _state(status: int) -> str:
         return f"state {status}"
 
 
-def _ailing(status: Message) -> tuple[str, ...]:
+def _unhealthy(status: Message) -> tuple[str, ...]:
     fields = status.fields
     bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"] & ~_PREARM
     return tuple(_SENSORS.get(bit, f"sensor {bit}") for bit in range(32) if bits >> bit & 1)
 
 
-def _place(message: Message | None, lat: str, lon: str, alt: str) -> Home | None:
+def _position(message: Message | None, lat: str, lon: str, alt: str) -> Home | None:
     if message is None or not (message.fields[lat] or message.fields[lon]):
         return None
     fields = message.fields

@@ -1,8 +1,6 @@
-"""One vehicle's conversation: machines fed with its messages, and answers to wait for.
+"""The session with one vehicle: feeds protocol machines with its messages and event loop time, and waits for answers.
 
-Knows: the event loop's time, which it hands to the machines. Does not know: sockets (it is given a way to send),
-plans, modes of flight. Every wait ends: with an answer, or with `PeerTimeout` that names the vehicle and what was
-awaited.
+Every wait ends with an answer, or with a `PeerTimeout` that names the vehicle and what was awaited.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ from gcs.mission.model import Home, MissionItem, VehicleMission
 
 
 class VehicleSession:
-    """One vehicle as seen from the ground station. Made by `gcs.link.session.linked_fleet.Fleet`."""
+    """One vehicle, as the ground station sees it. `gcs.link.session.linked_fleet.LinkedFleet` creates it."""
 
     def __init__(
         self,
@@ -49,15 +47,15 @@ class VehicleSession:
         transfer: Transfer = Transfer.AUTO,
     ) -> None:
         self.station = heartbeat.source
-        self.sysid = heartbeat.sysid  # the vehicle's number among its fellows: its system id unless mapped
+        self.sysid = heartbeat.sysid  # the vehicle's number in the plan: its system id unless mapped
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
         own = timers or link_behaviour(int(heartbeat.fields["autopilot"])).timers
         self.round_trip = RttEstimator(own.round_trip)
         self.latest: dict[str, Message] = {}  # the last message of each name
-        self.latest_s: dict[str, float] = {}  # ... and when it came, event loop time
-        self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, sentence
+        self.latest_s: dict[str, float] = {}  # ... and its arrival, event loop time
+        self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, text
         self._send = send
         self._own_timers = timers
         self._transfer = transfer
@@ -78,12 +76,12 @@ class VehicleSession:
 
     @property
     def armed(self) -> bool:
-        """Whether its last heartbeat says so."""
+        """Whether it is armed, by its last heartbeat."""
         return bool(self.latest["HEARTBEAT"].fields["base_mode"] & ModeFlag.ARMED)
 
     @property
     def custom_mode(self) -> int:
-        """The mode of its last heartbeat: the only trustworthy word about it."""
+        """The flight mode of its last heartbeat, the only reliable source."""
         return int(self.latest["HEARTBEAT"].fields["custom_mode"])
 
     @property
@@ -97,40 +95,36 @@ class VehicleSession:
         return self._own_timers or link_behaviour(self.autopilot).timers
 
     def heartbeat_age_s(self) -> float:
-        """Seconds of local time since its last heartbeat."""
+        """Return the local time since its last heartbeat, s."""
         return self._loop.time() - self.latest_s["HEARTBEAT"]
 
-    def message_age_s(self, name: str) -> float:
-        """Seconds of local time since its last message of that name; infinite if there was none."""
-        return self._loop.time() - self.latest_s.get(name, float("-inf"))
-
     def send(self, message: Message) -> None:
-        """Sends a message to the vehicle's address; target fields are the caller's."""
+        """Send a message to the vehicle's address. The caller sets the target fields."""
         self._send(message)
 
     def subscribe(self, listener: Callable[[Message], None]) -> Callable[[], None]:
-        """Calls `listener` with every message from now on; the result ends that."""
+        """Call `listener` with every message from now on. Return the function that ends this."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener) if listener in self._listeners else None
 
     def receive(self, message: Message, now_s: float) -> None:
-        """Takes in one message of this vehicle (the fleet's business)."""
+        """Process one message of this vehicle. Only the fleet calls it."""
         self.latest[message.name] = message
         self.latest_s[message.name] = now_s
         self.clock.receive(message, now_s)
         if message.name == "STATUSTEXT":
-            self._note(self._joiner.receive(message, now_s), now_s)
-        for machine, woken in self._machines:
+            self._keep_texts(self._joiner.receive(message, now_s), now_s)
+        for machine, wake in self._machines:
             answers = machine.receive(message, now_s)
             self._send_all(answers)
-            if answers or machine.done:  # its deadline may have come nearer
-                woken.set()
+            if answers or machine.done:  # its deadline may be earlier now
+                wake.set()
         for listener in tuple(self._listeners):
             listener(message)
 
     def tick(self, now_s: float) -> None:
-        """Ends the wait for chunks of text that never came (the fleet's business)."""
-        self._note(self._joiner.tick(now_s), now_s)
+        """End the wait for lost chunks of STATUSTEXT. Only the fleet calls it."""
+        self._keep_texts(self._joiner.tick(now_s), now_s)
 
     async def wait_for(
         self,
@@ -140,9 +134,9 @@ class VehicleSession:
         *,
         or_latest: bool = False,
     ) -> Message:
-        """The next message that `predicate` holds for; with `or_latest` also one that is already here.
+        """Return the next message for which `predicate` is true; with `or_latest` also one that has already arrived.
 
-        Raises `PeerTimeout`: "vehicle N: `what` did not come within `timeout_s`".
+        Raises `PeerTimeout`: "vehicle N: `what` did not arrive within `timeout_s`".
         """
         if or_latest:
             for message in self.latest.values():
@@ -160,7 +154,7 @@ class VehicleSession:
                 return await found
         except TimeoutError:
             raise PeerTimeout(
-                f"vehicle {self.sysid}: {what} did not come within {timeout_s:g} s.",
+                f"vehicle {self.sysid}: {what} did not arrive within {timeout_s:g} s.",
                 hint=self._silence_hint(),
             ) from None
         finally:
@@ -173,9 +167,9 @@ class VehicleSession:
         position: Position | None = None,
         timers: CommandTimers | None = None,
     ) -> Message:
-        """Gives a command and returns its COMMAND_ACK.
+        """Send a command and return its COMMAND_ACK.
 
-        Raises `CommandRefused` with the vehicle's own words where it gave reasons, or `PeerTimeout`.
+        Raises `CommandRefused` with the vehicle's STATUSTEXT as the reason, or `PeerTimeout`.
         """
         async with self._command_locks.setdefault(command, asyncio.Lock()):
             timers = timers or self.timers.command
@@ -192,16 +186,17 @@ class VehicleSession:
             return machine.ack
 
     async def set_message_interval(self, message_id: int, rate_hz: float) -> None:
-        """Asks for a message `rate_hz` times per second of vehicle time. Raises as `command` does."""
+        """Request a message `rate_hz` times per second of vehicle time. Raises as `command` does."""
         await self.command(MavCommand.SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
     async def request_message(
-        self, message_id: int, name: str, timeout_s: float = 5.0, *, timers: CommandTimers | None = None
+        self, message_id: MessageId, timeout_s: float = 5.0, *, timers: CommandTimers | None = None
     ) -> Message:
-        """Asks for one message and returns it: the next that comes, at most `timeout_s` after the acknowledgement.
+        """Return one requested message: the next that arrives, at most `timeout_s` after the acknowledgement.
 
         Raises as `command` and `wait_for` do.
         """
+        name = message_id.name
         found: list[Message] = []
         stop = self.subscribe(lambda m: found.append(m) if m.name == name else None)
         try:
@@ -210,18 +205,18 @@ class VehicleSession:
         finally:
             stop()
 
-    async def deliver(
+    async def upload_items(
         self, items: Sequence[MissionItem], mission_type: int = MissionType.MISSION
     ) -> VerifiedUpload | FileUpload:
-        """Sends items as they are (an empty list clears) until the vehicle holds them, read back and compared.
+        """Upload items unchanged (an empty list clears), read them back and compare, until they are on board.
 
         Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `FtpRefused`,
         `PeerTimeout`.
         """
-        wanted = self._transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
-        if wanted and not link_behaviour(self.autopilot).mission_files:
+        file_required = self._transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
+        if file_required and not link_behaviour(self.autopilot).mission_files:
             raise PeerError(
-                f"vehicle {self.sysid} takes no missions as files: {autopilot_name(self.autopilot)} does not.",
+                f"vehicle {self.sysid} takes no missions as files: {autopilot_name(self.autopilot)} cannot.",
                 hint="use --transfer auto or items",
             )
         async with self._mission_lock:
@@ -235,7 +230,7 @@ class VehicleSession:
                 round_trip=self.round_trip,
             )
             may_be_file = uploads_as_file(self._transfer, self.autopilot, mission_type, len(items))
-            if not may_be_file or (not wanted and not await self.offers_files()):
+            if not may_be_file or (not file_required and not await self.offers_files()):
                 await self.run(item_by_item)
                 return item_by_item
             as_file = FileUpload(
@@ -247,22 +242,22 @@ class VehicleSession:
                 round_trip=self.round_trip,
                 numbers=self._numbers,
             )
-            await self.run(as_file if wanted else Preferred(as_file, item_by_item))
+            await self.run(as_file if file_required else Preferred(as_file, item_by_item))
             return as_file if as_file.error is None else item_by_item
 
     async def offers_files(self) -> bool:
-        """Whether it claims MAVLink FTP (AUTOPILOT_VERSION); asked once."""
+        """Whether it reports MAVLink FTP in AUTOPILOT_VERSION, which is requested once."""
         if self._offers_files is None:
-            told = self.latest.get("AUTOPILOT_VERSION")
+            version = self.latest.get("AUTOPILOT_VERSION")
             try:
-                told = told or await self.request_message(MessageId.AUTOPILOT_VERSION, "AUTOPILOT_VERSION", 2.0)
+                version = version or await self.request_message(MessageId.AUTOPILOT_VERSION, 2.0)
             except PeerError:
                 return False
-            self._offers_files = bool(told.fields["capabilities"] & Capability.FTP)
+            self._offers_files = bool(version.fields["capabilities"] & Capability.FTP)
         return self._offers_files
 
     async def download(self, mission_type: int = MissionType.MISSION) -> tuple[MissionItem, ...]:
-        """Reads what the vehicle holds, home included where it is item 0. Raises as `deliver` does."""
+        """Return the items on board, including home if it is item 0. Raises as `upload_items` does."""
         async with self._mission_lock:
             for last in (False, True):
                 machine = reader(
@@ -283,7 +278,7 @@ class VehicleSession:
             raise ProtocolMisuse("a download ended without result.")
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """Parameters by name. Raises `PeerTimeout` that names one the vehicle does not answer for."""
+        """Return parameters by name. Raises `PeerTimeout` that names a parameter without an answer."""
         reader = ParameterReader(
             names, self.station, self.autopilot, me=self.me, timers=self.timers.parameter, round_trip=self.round_trip
         )
@@ -291,7 +286,7 @@ class VehicleSession:
         return reader.values
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
-        """Sets parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
+        """Set parameters in the vehicle's own types. Raises `PeerError`, `UsageError`."""
         await self.run(
             ParameterWriter(
                 parameters,
@@ -304,40 +299,40 @@ class VehicleSession:
         )
 
     async def home(self) -> Home | None:
-        """Where its home is; None where it does not tell."""
+        """Return its home position; None if it does not report one."""
         try:
-            told = (await self.request_message(MessageId.HOME_POSITION, "HOME_POSITION", 2.0)).fields
+            position = (await self.request_message(MessageId.HOME_POSITION, 2.0)).fields
         except PeerError:
             return None
-        return Home(told["latitude"] / 1e7, told["longitude"] / 1e7, told["altitude"] / 1e3)
+        return Home(position["latitude"] / 1e7, position["longitude"] / 1e7, position["altitude"] / 1e3)
 
     async def upload_mission(self, mission: VehicleMission) -> VerifiedUpload | FileUpload:
-        """Delivers a mission, with home where the autopilot wants it. Raises as `deliver` does."""
-        return await self.deliver(self.as_sent(mission.items, mission.home))
+        """Upload a mission, with home as item 0 if the autopilot requires it. Raises as `upload_items` does."""
+        return await self.upload_items(self.as_sent(mission.items, mission.home))
 
     def as_sent(self, items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
-        """A mission's items as this autopilot is sent them."""
+        """Return the items of a mission as this autopilot requires them."""
         return with_home(items, home) if self.home_is_item_0 else tuple(items)
 
     async def run(self, machine: Machine) -> None:
-        """Lets a machine talk to the vehicle until it is done. Raises its error."""
-        async with self._fed(machine) as woken:
+        """Run a machine until it is done. Raises its error."""
+        async with self._attached(machine) as wake:
             self._send_all(machine.start(self._loop.time()))
             while not machine.done:
-                woken.clear()
+                wake.clear()
                 deadline_s = machine.deadline_s
                 if deadline_s is None:
                     raise ProtocolMisuse(f"a {type(machine).__name__} waits without a deadline.")
                 try:
                     async with asyncio.timeout_at(deadline_s):
-                        await woken.wait()
+                        await wake.wait()
                 except TimeoutError:
                     self._send_all(machine.tick(self._loop.time()))
         if machine.error is not None:
             raise machine.error
 
     @asynccontextmanager
-    async def _fed(self, machine: Machine) -> AsyncIterator[asyncio.Event]:
+    async def _attached(self, machine: Machine) -> AsyncIterator[asyncio.Event]:
         entry = (machine, asyncio.Event())
         self._machines.append(entry)
         try:
@@ -351,11 +346,11 @@ class VehicleSession:
         for message in messages:
             self._send(message)
 
-    def _note(self, texts: list[StatusText], now_s: float) -> None:
+    def _keep_texts(self, texts: list[StatusText], now_s: float) -> None:
         self.texts.extend((now_s, text) for text in texts)
 
     def _silence_hint(self) -> str:
         age_s = self.heartbeat_age_s()
         if age_s > 3.0:
-            return f"its last heartbeat came {age_s:.1f} s ago: check the vehicle and the link"
-        return "its heartbeat is there: it is alive and did not answer"
+            return f"its last heartbeat is {age_s:.1f} s old: check the vehicle and the link"
+        return "its heartbeats arrive, but it did not answer: try again"

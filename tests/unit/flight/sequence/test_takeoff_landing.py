@@ -175,7 +175,7 @@ def test_reasons_come_before_or_after_a_refusal_and_in_pieces(result: MavResult,
         await asyncio.sleep(0.2)
         await crew.session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
 
-    with pytest.raises(CommandRefused, match="it says: Arming denied: resolve system health failures first"):
+    with pytest.raises(CommandRefused, match="it reports: Arming denied: resolve system health failures first"):
         live(vehicle, None, arm)
 
 
