@@ -168,8 +168,8 @@ def test_what_px4_takes_and_cannot_mean_is_no_difference_and_what_it_changes_is(
     nan = replace(ITEMS[1], alt_m=float("nan"))
     assert Air(Autopilot.PX4, CALM, 0).deliver((nan,)).error is None
     air = Air(Autopilot.PX4, CALM, 0)
-    store = air.shelf._store
-    air.shelf._store = lambda kind, items: store(kind, (*items[:2], items[3], *items[3:]) if items else items)
+    hold = air.shelf._hold
+    air.shelf._hold = lambda kind, items: hold(kind, (*items[:2], items[3], *items[3:]) if items else items)
     arrived = air.deliver(ITEMS)
     assert "the mission read back from vehicle 3 differs from what was sent: item 2: " in str(arrived.error)
     assert arrived.tries > 1
