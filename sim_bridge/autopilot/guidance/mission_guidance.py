@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 
 from gcs.autopilots.navigation.navigator import Navigator, NavigatorOrders, vector
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mavlink import MavCommand
 from gcs.mission.model import Command, Frame, MissionItem
@@ -26,7 +27,7 @@ from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
-_FASTEST_MPS = 20.0  # ArduPilot's bound of WPNAV_SPEED
+_FASTEST_MPS = max(known.speed_mps[1] for known in Autopilot)
 _MOVED_M = 0.05  # a target closer than this counts as reached
 _AHEAD = 5  # pieces of a navigator's flight that are computed at once
 _SETTLE_S = 8.0  # time to come to rest at the last waypoint of a mission that ends there

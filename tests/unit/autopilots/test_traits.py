@@ -113,3 +113,36 @@ def test_timers_of_one_service_stand_in_one_table() -> None:
         assert replace(timers, mission=STANDARD.mission) == STANDARD
     with pytest.raises(ValueError, match="timers must be positive"):
         MissionTimers(reply_s=0.0)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "parameter", "model", "unit"),
+    [
+        (Autopilot.ARDUPILOT, "WPNAV_ACCEL_Z", "vertical_mps2", 0.01),
+        (Autopilot.ARDUPILOT, "WPNAV_JERK", "jerk_mps3", 1.0),
+        (Autopilot.ARDUPILOT, "WPNAV_RADIUS", "radius_m", 0.01),
+        (Autopilot.ARDUPILOT, "WPNAV_SPEED_DN", "sink_mps", 0.01),
+        (Autopilot.ARDUPILOT, "WPNAV_SPEED_UP", "climb_mps", 0.01),
+        (Autopilot.PX4, "MPC_ACC_DOWN_MAX", "down_mps2", 1.0),
+        (Autopilot.PX4, "MPC_ACC_HOR", "acceleration_mps2", 1.0),
+        (Autopilot.PX4, "MPC_ACC_UP_MAX", "up_mps2", 1.0),
+        (Autopilot.PX4, "MPC_JERK_AUTO", "jerk_mps3", 1.0),
+        (Autopilot.PX4, "MPC_XY_TRAJ_P", "turn_share", 1.0),
+        (Autopilot.PX4, "MPC_XY_VEL_MAX", "fastest_mps", 1.0),
+        (Autopilot.PX4, "MPC_Z_V_AUTO_DN", "sink_mps", 1.0),
+        (Autopilot.PX4, "MPC_Z_V_AUTO_UP", "climb_mps", 1.0),
+        (Autopilot.PX4, "NAV_ACC_RAD", "radius_m", 1.0),
+        (Autopilot.PX4, "NAV_MC_ALT_RAD", "height_radius_m", 1.0),
+    ],
+)
+def test_the_navigator_has_the_recorded_parameters(
+    firmware: Autopilot, parameter: str, model: str, unit: float
+) -> None:
+    recorded = {param.name: param.value for param in by_name(firmware.key).params}
+    assert getattr(firmware.navigator, model) == pytest.approx(recorded[parameter] * unit)
+
+
+@pytest.mark.parametrize("firmware", list(Autopilot))
+def test_the_row_and_the_navigator_climb_alike(firmware: Autopilot) -> None:
+    navigator, (climb_mps, sink_mps) = firmware.navigator, firmware.traits.missions.climb_mps
+    assert (navigator.climb_mps, navigator.sink_mps) == (climb_mps, sink_mps)  # type: ignore[attr-defined]
