@@ -1,7 +1,6 @@
-"""Fences and rally points as plain values, and as the mission items that carry them.
+"""Fences and rally points as plain values, and as the mission items that carry them (commands 5000 to 5004, 5100).
 
-Knows: polygons and circles to stay inside or outside of, places to return to, their commands (5000 to 5004, 5100).
-Does not know: files, links, what makes a fence sensible (that is `check_safety`).
+`gcs.mission.check.fence_and_rally` checks whether a fence makes sense.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ LEAST_VERTICES = 3
 
 
 class BadItem(ValueError):
-    """An item that has no place where it stands; `index` counts from 0."""
+    """An item that is wrong at its position in the list; `index` counts from 0."""
 
     def __init__(self, index: int, reason: str) -> None:
         super().__init__(f"item {index} {reason}")
@@ -51,7 +50,7 @@ class FenceCircle:
 
 @dataclass(frozen=True)
 class RallyPoint:
-    """A place to return to, and the height above home to arrive at."""
+    """A position to return to, and the altitude above home on arrival."""
 
     place: GeoPoint
     alt_m: float
@@ -59,7 +58,7 @@ class RallyPoint:
 
 @dataclass(frozen=True)
 class Geofence:
-    """Where a vehicle may fly: inside the inclusions, outside the exclusions."""
+    """The area in which a vehicle may fly: inside the inclusions, outside the exclusions."""
 
     polygons: tuple[FencePolygon, ...] = ()
     circles: tuple[FenceCircle, ...] = ()
@@ -67,7 +66,7 @@ class Geofence:
 
     @property
     def vertices(self) -> int:
-        """How many items an autopilot stores for it."""
+        """The number of items that an autopilot stores for it."""
         return sum(len(p.points) for p in self.polygons) + len(self.circles) + (self.return_point is not None)
 
 
@@ -75,7 +74,7 @@ NO_FENCE = Geofence()
 
 
 def fence_items(fence: Geofence) -> tuple[MissionItem, ...]:
-    """The items an autopilot is sent: return point, polygons vertex by vertex, circles."""
+    """The items sent to an autopilot: return point, polygons vertex by vertex, circles."""
     items = []
     if fence.return_point is not None:
         point = fence.return_point
@@ -102,7 +101,7 @@ def fence_from_items(items: Sequence[MissionItem]) -> Geofence:
             step = _vertices(item, index)
             run = items[index : index + step]
             if len(run) < step or any((i.command, i.params[0]) != (item.command, item.params[0]) for i in run):
-                raise BadItem(index, f"begins a polygon of {step} vertices, but not so many follow")
+                raise BadItem(index, f"begins a polygon of {step} vertices, and fewer follow")
             inclusion = item.command == FenceCommand.POLYGON_INCLUSION
             polygons.append(FencePolygon(tuple(map(_place, run)), inclusion))
         elif item.command in (FenceCommand.CIRCLE_INCLUSION, FenceCommand.CIRCLE_EXCLUSION):
@@ -112,13 +111,13 @@ def fence_from_items(items: Sequence[MissionItem]) -> Geofence:
         elif item.command == FenceCommand.RETURN_POINT and return_point is None:
             return_point = RallyPoint(_place(item), item.alt_m)
         else:
-            raise BadItem(index, f"with command {item.command} has no place in a fence")
+            raise BadItem(index, f"with command {item.command} is no part of a fence")
         index += step
     return Geofence(tuple(polygons), tuple(circles), return_point)
 
 
 def rally_items(points: Iterable[RallyPoint]) -> tuple[MissionItem, ...]:
-    """The items an autopilot is sent, altitudes above home."""
+    """The items sent to an autopilot, with altitudes above home."""
     return tuple(_item(FenceCommand.RALLY_POINT, Frame.GLOBAL_RELATIVE_ALT, 0.0, p.place, p.alt_m) for p in points)
 
 
@@ -128,14 +127,14 @@ def rally_from_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
         if item.command != FenceCommand.RALLY_POINT:
             raise BadItem(index, f"with command {item.command} is no rally point")
         if item.frame != Frame.GLOBAL_RELATIVE_ALT:
-            raise BadItem(index, f"has its altitude in frame {item.frame}; rally points have it above home (3)")
+            raise BadItem(index, f"has altitude frame {item.frame}; rally points require 3, above home")
     return tuple(RallyPoint(_place(item), item.alt_m) for item in items)
 
 
 def _vertices(item: MissionItem, index: int) -> int:
     count = item.params[0]
     if not (LEAST_VERTICES <= count <= 0xFFFF and count == round(count)):
-        raise BadItem(index, f"begins a polygon of {count:g} vertices; it takes {LEAST_VERTICES} or more")
+        raise BadItem(index, f"begins a polygon of {count:g} vertices; {LEAST_VERTICES} or more required")
     return round(count)
 
 

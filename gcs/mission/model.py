@@ -1,7 +1,4 @@
-"""Mission items and setpoints as plain values: what files hold and what links carry.
-
-Knows: the numbers and their units. Does not know: files, frames on the wire, sockets.
-"""
+"""Mission items and setpoints as plain values in SI units and degE7: what files hold and what links carry."""
 
 from __future__ import annotations
 
@@ -24,11 +21,11 @@ class Frame(IntEnum):
 
 
 class Altitude(StrEnum):
-    """What altitudes of a mission are counted from."""
+    """The datum of a mission's altitudes."""
 
     RELATIVE = "relative"  # the vehicle's own home
     AMSL = "amsl"  # mean sea level
-    TERRAIN = "terrain"  # the ground under the vehicle, all along the way
+    TERRAIN = "terrain"  # the ground under the vehicle, along the whole leg
 
     @property
     def frame(self) -> Frame:
@@ -43,15 +40,7 @@ _FRAMES = {
 }
 
 
-class Command(IntEnum):
-    """MAV_CMD values that occur in missions made here."""
-
-    NAV_WAYPOINT = MavCommand.NAV_WAYPOINT
-    NAV_LAND = MavCommand.NAV_LAND
-    NAV_TAKEOFF = MavCommand.NAV_TAKEOFF
-    NAV_DELAY = MavCommand.NAV_DELAY
-    DO_JUMP = MavCommand.DO_JUMP
-    DO_CHANGE_SPEED = MavCommand.DO_CHANGE_SPEED
+Command = MavCommand  # of mission items
 
 
 @dataclass(frozen=True)
@@ -73,7 +62,7 @@ class MissionItem:
 
 @dataclass(frozen=True)
 class Home:
-    """Where a vehicle starts: the ground under it."""
+    """The start position of a vehicle, on the ground."""
 
     lat_deg: float
     lon_deg: float
@@ -82,14 +71,14 @@ class Home:
 
 @dataclass(frozen=True)
 class VehicleMission:
-    """What one vehicle is sent: its items, flavour-free (home is not an item here)."""
+    """The mission of one vehicle, for any autopilot: home is not an item here."""
 
     sysid: int
     home: Home
     items: tuple[MissionItem, ...]
     arrival_s: tuple[float | None, ...]  # plan time at which each item with a position is reached, else None
-    leaves_s: float = 0.0  # plan time at which everybody leaves the hover after the take-off
-    gates: tuple[tuple[int, float], ...] = ()  # index of a delay and the plan time at which everybody goes on
+    leaves_s: float = 0.0  # plan time at which all vehicles leave the hover after the take-off
+    gates: tuple[tuple[int, float], ...] = ()  # index of a delay, and the plan time at which all vehicles continue
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""One export folder: missions written, read back, verified, and swapped in whole."""
+"""One export folder: missions written, read back, verified; the folder replaced as a whole."""

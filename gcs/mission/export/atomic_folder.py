@@ -1,7 +1,6 @@
-"""A folder that is replaced whole: filled beside the old one, swapped in when everything is there.
+"""A folder that is replaced as a whole: it is filled beside the old one and swapped in when complete.
 
-Knows: files, hashes, the index that lists them. Does not know: what is in them. Folders with anything that no export
-made are refused.
+A folder that holds any file which no export wrote is not replaced.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ FORMAT = "skein-export"
 
 
 class Folder:
-    """A folder being filled; `sha256` lists what was written, by name."""
+    """A folder while it is filled; `sha256` lists the hash of each file by name."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -48,9 +47,9 @@ class Folder:
 
 @contextmanager
 def replaced(folder: Path) -> Iterator[Folder]:
-    """Fill a folder that takes the place of `folder` when the block ends well; else the old one stays.
+    """Yield a folder to fill. It replaces `folder` when the block ends without an error; else the old one stays.
 
-    Raises `UsageError` before anything is written when the folder holds what no export made, and OSError as the file
+    Raises `UsageError` before it writes, if the folder holds a file that no export wrote. Raises OSError as the file
     system does.
     """
     folder = folder.resolve()
@@ -74,7 +73,7 @@ def replaced(folder: Path) -> Iterator[Folder]:
 
 
 def listed(index: Path) -> dict[str, str]:
-    """Files and hashes in an index. Raises `FileFormatError` for anything else."""
+    """The files and hashes in an index. Raises `FileFormatError` if the file is not an index."""
     try:
         document = json.loads(index.read_bytes())
         if document["format"] != FORMAT:
@@ -85,11 +84,11 @@ def listed(index: Path) -> dict[str, str]:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Only what an export made may be replaced."""
+    """Raise `UsageError` if the folder holds a file that no export wrote."""
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise UsageError(f"{folder} is a file; an export needs a folder.")
+        raise UsageError(f"{folder} is a file; an export needs a folder.", hint="choose another folder")
     names = {p.name for p in folder.iterdir()}
     if not names:
         return
@@ -98,6 +97,6 @@ def _refuse_foreign(folder: Path) -> None:
         known = {INDEX, *listed(folder / INDEX)}
     if foreign := sorted(names - known):
         raise UsageError(
-            f"{folder} holds files that no export made: {', '.join(foreign[:5])}.",
-            hint="choose another folder, or move them away",
+            f"{folder} holds files that no export wrote: {', '.join(foreign[:5])}.",
+            hint="choose another folder, or move these files out of it",
         )

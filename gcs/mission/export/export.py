@@ -1,6 +1,6 @@
-"""One folder with everything a plan turns into: missions for ground stations, setpoints, maps, and an index.
+"""One folder with the files of a plan: missions for ground stations, setpoints, maps, and an index.
 
-What is written follows from the rows of `gcs.mission.formats.registry`.
+The rows of `gcs.mission.formats.registry` decide which files there are and what writes them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from gcs.scenario.si import local_origin
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-_TOGETHER = 20  # vehicles sampled at once: memory for a thousand at full rate would be gigabytes
+_BATCH = 20  # vehicles sampled at once: a thousand at full rate would need gigabytes of memory
 
 
 def export(
@@ -47,13 +47,13 @@ def export(
 ) -> ExportIndex:
     """Write the files of these formats (names, or rows of your own; docs/formats.md) and index.json into `folder`.
 
-    All is written beside and swapped in at the end: the folder holds the old export or the new one. Autopilot and rate
-    are the scenario's unless given; `smooth_m` smooths the setpoints within so many metres of the plan. Missions are
-    `timed`, their speeds corrected for the autopilot, or ask for the plan's own speeds; `start_s` is the time of day
-    (UTC) at which everybody leaves the hover, which `gates` need. Raises `UsageError` when the folder holds anything
-    that no export made, or for gates that cannot be had, `ScenarioError` for missions that the autopilot cannot store,
-    `VerificationError` when missions as written or the smoothed path would break a limit (missions that nobody asked
-    for are then left out, which the index tells), and OSError as the file system does.
+    The folder holds the old export until the new one is complete. Autopilot and rate are the scenario's unless given.
+    `smooth_m` smooths the setpoints to within this distance of the plan. `timed` missions have speeds corrected for the
+    autopilot; others have the plan's own speeds. `start_s` is the time of day (UTC, s) at which all vehicles leave the
+    hover; `gates` need it. Raises `UsageError` if the folder holds a file that no export wrote, or if the autopilot has
+    no gates. Raises `ScenarioError` for missions that the autopilot cannot store, and OSError as the file system does.
+    Raises `VerificationError` if missions as written or the smoothed path violate a limit. If `formats` is not given,
+    such missions are left out instead, and the index says why.
     """
     wanted = DEFAULT if formats is None else select_formats(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
@@ -102,7 +102,7 @@ def _smoothing(path: SmoothPath) -> Smoothing:
 
 @dataclass(frozen=True)
 class _Material:
-    """All that files other than missions are made from."""
+    """The data from which files other than missions are made."""
 
     plan: Plan
     firmware: Autopilot
@@ -148,10 +148,10 @@ def _maps(material: _Material) -> _Values:
 
 
 def _batches(vehicles: int) -> Iterator[slice]:
-    return (slice(first, first + _TOGETHER) for first in range(0, vehicles, _TOGETHER))
+    return (slice(first, first + _BATCH) for first in range(0, vehicles, _BATCH))
 
 
-# What each content is made of; missions are made, verified and written by `mission_files`.
+# The values of each content. `mission_files` makes, verifies and writes missions.
 _VALUES: dict[Content, Callable[[_Material], _Values]] = {
     Content.FENCE: _fences,
     Content.RALLY: _rally,

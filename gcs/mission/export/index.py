@@ -1,7 +1,4 @@
-"""What an export tells about itself: the index beside its files.
-
-Knows: what people and programs want to know, as JSON. Does not know: how files are made.
-"""
+"""The index of an export: a JSON file beside the others, with their hashes, checks and predictions."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ _VERSION = 3
 
 @dataclass(frozen=True)
 class Smoothing:
-    """How the setpoints differ from the plan, where they were smoothed."""
+    """The difference of smoothed setpoints from the plan."""
 
     knots_every_s: float
     deviation_m: float
@@ -33,7 +30,7 @@ class Smoothing:
 
 @dataclass(frozen=True)
 class ExportIndex:
-    """What an export holds, and how faithfully."""
+    """The contents of an export, and how far they are from the plan."""
 
     scenario: str
     plan_hash: str
@@ -45,15 +42,15 @@ class ExportIndex:
     deviation: Deviation
     sha256: dict[str, str]  # by file name
     safety: Safety
-    report: FleetReport | None  # of the missions as written; None where none were
+    report: FleetReport | None  # of the missions as written; None without missions
     smoothing: Smoothing | None = None  # of the setpoints; waypoints are always the plan's
     timing: Timing | None = None  # of missions whose speeds are corrected for their autopilot
-    refused: str = ""  # why there are no missions although nobody left them out
+    refused: str = ""  # why the missions of the default formats are left out
     missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
 
 
 def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
-    """The index as JSON has it."""
+    """The index as a JSON document."""
     document: dict[str, Any] = {
         "version": _VERSION,
         "scenario": index.scenario,
@@ -84,19 +81,19 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
 
 
 def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, Any]:
-    """The flight of the missions as written, at the speeds they ask for or as their autopilot flies them."""
+    """The verified flight of the missions as written, at their planned speeds or by the model of their autopilot."""
     closest = report.closest
     timing = "planned speeds" if index.timing is None else "model of the autopilot"
-    told: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
+    verified: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
     if closest is not None:
-        told["separation_min_m"] = closest.distance_m
-        told["separation_vehicles"] = [plan.sysids[row] for row in closest.pair]
-    return told | {"findings": [f.data() for f in report.findings]}
+        verified["separation_min_m"] = closest.distance_m
+        verified["separation_vehicles"] = [plan.sysids[row] for row in closest.pair]
+    return verified | {"findings": [f.data() for f in report.findings]}
 
 
 def _returns(safety: Safety) -> dict[str, Any]:
     returns = safety.returns
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "step_m": returns.step_m,
         "ground_max_m": returns.ground_max_m,
         "top_m": returns.top_m,
@@ -104,4 +101,4 @@ def _returns(safety: Safety) -> dict[str, Any]:
         "worst": None if returns.worst is None else asdict(returns.worst),
         "through_zones": [asdict(crossing) for crossing in returns.crossings],
     }
-    return told
+    return document

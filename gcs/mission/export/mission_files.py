@@ -1,8 +1,4 @@
-"""The missions of an export: made for an autopilot, written, read back, flown, and only then handed out.
-
-Knows: what is made from which legs, what must hold before. Does not know: folders, formats that hold no missions, how
-any of it is done.
-"""
+"""The missions of an export: built for an autopilot, written, read back, flown by a model, and verified."""
 
 from __future__ import annotations
 
@@ -28,20 +24,20 @@ if TYPE_CHECKING:
 
 _DAY_S = 86400
 _IN_THE_AIR = VerificationError(
-    "the plan begins in the air, where no mission is begun in time: missions are left out",
-    hint="fly its setpoints: --format setpoints",
+    "the plan begins in the air, and a mission cannot start in time there: missions are left out",
+    hint="fly its setpoint stream: --format setpoints",
 )
 
 
 @dataclass(frozen=True)
 class MissionOrder:
-    """For whom missions are, and how they keep the plan's time."""
+    """The autopilot that missions are for, and how they keep the plan's times."""
 
     firmware: Autopilot
     altitude: Altitude = Altitude.RELATIVE
     timed: bool = True  # speeds corrected for the autopilot
     gates: int = 0
-    start_s: int | None = None  # time of day, UTC, at which everybody leaves the hover
+    start_s: int | None = None  # time of day, UTC, at which all vehicles leave the hover
 
     def refuse_impossible(self) -> None:
         """Raise `UsageError` for gates or starts that this autopilot does not have."""
@@ -52,38 +48,38 @@ class MissionOrder:
                 hint="fly the setpoint stream, which keeps all vehicles on time",
             )
         if self.gates and not self.corrected:
-            raise UsageError("gates need speeds that are corrected", hint="leave --untimed and --altitude terrain out")
+            raise UsageError("gates need corrected speeds", hint="do not give --untimed or --altitude terrain")
         if self.gates and self.start_s is None:
             raise UsageError(
-                "gates open at a time of day: say when everybody leaves the hover",
+                "gates open at a time of day, and the time of the common start is missing",
                 hint="give --start HH:MM:SS (UTC), or fly with `gcs fly --mode mission --gates`",
             )
         if self.start_s is not None and not 0 <= self.start_s < _DAY_S:
-            raise UsageError(f"a day has no second {self.start_s}")
+            raise UsageError(f"start_s is {self.start_s}", hint=f"give a time of day from 0 to {_DAY_S - 1} s")
 
     @property
     def corrected(self) -> bool:
-        """Whether speeds are corrected: models do not follow the ground."""
+        """Whether speeds are corrected: the models of autopilots do not follow the ground."""
         return self.timed and self.altitude is not Altitude.TERRAIN
 
 
 @dataclass(frozen=True)
 class MadeMissions:
-    """Missions, their legs, the text of their files by name, and what was found when they were flown."""
+    """Missions, their legs, their files by name, and the result of their check."""
 
     legs: TimedLegs
     missions: tuple[VehicleMission, ...]
     files: dict[str, str | bytes]
     report: FleetReport | None
     timing: Timing | None
-    refusal: VerificationError | None = None  # why they must not fly by themselves; then there are no files
+    refusal: VerificationError | None = None  # why they must not fly; there are then no files
 
 
 def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequence[Format]) -> MadeMissions:
-    """Make and check missions, in those of the formats that hold missions.
+    """The verified missions of a plan, in those formats that hold missions.
 
-    Raises `ScenarioError` where the autopilot cannot store them, and `VerificationError` where they do not hold what
-    they must as they are written at the plan's own speeds.
+    Raises `ScenarioError` if the autopilot cannot store them, and `VerificationError` if missions at the plan's own
+    speeds fail verification. Missions at corrected speeds return a `refusal` instead.
     """
     firmware, altitude = order.firmware, order.altitude
     formats = [row for row in formats if row.content is Content.MISSION]
@@ -122,7 +118,7 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
 
 
 def _held(missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety) -> list[MissionFile]:
-    """What the files of each vehicle are to hold, whatever their format."""
+    """The contents of each vehicle's mission files, the same for every format."""
     held = []
     for mission, rally in zip(missions, safety.rally, strict=True):
         speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]

@@ -1,7 +1,4 @@
-"""Where mission files come from: the index beside them, if an export wrote them.
-
-Knows: the index, hashes. Does not know: missions' contents.
-"""
+"""The export that mission files come from, found by the index beside them."""
 
 from __future__ import annotations
 
@@ -17,22 +14,25 @@ from gcs.mission.formats.mission_file import MissionFile
 
 
 def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[Finding]]:
-    """The separation that the exports of these files were made for, and a finding for every file changed since."""
-    asked: list[float] = []
+    """The largest separation these files were exported for, and a warning for every file changed since.
+
+    The separation is None for files that no export wrote.
+    """
+    required: list[float] = []
     changed: list[Finding] = []
     for folder in sorted({Path(m.source).parent for m in missions}):
         try:
             names = listed(folder / INDEX)
             separation = json.loads((folder / INDEX).read_bytes()).get("separation_min_m")
         except (OSError, FileFormatError):
-            continue  # made by somebody else
+            continue  # not an export
         if isinstance(separation, float):
-            asked.append(separation)
+            required.append(separation)
         for mission in missions:
             path = Path(mission.source)
             if path.parent != folder or path.name not in names:
                 continue
             if hashlib.sha256(path.read_bytes()).hexdigest() != names[path.name]:
-                message = "the file was changed after it was exported"
+                message = "the file was changed after its export"
                 changed.append(Finding(Rule.CHANGED, Level.WARNING, message, mission.source))
-    return max(asked, default=None), changed
+    return max(required, default=None), changed

@@ -1,7 +1,4 @@
-"""Is what was written what was planned? The files' own text, read back and flown.
-
-Knows: which files hold missions, what a plan asks of them. Does not know: formats, how flights are checked (`check`).
-"""
+"""Verification of missions as read back from their files: limits, equality of formats, timing."""
 
 from __future__ import annotations
 
@@ -27,8 +24,8 @@ from gcs.scenario.vehicle_ability import ability_of
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-_LISTED = 3
-STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints), which keeps path and time"
+_LISTED_MAX = 3
+STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints): it keeps path and time"
 
 
 def check_written(
@@ -39,11 +36,10 @@ def check_written(
     timed: bool = False,
     leaves_s: float | None = None,
 ) -> FleetReport:
-    """Check missions as read back from their files: of each format, one file for every vehicle.
+    """The report on missions as read back from their files: for each format, one file for every vehicle.
 
-    They are flown at the speeds they ask for, or where those are corrected (`timed`) as the model of their autopilot
-    flies them; those that wait for a time of day leave at plan time `leaves_s`. Raises `VerificationError` where two
-    files of a vehicle differ.
+    They are flown at their planned speeds or, if `timed`, by the model of their autopilot. Missions that wait until a
+    time of day leave at plan time `leaves_s`. Raises `VerificationError` if two files of a vehicle differ.
     """
     first, *others = fleets
     scenario = plan.scenario
@@ -60,14 +56,14 @@ def check_written(
         for ours, theirs in zip(first, fleet, strict=True):
             same = ours.items == theirs.items and (ours.geofence, ours.rally) == (theirs.geofence, theirs.rally)
             if not same or theirs.home not in (ours.home, None):
-                raise VerificationError(f"{ours.source} and {theirs.source} do not hold the same mission")
+                raise VerificationError(f"{ours.source} and {theirs.source} hold different missions")
     return report
 
 
 def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitude) -> None:
-    """Waypoints of the paper's flight are inside its box (Eq. 51), to the mission's tolerance.
+    """Verify that waypoints between T0 and the arrival are inside the box (Eq. 51), to the mission's tolerance.
 
-    Raises `VerificationError` for the first that is not.
+    Raises `VerificationError` for the waypoint of a vehicle that is farthest outside.
     """
     limits, tolerance_m = plan.scenario.limits, plan.scenario.mission.tolerance_m
     origin = local_origin(plan.scenario)
@@ -90,32 +86,32 @@ def verify_box(plan: Plan, missions: Sequence[VehicleMission], altitude: Altitud
 
 
 def refuse_broken(report: FleetReport) -> None:
-    """Raise `VerificationError` when anything must not fly."""
+    """Raise `VerificationError` if the report has an error."""
     if not report.errors:
         return
-    told = "; ".join(str(e) for e in report.errors[:_LISTED])
-    more = f"; and {len(report.errors) - _LISTED} more" if len(report.errors) > _LISTED else ""
+    errors = "; ".join(str(e) for e in report.errors[:_LISTED_MAX])
+    more = f"; and {len(report.errors) - _LISTED_MAX} more" if len(report.errors) > _LISTED_MAX else ""
     raise VerificationError(
-        f"the missions as written do not hold what they must: {told}{more}",
+        f"the missions as written failed verification: {errors}{more}",
         hint=STREAM_INSTEAD,
     )
 
 
 def refuse_untimely(plan: Plan, firmware: Autopilot, timing: Timing) -> None:
-    """Raise `VerificationError` where vehicles may come too near to each other, or miss a gate, for their timing."""
-    near, asked_m = timing.nearest, plan.scenario.judge.separation_min_m
-    if near is not None and near.distance_m < asked_m:
+    """Raise `VerificationError` if vehicles may violate the separation, or miss a gate, because of their timing."""
+    near, required_m = timing.nearest, plan.scenario.judge.separation_min_m
+    if near is not None and near.distance_m < required_m:
         first, second = near.sysids
         raise VerificationError(
-            f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m of each "
-            f"other at {near.t_s:.1f} s ({asked_m:g} m are asked), because vehicles that {firmware.title} flies may be "
-            f"{near.apart_s:g} s apart.",
-            hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds all the same",
+            f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m at "
+            f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {firmware.title} may differ by "
+            f"{near.apart_s:g} s.",
+            hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds, without this check",
         )
     for number, early_s in enumerate(timing.gates_early_s, start=1):
         if early_s < MARGIN_S:
             raise VerificationError(
-                f"not fit for mission mode: the last vehicle is at gate {number} {early_s:.1f} s before it opens; "
-                f"{MARGIN_S:g} s are asked.",
-                hint="ask for fewer gates",
+                f"not fit for mission mode: the last vehicle reaches gate {number} {early_s:.1f} s before it opens "
+                f"({MARGIN_S:g} s required).",
+                hint="give fewer --gates",
             )

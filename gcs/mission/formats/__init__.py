@@ -1,1 +1,1 @@
-"""One file per file format, and the registry that names them."""
+"""Export formats: one module for each, and the table of them (`registry`)."""

@@ -22,10 +22,10 @@ _LARGEST_BYTES = 64 * 1024 * 1024
 
 
 def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[MissionFile, ...]:
-    """The missions in these files, one vehicle per file, for `firmware` or what each file says.
+    """The missions in these files, one vehicle per file, for `firmware` or the autopilot that each file names.
 
-    Files that hold a fence or rally points (`.fence`, `.rally`) belong to the mission of the same name, else to all.
-    Raises `FileFormatError` with file, line and reason, and `UsageError` where there is no mission.
+    A file with a fence or rally points (`.fence`, `.rally`) belongs to the mission of the same name, or else to all.
+    Raises `FileFormatError` with file, line and reason, and `UsageError` if no file holds a mission.
     """
     missions: list[MissionFile] = []
     extras: list[tuple[Path, Geofence | tuple[RallyPoint, ...]]] = []
@@ -38,7 +38,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
             missions.append(read_mission(data, str(path), firmware))
     if not missions:
         known = suffixes_of(Content.MISSION)
-        raise UsageError("there is no mission among these files", hint=f"give files with missions ({known})")
+        raise UsageError("no file holds a mission", hint=f"give files with missions ({known})")
     for path, extra in extras:
         same = [Path(m.source).with_suffix("") == path.with_suffix("") for m in missions]
         belongs = same if any(same) else [True] * len(missions)
@@ -61,7 +61,7 @@ def _with(mission: MissionFile, extra: Geofence | tuple[RallyPoint, ...]) -> Mis
 
 
 def _extra(data: bytes, source: str) -> Geofence | tuple[RallyPoint, ...] | None:
-    """The fence or the rally points in a table that holds nothing else; None for a mission."""
+    """The fence or the rally points in a table that holds nothing else; None for a mission file."""
     if not _is_table(data):
         return None
     commands = {item.command for item in read_waypoints(data, source, home_first=False).items}
@@ -82,7 +82,7 @@ def _start(data: bytes) -> bytes:
 def _read(path: Path) -> bytes:
     try:
         if path.stat().st_size > _LARGEST_BYTES:
-            raise FileFormatError(f"{path}: too large for a mission.")
+            raise FileFormatError(f"{path}: larger than {_LARGEST_BYTES // 1024**2} MiB, too large for a mission.")
         return path.read_bytes()
     except OSError as error:
         raise FileFormatError(f"{path}: {error.strerror}.", hint="check the path and its rights") from None

@@ -1,7 +1,4 @@
-"""On which line of a JSON text a value stands, for errors that name it.
-
-Knows: strings, brackets and lines of JSON that a parser has already accepted. Does not know: what values mean.
-"""
+"""The line of a value in a JSON text that a parser has accepted, for errors that name it."""
 
 from __future__ import annotations
 
@@ -14,9 +11,9 @@ _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],]|[^\s{}\[\]:,"]+')
 
 
 def line_of(text: str, path: Sequence[Key]) -> int:
-    """Line, from 1, on which the value at `path` begins, or the innermost one around it that is there."""
+    """The line, from 1, on which the value at `path` begins, or the innermost value around it that exists."""
     wanted = tuple(path)
-    here: list[Key | None] = []  # of every open bracket the key or index read now; None: an object's key comes next
+    here: list[Key | None] = []  # key or index inside each open bracket; None if an object's key comes next
     found, depth = 0, -1
     for token in _TOKEN.finditer(text):
         word = token.group()

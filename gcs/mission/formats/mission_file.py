@@ -12,7 +12,7 @@ from gcs.mission.model import Home, MissionItem
 
 @dataclass(frozen=True)
 class MissionFile:
-    """The mission of one vehicle. `home` is None where the file does not hold it (PX4's `.waypoints`)."""
+    """The mission of one vehicle. `home` is None if the file has no home (PX4's `.waypoints`)."""
 
     source: str
     firmware: Autopilot

@@ -1,7 +1,7 @@
-"""Parameter files: `.param` as Mission Planner and MAVProxy load them, `.params` as QGroundControl does.
+"""Parameter files: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl.
 
-Knows: the two tables, which autopilot's ground stations read which. Does not know: what parameters mean, links.
-Mission Planner: `NAME,VALUE` a line. QGroundControl: vehicle, component, name, value and MAV_PARAM_TYPE, with tabs.
+A line of a `.param` file is `NAME,VALUE`. A line of a `.params` file holds vehicle, component, name, value and
+MAV_PARAM_TYPE, separated by tabs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _COLUMNS = 5
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """Contents of one file. Values of whole-number parameters are ints: PX4 stores and sends them differently."""
+    """Contents of one file. Values of integer parameters are ints: PX4 stores and sends them differently."""
 
     firmware: Autopilot
     sysid: int

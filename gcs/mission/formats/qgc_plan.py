@@ -1,7 +1,6 @@
 """`.plan` files: QGroundControl's JSON, mission version 2, with its geofence and rally points (both version 2).
 
-Knows: the document's keys and which of them other programs leave out, simple items, the altitude keys QGroundControl
-shows. Does not know: links, survey patterns and other complex items (refused by name), what a fence should hold.
+Only simple items are read. Survey patterns and other complex items are refused by name.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePol
 from gcs.mission.model import Command, Frame, Home, MissionItem
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
-# QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 where items differ.
+# QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.
 _ALTITUDE_MODE = {Frame.GLOBAL: 2, Frame.GLOBAL_RELATIVE_ALT: 1, Frame.GLOBAL_TERRAIN_ALT: 4}
 _MIXED = 0
 
@@ -37,7 +36,7 @@ PointAndAltitude = tuple[Latitude, Longitude, Finite]
 
 @dataclass(frozen=True)
 class PlanFile:
-    """Contents of one file. The two speeds only serve QGroundControl's own time estimate."""
+    """Contents of one file. QGroundControl uses the two speeds for its time estimate only."""
 
     firmware: Autopilot
     home: Home
@@ -136,7 +135,7 @@ def write_plan_file(file: PlanFile) -> str:
 def read_plan_file(text: str | bytes, source: str) -> PlanFile:
     """Contents of a file; `source` names it in errors.
 
-    Raises `FileFormatError` with file, line, key and reason for anything this program could not fly as it stands there.
+    Raises `FileFormatError` with file, line, key and reason for anything that cannot be flown as written.
     """
     try:
         document = _Document.model_validate_json(text)
@@ -195,7 +194,7 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
 
 
 def _refusal(text: str | bytes, source: str, path: tuple[str | int, ...], reason: str) -> FileFormatError:
-    """The error for one value, with the line it stands on; a text that is no JSON has its line in the reason."""
+    """The error for one value, with its line. If the text is not JSON, the reason contains the line."""
     decoded = text if isinstance(text, str) else text.decode("utf-8", errors="replace")
     syntax = re.fullmatch(r"Invalid JSON: (.*) at line (\d+) column \d+", reason)
     if syntax:
@@ -224,9 +223,9 @@ def _written(item: MissionItem, number: int) -> dict[str, Any]:
 
 def _read(item: _Simple | _Complex, number: int, jumps: bool) -> MissionItem:
     if isinstance(item, _Complex):
-        raise ValueError(f"a complex item ({item.complexItemType}); only simple items can be flown as they stand")
+        raise ValueError(f"a complex item ({item.complexItemType}); replace it by simple items")
     if jumps and item.doJumpId not in (None, number):
-        raise ValueError(f"doJumpId is {item.doJumpId}, but this is item {number} and the mission jumps")
+        raise ValueError(f"doJumpId is {item.doJumpId}, but this is item {number}, and the mission has jumps")
     x, y, z = item.params[4:]
     if item.frame == Frame.MISSION:
         x, y, z = x or 0.0, y or 0.0, z or 0.0

@@ -1,8 +1,8 @@
-"""`.waypoints` files: QGC WPL 110, as Mission Planner, MAVProxy and QGroundControl read and write them.
+"""QGC WPL 110: tables of mission items, as Mission Planner, MAVProxy and QGroundControl read and write them.
 
-Knows: the header, twelve tab-separated columns, home in row 0 where the autopilot counts it. Does not know: links,
-what the commands mean. Numbers are written so that they come back exactly, with at least 8 decimals: 6, which some
-programs write, move a waypoint by up to 6 cm each way.
+`.waypoints`, `.fence` and `.rally` files are such tables of twelve tab-separated columns. In `.waypoints` files row 0
+is home where the autopilot counts it. Numbers are written so that they are read back exactly, with at least 8 decimals:
+6 decimals, which some programs write, move a waypoint by up to 6 cm each way.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from gcs.mission.model import Command, Frame, Home, MissionItem
 
 HEADER = "QGC WPL 110"
 
+_Value = TypeVar("_Value")
 _HOME_COMMANDS = (int(Command.NAV_WAYPOINT), 0)  # some versions of Mission Planner write 0
 _COLUMNS = ("seq", "current", "frame", "command", "p1", "p2", "p3", "p4", "x", "y", "z", "autocontinue")
 _DECIMALS_MIN = 8
@@ -38,7 +39,7 @@ _DECIMALS_MIN = 8
 
 @dataclass(frozen=True)
 class WaypointFile:
-    """Contents of one file. `home` is None for autopilots that do not count it as item 0 (PX4)."""
+    """Contents of one table. `home` is None for autopilots that do not count it as item 0 (PX4)."""
 
     home: Home | None
     items: tuple[MissionItem, ...]
@@ -60,16 +61,13 @@ def write_waypoints(file: WaypointFile) -> str:
 
 
 def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -> WaypointFile:
-    """Contents of a file. `source` names it in errors; `home_first` says whether row 0 is home (ArduPilot) or an item.
+    """Contents of a table. `source` names it in errors; `home_first` says whether row 0 is home (ArduPilot) or an item.
 
-    Lines that begin with # are comments. Raises `FileFormatError` with file, line and reason for anything that is not
-    a complete mission.
+    Lines that begin with # are comments. Raises `FileFormatError` with file, line and reason for any other text.
     """
     lines = _decoded(text, source).splitlines()
     if not lines or lines[0].strip() != HEADER:
-        raise FileFormatError(
-            f"{source}, line 1: expected '{HEADER}'.", hint="is this a waypoint file of another format?"
-        )
+        raise FileFormatError(f"{source}, line 1: expected '{HEADER}'.", hint="give a file in the QGC WPL 110 format")
     items: list[MissionItem] = []
     places: list[int] = []
     home: Home | None = None
@@ -85,7 +83,7 @@ def read_waypoints(text: str | bytes, source: str, *, home_first: bool = True) -
             if item.frame != Frame.GLOBAL or item.command not in _HOME_COMMANDS:
                 raise FileFormatError(
                     f"{source}, line {number}: row 0 is not a home position (frame 0, command 16).",
-                    hint="files for PX4 have no home row: read them as such",
+                    hint="files for PX4 have no home row: give --autopilot px4 for them",
                 )
             home = Home(*place)
         else:
@@ -115,6 +113,26 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     return MissionFile(source, firmware, table.home, table.items, lines=table.lines, jumps_from=int(home_first))
 
 
+def write_fence(fence: Geofence) -> str:
+    """The text of a file; `read_fence` gives back the same values."""
+    return write_waypoints(WaypointFile(None, fence_items(fence)))
+
+
+def read_fence(text: str | bytes, source: str) -> Geofence:
+    """The fence in a file. Raises `FileFormatError` with file and reason."""
+    return _read_items(text, source, fence_from_items)
+
+
+def write_rally(points: Sequence[RallyPoint]) -> str:
+    """The text of a file; `read_rally` gives back the same values."""
+    return write_waypoints(WaypointFile(None, rally_items(points)))
+
+
+def read_rally(text: str | bytes, source: str) -> tuple[RallyPoint, ...]:
+    """The rally points in a file. Raises `FileFormatError` with file and reason."""
+    return _read_items(text, source, rally_from_items)
+
+
 def _begins_with_home(table: bytes) -> bool:
     """Whether the first row could be home: a waypoint in the absolute frame."""
     rows = (line.split() for line in table.splitlines()[1:] if line.strip() and not line.lstrip().startswith(b"#"))
@@ -122,8 +140,19 @@ def _begins_with_home(table: bytes) -> bool:
     return first[2:4] in [[b"%d" % Frame.GLOBAL, b"%d" % command] for command in _HOME_COMMANDS]
 
 
+def _read_items(text: str | bytes, source: str, convert: Callable[[Sequence[MissionItem]], _Value]) -> _Value:
+    file = read_waypoints(text, source, home_first=False)
+    items, skipped = file.items, 0
+    if items and (items[0].frame, items[0].command) == (Frame.GLOBAL, Command.NAV_WAYPOINT):
+        items, skipped = items[1:], 1
+    try:
+        return convert(items)
+    except BadItem as error:
+        raise FileFormatError(f"{source}, line {file.lines[error.index + skipped]}: {error}.") from error
+
+
 def _item(line: str, row: int) -> tuple[MissionItem, tuple[float, float, float]]:
-    """One row, and its position as written: home keeps the digits that degE7 has not. Raises ValueError."""
+    """The item in one row, and its position as written, with more digits than degE7 for home. Raises ValueError."""
     columns = line.strip("\r\n").split("\t")
     if len(columns) == 1:
         columns = line.split()
@@ -152,7 +181,7 @@ def _item(line: str, row: int) -> tuple[MissionItem, tuple[float, float, float]]
 
 
 def wire_position(frame: int, x: float, y: float) -> tuple[int, int]:
-    """A file's x and y as the wire has them: degE7, or in frame 2 plain integers. Raises ValueError."""
+    """Columns x and y in the units of links: degE7, or in frame 2 plain integers. Raises ValueError."""
     if frame == Frame.MISSION:
         if x != round(x) or y != round(y) or max(abs(x), abs(y)) >= 2**31:
             raise ValueError(f"parameters 5 and 6 of an item without a position must be integers, got {x}, {y}")
@@ -202,37 +231,3 @@ def _decoded(text: str | bytes, source: str) -> str:
         return text.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{source}: not a text file (byte {error.start}).") from error
-
-
-Content = TypeVar("Content")
-
-
-def write_fence(fence: Geofence) -> str:
-    """The text of a file; `read_fence` gives back the same values."""
-    return write_waypoints(WaypointFile(None, fence_items(fence)))
-
-
-def read_fence(text: str | bytes, source: str) -> Geofence:
-    """The fence in a file. Raises `FileFormatError` with file and reason."""
-    return _read(text, source, fence_from_items)
-
-
-def write_rally(points: Sequence[RallyPoint]) -> str:
-    """The text of a file; `read_rally` gives back the same values."""
-    return write_waypoints(WaypointFile(None, rally_items(points)))
-
-
-def read_rally(text: str | bytes, source: str) -> tuple[RallyPoint, ...]:
-    """The rally points in a file. Raises `FileFormatError` with file and reason."""
-    return _read(text, source, rally_from_items)
-
-
-def _read(text: str | bytes, source: str, convert: Callable[[Sequence[MissionItem]], Content]) -> Content:
-    file = read_waypoints(text, source, home_first=False)
-    items, skipped = file.items, 0
-    if items and (items[0].frame, items[0].command) == (Frame.GLOBAL, Command.NAV_WAYPOINT):
-        items, skipped = items[1:], 1
-    try:
-        return convert(items)
-    except BadItem as error:
-        raise FileFormatError(f"{source}, line {file.lines[error.index + skipped]}: {error}.") from error

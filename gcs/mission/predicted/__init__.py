@@ -1,1 +1,1 @@
-"""The predicted flight of a mission: as planned, and as a model of the autopilot flies it."""
+"""The predicted flight of a mission: at planned speeds, and by a model of its autopilot."""

@@ -1,7 +1,4 @@
-"""How near vehicles come to each other whose motion is straight and even between knots.
-
-Knows: the exact least distance of two such motions, finding near pairs among many. Does not know: missions, limits.
-"""
+"""The least distance of vehicles whose motion is straight at constant speed between knots: exact, for many vehicles."""
 
 from __future__ import annotations
 
@@ -17,14 +14,14 @@ from gcs.physics.quadrotor import Array
 
 Rows = NDArray[np.intp]
 
-_ALL_PAIRS = 60  # vehicles; more are searched by a tree
-_LONGEST_S = 1.0  # of a piece of time, for the tree
-_ALIKE_S = 0.02  # instants nearer than this are one, where there are many
+_ALL_PAIRS = 60  # vehicles; of more, a tree finds the near pairs
+_LONGEST_S = 1.0  # of a time interval, for the tree
+_ALIKE_S = 0.02  # instants nearer than this are merged in large fleets
 
 
 @dataclass(frozen=True)
 class Closest:
-    """The nearest two vehicles (rows of what was asked) and when."""
+    """The least distance, its time, and its two vehicles (rows of the flights given)."""
 
     distance_m: float
     t_s: float
@@ -32,9 +29,9 @@ class Closest:
 
 
 def closest_approach(flights: Sequence[PredictedFlight], below_m: float = np.inf) -> Closest | None:
-    """The least distance of any two flights at any time at which one of them is in the air.
+    """The least distance of any two flights while at least one of them is in the air.
 
-    Pairs that stay farther apart than `below_m` may be left out. None where nobody comes nearer, or is alone.
+    Pairs that stay farther apart than `below_m` may be left out. None for a single vehicle, or if no pair comes nearer.
     """
     if len(flights) < 2:
         return None
@@ -66,11 +63,11 @@ def closest_approach(flights: Sequence[PredictedFlight], below_m: float = np.inf
 
 
 def least_distance(start: Array, end: Array) -> tuple[Array, Array]:
-    """Least length of a vector (..., 3) that goes evenly from `start` to `end`, and the share of the way it is at."""
-    way = end - start
-    squared = np.maximum(np.sum(way * way, axis=-1), 1e-30)
-    share = np.clip(-np.sum(start * way, axis=-1) / squared, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(start + share[..., None] * way, axis=-1)), np.asarray(share)
+    """The least length of a vector (..., 3) moving evenly from `start` to `end`, and the share at which it is least."""
+    change = end - start
+    squared = np.maximum(np.sum(change * change, axis=-1), 1e-30)
+    share = np.clip(-np.sum(start * change, axis=-1) / squared, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + share[..., None] * change, axis=-1)), np.asarray(share)
 
 
 def _nearest(
@@ -92,9 +89,9 @@ def _near_pairs(start: Array, end: Array, limit_m: float) -> Rows:
     if not np.isfinite(limit_m):
         distance, _ = KDTree(start).query(start, k=2)
         limit_m = float(distance[:, 1].min())
-    way = end - start
-    own = np.linalg.norm(way - way.mean(axis=0), axis=1).max()
-    # Only what a vehicle moves against the others can bring it nearer.
+    moved = end - start
+    own = np.linalg.norm(moved - moved.mean(axis=0), axis=1).max()
+    # Only motion relative to the others can bring a vehicle nearer to them.
     return np.asarray(KDTree(start).query_pairs(limit_m + 2.0 * own + 1e-9, output_type="ndarray"))
 
 
@@ -116,6 +113,6 @@ def _at(flight: PredictedFlight, t_s: Array) -> Array:
 
 
 def _lift_off_s(flight: PredictedFlight) -> float:
-    """When it first moves."""
+    """The time at which the vehicle first moves."""
     moved = np.flatnonzero(np.any(flight.ned_m != flight.ned_m[0], axis=1))
     return float(flight.t_s[moved[0] - 1]) if len(moved) else np.inf

@@ -1,8 +1,7 @@
-"""Where a mission's items take a vehicle, and when: its planned flight, or what a model of the autopilot makes of it.
+"""The predicted flight of a mission at its planned speeds: what each command does to position and time.
 
-Knows: what each command does to position and time, altitude frames, jumps. Does not know: files, whether the flight is
-good. Legs are straight. At the end of the take-off a vehicle waits for the others (`together`): missions that are to
-keep together start together.
+Legs are straight. Missions of a formation start together: at the end of its take-off each vehicle waits for the others
+(`together`). `autopilot_flight` lets a model of the autopilot fly the legs instead.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ import numpy as np
 
 from gcs.autopilots.mission_commands import known_position
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
-from gcs.mavlink import MavCommand
+from gcs.mavlink import MavCommand, WireFrame
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.model import Frame, Home, MissionItem
+from gcs.mission.model import Home, MissionItem
 from gcs.physics.quadrotor import Array
 
 Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
 
 ITEMS_FLOWN_MAX = 20_000  # jumps can make a mission endless
 _TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
-ALTITUDE_MAX_M = 1e5  # what is beyond is reported as a mistake, and flown no higher
+ALTITUDE_MAX_M = 1e5  # higher altitudes are reported as errors, and flown at this one
 _STILL_M = 1e-3
 _DAY_S = 86400.0
 _HOLDING = frozenset({MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT})
@@ -45,16 +44,16 @@ _UNMODELLED = frozenset(
         MavCommand.NAV_ATTITUDE_TIME,
     }
 )
-_TERRAIN_FRAMES = frozenset({int(Frame.GLOBAL_TERRAIN_ALT), 11})
-_AMSL_FRAMES = frozenset({int(Frame.GLOBAL), 5})
+_TERRAIN_FRAMES = frozenset({int(WireFrame.GLOBAL_TERRAIN_ALT), int(WireFrame.GLOBAL_TERRAIN_ALT_INT)})
+_AMSL_FRAMES = frozenset({int(WireFrame.GLOBAL), int(WireFrame.GLOBAL_INT)})
 
 
 @dataclass(frozen=True)
 class PredictedFlight:
-    """A vehicle's motion: straight and even between knots, standing before the first and after the last.
+    """The motion of a vehicle: straight at constant speed between knots, at rest before the first and after the last.
 
-    `item` is the index of the item that brought the vehicle to each knot. Between `up_s` and `down_s` it is on its way;
-    before, it climbs from its start, after, it lands where it is.
+    `item` is the index of the item that brought the vehicle to each knot. Take-off ends at `up_s`; the vertical
+    descent of the landing begins at `down_s`.
     """
 
     t_s: Array  # (K,)
@@ -63,25 +62,25 @@ class PredictedFlight:
     up_s: float
     down_s: float
     ends_s: float  # on the ground again; infinity if it stays in the air
-    remarks: tuple[tuple[int, str], ...] = ()  # item index and what was not modelled
+    remarks: tuple[tuple[int, str], ...] = ()  # item index, and what the model leaves out
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What all flights have in common: the local frame, and the ground where it is known."""
+    """The local frame of all flights, and the ground if it is known."""
 
     origin: Origin
     ground: Ground | None = None
 
     def height_of_ground_m(self, ned_m: Array, otherwise_m: float) -> Array:
-        """Ground under points (..., 3), above the origin's height."""
+        """Heights of the ground under points (..., 3), above the origin's height; `otherwise_m` if it is unknown."""
         if self.ground is None:
             return np.full(ned_m.shape[:-1], otherwise_m)
         return np.asarray(self.ground(ned_m[..., 0], ned_m[..., 1]))
 
 
 def surroundings(missions: Sequence[MissionFile]) -> Surroundings:
-    """A frame that begins at the first home, or at the first place that any mission names; the ground is unknown."""
+    """A frame with its origin at the first home, or else at the first position of any mission; no ground."""
     homes = [m.home for m in missions if m.home is not None]
     first = homes[0] if homes else _first_place(missions)
     return Surroundings(Origin(first.lat_deg, first.lon_deg, first.alt_amsl_m))
@@ -96,7 +95,7 @@ def _first_place(missions: Sequence[MissionFile]) -> Home:
 
 
 def home_of(mission: MissionFile, around: Surroundings) -> Home:
-    """Home as the file has it, else the ground under the mission's first place (at the origin's height if unknown)."""
+    """The file's home, or else the ground under the mission's first position (at the origin's height if unknown)."""
     if mission.home is not None:
         return mission.home
     first = _first_place([mission])
@@ -106,12 +105,12 @@ def home_of(mission: MissionFile, around: Surroundings) -> Home:
 
 
 def fly(mission: MissionFile, around: Surroundings) -> PredictedFlight:
-    """The mission as its speeds and delays plan it, from the start at time 0, without waiting for anybody."""
+    """The flight by the mission's speeds and delays, from the start at time 0, without waiting for other vehicles."""
     return Flying(mission, around).run()
 
 
 def together(flights: Sequence[PredictedFlight]) -> tuple[PredictedFlight, ...]:
-    """The same flights, all leaving the end of their take-off when the last of them is there."""
+    """The same flights, all of which leave the end of their take-off when the last vehicle is there."""
     leave_s = max(f.up_s for f in flights)
     return tuple(_waiting(f, leave_s - f.up_s) for f in flights)
 
@@ -128,16 +127,16 @@ def _waiting(flight: PredictedFlight, wait_s: float) -> PredictedFlight:
 
 @dataclass
 class Flying:
-    """A vehicle under way at planned speeds: where it is, how fast it may go, what has happened."""
+    """The state of a flight at planned speeds: position, speed, time, and the knots so far."""
 
     mission: MissionFile
     around: Surroundings
     knots: list[tuple[float, tuple[float, float, float], int]] = field(default_factory=list)
     remarks: dict[int, str] = field(default_factory=dict)
-    clock_s: float | None = None  # time of day at time 0, as soon as an item tells
+    clock_s: float | None = None  # time of day at time 0, from the first item that waits for one
 
     def run(self) -> PredictedFlight:
-        """The whole mission."""
+        """The flight of the whole mission."""
         mission = self.mission
         home = home_of(mission, self.around)
         self.home_ned_m = geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, self.around.origin)
@@ -150,7 +149,7 @@ class Flying:
         self.down_s = self.ends_s = math.inf
         self._knot(0)
         self._follow()
-        self._settle()
+        self._fly_pending()
         up_s = 0.0 if self.up_s is None else self.up_s
         down_s = min(self.down_s, self.t_s)
         t_s, ned_m, item = zip(*self.knots, strict=True)
@@ -159,27 +158,27 @@ class Flying:
 
     def _follow(self) -> None:
         items = self.mission.items
-        left: dict[int, float] = {}  # how often each jump may still be taken
+        left: dict[int, float] = {}  # how often each jump remains
         index = flown = 0
         while index < len(items) and math.isinf(self.ends_s):
             item = items[index]
             flown += 1
             if flown > ITEMS_FLOWN_MAX:
-                self.remarks[index] = f"the mission goes on for ever; looked at for {ITEMS_FLOWN_MAX} items"
+                self.remarks[index] = f"the mission does not end; the check stops after {ITEMS_FLOWN_MAX} items"
                 return
             if item.command == MavCommand.DO_JUMP:
                 target = self._jump(item, index, left)
                 index = index + 1 if target is None else target
                 continue
             if item.command in _UNMODELLED:
-                self.remarks[index] = "what this command does to the flight is not modelled"
+                self.remarks[index] = "the effect of this command on the flight is not modelled"
             self._do(item, index)
             if item.command == MavCommand.NAV_LOITER_UNLIM:
                 return
             index += 1
 
     def _jump(self, item: MissionItem, index: int, left: dict[int, float]) -> int | None:
-        """Index to go on at; None where the jump is spent or leads nowhere."""
+        """Index of the next item; None if the jump is used up or has no target."""
         number, times = item.params[:2]
         target = number - self.mission.jumps_from
         if not (math.isfinite(number) and number == round(number) and 0 <= target < len(self.mission.items)):
@@ -213,36 +212,36 @@ class Flying:
             self._return(index)
 
     def _visit(self, place: Array, index: int, hold_s: float, *, along_ground: bool) -> None:
-        """Fly to a place and stay there for a while."""
+        """Fly to a position and hold there."""
         self._go(place, index, along_ground=along_ground)
         self._wait(hold_s, index)
 
     def _delay(self, item: MissionItem, index: int) -> None:
-        """For some seconds, or until a time of day, the first of which is taken to come at once."""
+        """Wait for some seconds, or until a time of day; the first such time is assumed to come at once."""
         seconds, *clock = item.params
         if seconds > 0.0 or not min(clock) >= 0.0:
             self._wait(seconds, index)
             return
-        self._settle()
+        self._fly_pending()
         until_s = clock[0] * 3600.0 + clock[1] * 60.0 + clock[2]
         if self.clock_s is None:
             self.clock_s = until_s - self.t_s
         left_s = (until_s - self.clock_s - self.t_s) % _DAY_S
         if left_s > 0.5 * _DAY_S:
-            self.remarks[index] = f"reached {_DAY_S - left_s:.1f} s after the time of day to wait for"
+            self.remarks[index] = f"reached {_DAY_S - left_s:.1f} s after the time of day that it waits for"
             left_s = 0.0
-        self._rest(left_s, index)
+        self._hold(left_s, index)
 
-    def _rest(self, seconds: float, index: int) -> None:
-        """Stay after a stop."""
+    def _hold(self, seconds: float, index: int) -> None:
+        """Hold after a stop."""
         self._wait(seconds, index)
 
-    def _settle(self) -> None:
-        """Fly what was put off; nothing is."""
+    def _fly_pending(self) -> None:
+        """Fly the waypoints that were collected; here there are none."""
 
     def _take_off(self, item: MissionItem, index: int) -> None:
-        """Straight up, then to the place it names where the autopilot does so."""
-        self._settle()
+        """Climb straight up, then fly to the item's position if the autopilot does so."""
+        self._fly_pending()
         place = self._place(index)
         top = np.array([*self.here[:2], place[2]])
         if top[2] < self.here[2]:
@@ -255,14 +254,14 @@ class Flying:
             self._go(place, index)
 
     def _land(self, item: MissionItem, index: int) -> None:
-        """Over the place at the height it has, then down."""
-        self._settle()
+        """Fly over the position at the present height, then descend."""
+        self._fly_pending()
         place = self._place(index)
         self._go(np.array([*place[:2], self.here[2]]), index)
         self._down(index)
 
     def _return(self, index: int) -> None:
-        self._settle()
+        self._fly_pending()
         height_m = self.mission.firmware.traits.returns.default_altitude_m
         top = min(self.here[2], self.home_ned_m[2] - height_m)
         self._go(np.array([*self.here[:2], top]), index)
@@ -283,7 +282,7 @@ class Flying:
             self._knot(index)
 
     def _go(self, there: Array, index: int, *, along_ground: bool = False) -> None:
-        """Straight to a place; along the ground where heights count from it."""
+        """Fly straight to a position; along the ground if its altitude counts from the ground."""
         start = self.here
         length_m = float(np.linalg.norm(there - start))
         if length_m < _STILL_M:
@@ -305,20 +304,20 @@ class Flying:
             self.here = point
             self._knot(index)
         if self.up_s is None:
-            self.up_s = begin_s  # no take-off: under way from the first leg
+            self.up_s = begin_s  # without a take-off, the flight begins with the first leg
 
-    def _duration_s(self, way: Array, length_m: float) -> float:
-        if math.hypot(way[0], way[1]) < _STILL_M:
-            return float(abs(way[2])) / (self.climb_mps if way[2] < 0 else self.sink_mps)
+    def _duration_s(self, leg: Array, length_m: float) -> float:
+        if math.hypot(leg[0], leg[1]) < _STILL_M:
+            return float(abs(leg[2])) / (self.climb_mps if leg[2] < 0 else self.sink_mps)
         return length_m / self.speed_mps
 
     def _place(self, index: int) -> Array:
-        """Where an item is, in NED; latitude and longitude 0 mean "here"."""
+        """The position of an item in NED; latitude and longitude 0 mean "here"."""
         item, place = self.mission.items[index], self.places_ned_m[index]
         return place if item.lat_degE7 or item.lon_degE7 else np.array([*self.here[:2], place[2]])
 
     def _places(self, home: Home) -> Array:
-        """Places (M, 3) of all items, in NED."""
+        """Positions (M, 3) of all items, in NED."""
         items, origin = self.mission.items, self.around.origin
         if not items:
             return np.zeros((0, 3))
@@ -326,7 +325,7 @@ class Flying:
         alt = np.clip(np.nan_to_num([i.alt_m for i in items]), -ALTITUDE_MAX_M, ALTITUDE_MAX_M)
         amsl = np.array([i.frame in _AMSL_FRAMES for i in items])
         terrain = np.array([i.frame in _TERRAIN_FRAMES for i in items])
-        # A frame without a place, or "here" without a latitude, must not leave the Earth.
+        # A frame without a position, or latitude 0 as "here", must not leave the Earth.
         nowhere = (np.abs(lat) > 90) | ((lat == 0) & (lon == 0))
         lat, lon = np.where(nowhere, home.lat_deg, lat), np.where(nowhere, home.lon_deg, lon)
         places = geodetic_to_ned(lat, lon, np.where(amsl, alt, home.alt_amsl_m + alt), origin)

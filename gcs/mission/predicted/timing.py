@@ -1,11 +1,8 @@
-"""What becomes of a plan's times: how late vehicles pass their waypoints, how far they are from the plan, who is near.
+"""The predicted timing of missions: lateness at waypoints, distance from the plan, least distance of vehicles.
 
-Knows: flights as they were worked out for the missions as written, a plan. Does not know: how flights are worked out,
-files.
-
-Whatever a model gets wrong about an autopilot it gets wrong for all vehicles alike, and a formation keeps its shape.
-What each vehicle does for itself is `AutopilotTraits.apart_s`: by so much may one be ahead of or behind another that
-flies the same orders, and the formation is looked at with any two of them moved against each other by that.
+An error of an autopilot's model is the same for all vehicles, and a formation keeps its shape. Two vehicles with the
+same orders differ by at most `AutopilotTraits.apart_s`. The least distance is therefore taken with any two vehicles
+shifted against each other by up to that time.
 """
 
 from __future__ import annotations
@@ -32,20 +29,19 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 _GRID_S = 0.2
-_LOOKS = 9  # at every piece of a flight
+_SAMPLES = 9  # of every piece of a flight
 _SHIFTS = 21
-_TOGETHER = 20  # vehicles sampled at once
+_BATCH = 20  # vehicles sampled at once
 _ALL_PAIRS, _PAIRS_MAX, _TREE_EVERY = 20, 2000, 25
-_WAYPOINT = Command.NAV_WAYPOINT
-MARGIN_S = 1.0  # at a gate: who comes later than that before it opens may miss it
+MARGIN_S = 1.0  # before a gate opens: a vehicle that arrives later than that may miss it
 
 
 @dataclass(frozen=True)
 class VehicleTiming:
-    """One vehicle's flight against its plan. Late is positive; the error is that at equal time."""
+    """One vehicle's flight compared with its plan. Late is positive; the error is taken at equal time."""
 
     sysid: int
-    late_s: float  # the worst of its waypoints, either way
+    late_s: float  # of the worst waypoint, late or early
     late_at_s: float  # plan time of that waypoint
     error_max_m: float
     error_at_s: float
@@ -54,7 +50,7 @@ class VehicleTiming:
 
 @dataclass(frozen=True)
 class NearMiss:
-    """The nearest two vehicles, one of them `apart_s` or less ahead or behind."""
+    """The nearest two vehicles, with one of them up to `apart_s` ahead or behind."""
 
     distance_m: float
     t_s: float
@@ -68,17 +64,17 @@ class Timing:
 
     vehicles: tuple[VehicleTiming, ...]
     spread_s: float  # the largest difference of two vehicles' lateness at the same waypoint
-    nearest: NearMiss | None  # None: nobody to come near to
+    nearest: NearMiss | None  # None for a single vehicle
     arrival_late_s: float  # of the last waypoint, the worst of all vehicles
-    gates_early_s: tuple[float, ...]  # how long before each gate opens the last vehicle is there
+    gates_early_s: tuple[float, ...]  # time from the arrival of the last vehicle to the opening of each gate
 
     @property
     def late_s(self) -> float:
-        """The worst of all, either way."""
+        """The worst of all vehicles, late or early."""
         return max((v.late_s for v in self.vehicles), key=abs)
 
     def data(self) -> dict[str, Any]:
-        """For people's programs."""
+        """The timing for index.json and `--json`."""
         spread_s = None if math.isnan(self.spread_s) else self.spread_s
         return {"late_s": self.late_s} | asdict(self) | {"spread_s": spread_s}
 
@@ -90,7 +86,7 @@ def predicted(
     missions: Sequence[VehicleMission],
     flights: Sequence[PredictedFlight],
 ) -> Timing:
-    """Hold the flights of all missions, which left the end of their take-off together, against the plan."""
+    """The timing of all missions, from flights that leave the end of their take-off together."""
     t_s = np.arange(legs.left_s, plan.phase("landing").start_s, _GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
@@ -104,8 +100,8 @@ def predicted(
         due_s[-1] = _near_end_s(plan, row)
         late.append(passed_s - due_s)
     vehicles: list[VehicleTiming] = []
-    for first in range(0, len(missions), _TOGETHER):
-        rows = slice(first, first + _TOGETHER)
+    for first in range(0, len(missions), _BATCH):
+        rows = slice(first, first + _BATCH)
         errors = np.linalg.norm(flown[rows] - plan.motion(t_s, rows)[0][..., POSITION], axis=-1)
         vehicles += [
             _vehicle(mission, late_s, error_m, t_s)
@@ -121,7 +117,7 @@ def predicted(
 
 
 def _leaving_s(mission: VehicleMission, flight: PredictedFlight) -> float:
-    """When the hover is left, in the flight's time."""
+    """The time at which the vehicle leaves the hover, in the flight's time."""
     first = next(index for index, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT)
     return float(flight.t_s[min(int(np.argmax(flight.item >= first)), len(flight.t_s) - 1)])
 
@@ -129,7 +125,7 @@ def _leaving_s(mission: VehicleMission, flight: PredictedFlight) -> float:
 def _passages(
     plan: Plan, row: int, mission: VehicleMission, flight: PredictedFlight, knots_s: Array
 ) -> tuple[list[int], Array]:
-    """Indices of the waypoints, and when each is passed: at the nearest, or near it where the vehicle stops."""
+    """Indices of the waypoints, and when each is passed: at the nearest point, or near it where the vehicle stops."""
     waypoints = [i for i, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT]
     origin = local_origin(plan.scenario)
     stops = {delay - 1 for delay, _ in mission.gates} | {waypoints[-1]}
@@ -145,13 +141,13 @@ def _passages(
 
 
 def _approach(t_s: Array, away_m: Array) -> tuple[Array, Array]:
-    """Instants and distances along a polyline (K,), (K, 3) around 0: its nearest point and 50 others of every piece."""
-    shares = np.linspace(0.0, 1.0, _LOOKS)
-    ways = np.diff(away_m, axis=0)
-    nearest = -np.sum(away_m[:-1] * ways, axis=1) / np.maximum(np.sum(ways * ways, axis=1), 1e-12)
-    looks = np.sort(np.concatenate([np.tile(shares, (len(ways), 1)), np.clip(nearest, 0.0, 1.0)[:, None]], axis=1))
-    instants = t_s[:-1, None] + looks * np.diff(t_s)[:, None]
-    distance_m = np.linalg.norm(away_m[:-1, None] + looks[..., None] * ways[:, None], axis=-1)
+    """Instants and distances from 0 along a polyline (K,), (K, 3): `_SAMPLES` and the nearest point of every piece."""
+    shares = np.linspace(0.0, 1.0, _SAMPLES)
+    pieces = np.diff(away_m, axis=0)
+    nearest = -np.sum(away_m[:-1] * pieces, axis=1) / np.maximum(np.sum(pieces * pieces, axis=1), 1e-12)
+    sampled = np.sort(np.concatenate([np.tile(shares, (len(pieces), 1)), np.clip(nearest, 0.0, 1.0)[:, None]], axis=1))
+    instants = t_s[:-1, None] + sampled * np.diff(t_s)[:, None]
+    distance_m = np.linalg.norm(away_m[:-1, None] + sampled[..., None] * pieces[:, None], axis=-1)
     return instants.ravel(), distance_m.ravel()
 
 
@@ -162,7 +158,7 @@ def _place(mission: VehicleMission, index: int, origin: Origin) -> Array:
 
 
 def _near_end_s(plan: Plan, row: int) -> float:
-    """When the plan comes near its last waypoint."""
+    """The time at which the plan comes near its last waypoint."""
     t_s = np.arange(0.0, plan.flight_s + 0.5 * _GRID_S, 0.5 * _GRID_S).clip(max=plan.flight_s)
     position = plan.motion(t_s, slice(row, row + 1))[0][0][:, POSITION]
     far = np.flatnonzero(np.linalg.norm(position - position[-1], axis=1) > NEAR_M)
@@ -170,7 +166,9 @@ def _near_end_s(plan: Plan, row: int) -> float:
 
 
 def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array) -> VehicleTiming:
-    arrivals = [t for t, item in zip(mission.arrival_s, mission.items, strict=True) if item.command == _WAYPOINT]
+    arrivals = [
+        t for t, item in zip(mission.arrival_s, mission.items, strict=True) if item.command == Command.NAV_WAYPOINT
+    ]
     worst = int(np.nanargmax(np.abs(late_s)))
     at = int(np.argmax(error_m))
     return VehicleTiming(
@@ -185,12 +183,12 @@ def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array)
 
 def _spread_s(late: Sequence[Array]) -> float:
     if len({len(one) for one in late}) > 1:
-        return math.nan  # who rests has fewer waypoints
+        return math.nan  # a vehicle at rest has fewer waypoints
     return float(np.nanmax(np.ptp(np.array(late), axis=0)))
 
 
 def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> NearMiss | None:
-    """The least distance of one vehicle to where another is within `apart_s`; rows of flown (V, N, 3)."""
+    """The least distance of one vehicle to the positions of another within `apart_s`; rows of flown (V, N, 3)."""
     if len(flown) < 2:
         return None
     steps = np.unique(np.linspace(-apart_s, apart_s, _SHIFTS))
@@ -207,7 +205,7 @@ def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> NearMiss |
 
 
 def _near_pairs(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> list[tuple[int, int]]:
-    """All pairs of few vehicles; of many, who could come too near, and of each his nearest."""
+    """All pairs of a small fleet; of a large one, pairs that could violate the separation, and the nearest ones."""
     if len(flown) <= _ALL_PAIRS:
         return list(itertools.combinations(range(len(flown)), 2))
     fastest_mps = float(np.max(np.linalg.norm(np.diff(flown[0], axis=0), axis=-1))) / _GRID_S

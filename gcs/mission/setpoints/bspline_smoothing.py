@@ -1,7 +1,6 @@
-"""The B-spline smoothing of §4: one quintic spline near the leader's planned path, and what it still holds.
+"""The B-spline smoothing of §4: one quintic spline near the leader's planned path, verified for every vehicle.
 
-Knows: how to fit it, how far it is from the plan, which of the plan's limits it keeps (every vehicle, as the verifier
-asks them). Does not know: files, waypoints. The plan's jerk jumps where its polynomials join; this path's does not.
+The plan's jerk jumps where its polynomials join; the jerk of this path does not.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ if TYPE_CHECKING:
 
 DEGREE = 5
 LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25
-# Of a limit's size, ten times the verifier's: a spline rings a little where the plan rides a limit of a rate.
+# Of a limit's scale, ten times the verifier's: a spline oscillates a little where the plan is at a rate limit.
 LIMIT_TOLERANCE = 1e-2
-_AT_REST = 3  # coefficients at either end of a clamped quintic that are its position, velocity and acceleration there
+_AT_REST = 3  # coefficients at each end of a clamped quintic: they fix its position, velocity and acceleration there
 
 
 @dataclass(frozen=True)
 class SmoothPath:
-    """The leader's north, east, down (m) and yaw (rad) as one spline over the streamed part of a plan."""
+    """The leader's north, east, down (m) and yaw (rad) as one spline over the setpoint stream of a plan."""
 
     plan: Plan
     spline: BSpline  # (4,)
     knots_every_s: float
-    deviation_m: float  # of the leader, and so of every vehicle, from the plan at equal time
+    deviation_m: float  # of the leader, and thus of every vehicle, from the plan at equal time
     yaw_deviation_rad: float
     clearance_min_m: float  # of any vehicle, above the exact ground
 
@@ -54,13 +53,13 @@ class SmoothPath:
 
 
 def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
-    """The path of the fewest evenly spaced knots that stays within `tolerance_m` of the plan and holds its limits.
+    """The path with the fewest evenly spaced knots that is within `tolerance_m` of the plan and keeps its limits.
 
-    Knots are set twice as close until both are so. Raises UsageError for a tolerance that is not positive, and
-    VerificationError with the limit that still stands against it when knots are SHORTEST_KNOT_S apart.
+    The knot interval is halved until both are true. Raises `UsageError` for a tolerance that is not positive. Raises
+    `VerificationError` with the violated limits if the interval falls below `SHORTEST_KNOT_S`.
     """
     if not tolerance_m > 0:
-        raise UsageError(f"a path cannot be smoothed within {tolerance_m:g} m", hint="give --smooth a positive number")
+        raise UsageError(f"--smooth is {tolerance_m:g} m", hint="give --smooth a positive number")
     start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
     t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
@@ -70,21 +69,21 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
         off = spline(t_s) - planned
         deviation_m = float(np.linalg.norm(off[:, :3], axis=1).max())
         path = SmoothPath(plan, spline, knots_s, deviation_m, float(np.abs(off[:, 3]).max()), np.nan)
-        broken, clearance_m = _broken_limits(path, t_s)
+        violated, clearance_m = _violated_limits(path, t_s)
         if deviation_m > tolerance_m:
-            broken.insert(0, f"{deviation_m:.3g} m from the plan, {tolerance_m:g} m asked")
-        if not broken:
+            violated.insert(0, f"{deviation_m:.3g} m from the plan (limit {tolerance_m:g} m)")
+        if not violated:
             return replace(path, clearance_min_m=clearance_m)
         knots_s /= 2.0
         if knots_s < SHORTEST_KNOT_S:
             raise VerificationError(
-                f"the path cannot be smoothed with knots {2.0 * knots_s:g} s apart: {'; '.join(broken)}",
-                hint="leave smoothing out, or give the plan more margin to this limit",
+                f"smoothing failed with knots {2.0 * knots_s:g} s apart: {'; '.join(violated)}",
+                hint="do not smooth, or plan with more margin to this limit",
             )
 
 
 def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: int) -> BSpline:
-    """Least squares through the samples (N, 4); at both ends at the planned place, at rest."""
+    """The least-squares spline through the samples (N, 4), at rest at both planned ends."""
     inner = np.linspace(start_s, end_s, pieces + 1)
     knots = np.concatenate([[start_s] * DEGREE, inner, [end_s] * DEGREE])
     count = len(knots) - DEGREE - 1
@@ -99,8 +98,8 @@ def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: in
     return BSpline(knots, coefficients, DEGREE)
 
 
-def _broken_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
-    """The plan's limits that the path breaks, in words; and its least clearance in m."""
+def _violated_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
+    """The plan's limits that the path violates, in words, and its least clearance, m."""
     plan, scenario = path.plan, path.plan.scenario
     position, velocity, acceleration, yaw = path.at(t_s)
     states = np.zeros((*yaw.shape, 12))
@@ -123,7 +122,7 @@ def _broken_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
             margins.turning(scenario, states, controls),
         )
     ]
-    broken = [
-        f"{m.name} broken by {-m.value.min():.3g} {m.unit}" for m, tolerance in found if m.value.min() < -tolerance
+    violated = [
+        f"{m.name} violated by {-m.value.min():.3g} {m.unit}" for m, tolerance in found if m.value.min() < -tolerance
     ]
-    return broken, float(clearance.value.min()) + scenario.limits.clearance_min_m
+    return violated, float(clearance.value.min()) + scenario.limits.clearance_min_m

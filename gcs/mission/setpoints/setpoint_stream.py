@@ -1,7 +1,4 @@
-"""Timed setpoints: what all vehicles should do at every tick.
-
-Knows: sampling a plan on whole milliseconds. Does not know: files, links, each vehicle's own frame.
-"""
+"""The setpoint stream: positions, velocities, accelerations and yaw of all vehicles, on whole milliseconds."""
 
 from __future__ import annotations
 
@@ -16,21 +13,21 @@ if TYPE_CHECKING:
     from gcs.mission.setpoints.bspline_smoothing import SmoothPath
     from gcs.plan.trajectory.plan import Plan
 
-_DECIMALS = 6  # micrometres: far below what float32 on the wire keeps
+_DECIMALS = 6  # micrometres: far below the resolution of float32 on links
 _MS = 1000
-EVERYONE = slice(None)
+ALL_VEHICLES = slice(None)
 
 
 def build_stream(
-    plan: Plan, rate_hz: float, smooth: SmoothPath | None = None, rows: slice = EVERYONE
+    plan: Plan, rate_hz: float, smooth: SmoothPath | None = None, rows: slice = ALL_VEHICLES
 ) -> SetpointStream:
-    """Setpoints from the end of the takeoff to the end of the hover after the arrival, of the smoothed path if given.
+    """The setpoints from the end of the take-off to the end of the hover after the arrival, smoothed if given.
 
-    Ticks are t = k / rate_hz, rounded to whole milliseconds, so one is at T0. The last setpoint is at rest with zero
-    acceleration: an autopilot flies on with the last velocity and acceleration it was given.
+    Times are t = k / rate_hz, rounded to whole milliseconds, so one is T0. The last setpoint has zero velocity and
+    acceleration: an autopilot continues with those of the last setpoint received.
     """
     if not 0 < rate_hz <= _MS:
-        raise ValueError(f"a rate of {rate_hz} Hz has no ticks on whole milliseconds")
+        raise ValueError(f"a setpoint rate of {rate_hz} Hz is not between 0 and {_MS} Hz")
     start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
     ticks = np.arange(np.ceil(start_s * rate_hz - 1e-6), np.floor(end_s * rate_hz + 1e-6) + 1)
     t_ms = np.rint(ticks * _MS / rate_hz)
@@ -49,7 +46,7 @@ def build_stream(
 
 
 def of_vehicle(stream: SetpointStream, row: int) -> SetpointStream:
-    """The part of one vehicle, by its row."""
+    """The stream of the vehicle in this row."""
     one = slice(row, row + 1)
     return SetpointStream(
         stream.sysids[one],

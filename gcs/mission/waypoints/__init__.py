@@ -1,1 +1,1 @@
-"""From a plan to waypoint missions: where waypoints lie, at what speeds they are flown, as which items."""
+"""From a plan to waypoint missions: placement of waypoints, speeds of legs, mission items."""

@@ -1,9 +1,7 @@
-"""Legs that an autopilot keeps in time: few waypoints, far enough apart for their speeds, and corrected speeds.
+"""Legs with corrected speeds, on which an autopilot keeps the plan's arrival times.
 
-Knows: which placements are tried and which is best, gates, who shares whose legs. Does not know: how speeds are found
-(`correction`), items.
-
-In a rigid formation all vehicles fly the leader's legs, moved; in a changing one each has speeds of its own.
+Waypoints are few, and far enough apart for their speeds. In a rigid formation all vehicles fly the leader's legs,
+translated; in a changing formation each vehicle has speeds of its own. `speed_correction` finds the speeds.
 """
 
 from __future__ import annotations
@@ -29,32 +27,35 @@ from gcs.scenario.vehicle_ability import ability_of
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-VEHICLES_MAX = 20  # with legs of their own: each costs some seconds
-SLACK_S = 5.0  # a stop costs up to two, being late may cost two more
+VEHICLES_MAX = 20  # with legs of their own: each takes some seconds
+SLACK_S = 5.0  # a stop takes up to 2 s, and lateness up to 2 s more
 LEAD_MAX_S = 3.0
-_GATE_LEAD_S = 1.0  # of the start and of every gate, where gates must lie whole seconds apart
-_GATES_EVERY_S = 20.0  # or more
+_GATE_LEAD_S = 1.0  # before the start and every gate, which must be whole seconds apart
+_GATES_EVERY_S = 20.0  # least time between gates
 _SAMPLE_S = 0.1
 _SLOWEST_MPS = 0.3
-_LEAST_PATH_M, _TIME_M = 0.3, 1.0  # no autopilot holds corners or a constant speed better
+_LEAST_PATH_M, _TIME_M = 0.3, 1.0  # no autopilot keeps corners or a constant speed better
 _PLACEMENTS = (
     (1.0, 1.0),
     (1.5, 1.3),
     (0.5, 0.8),
-)  # times the path's tolerance; share of a speed that legs must sustain
-_GOOD_S, _GOOD_OWN_S = 1.0, 2.0  # no other placement is tried; where vehicles have legs of their own it takes long
-_TROUBLE_SPM = 100.0  # s of lateness that a metre inside a closed area is worth
-_MADE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # what was worked out: it takes seconds
-_MADE_MAX = 16
+)  # factor on the path's tolerance; share of a speed that legs must sustain
+_GOOD_S, _GOOD_OWN_S = (
+    1.0,
+    2.0,
+)  # good enough to try no other placement; the second for vehicles with legs of their own, which take long
+_NO_FLY_COST_SPM = 100.0  # cost of a metre inside a no-fly zone, in s of lateness
+_CACHE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # a correction takes seconds
+_CACHED_MAX = 16
 
 
 def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
-    """How this autopilot flies the plan's vehicles."""
+    """The model of this autopilot, with the limits of the plan's vehicles."""
     return firmware.navigator.within(ability_of(plan.quadrotor, plan.scenario.limits))
 
 
 def climb_s(plan: Plan, firmware: Autopilot) -> float:
-    """How long the highest vehicle takes to its hover: autopilots climb at a speed of their own."""
+    """The longest climb to the hover, s: autopilots climb at a speed of their own."""
     hover_ned_m = plan.motion(np.array([plan.airborne_s]))[0][:, 0, POSITION]
     return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.traits.missions.climb_mps[0]
 
@@ -62,18 +63,17 @@ def climb_s(plan: Plan, firmware: Autopilot) -> float:
 def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs:
     """Waypoints, speeds and gates with which the autopilot keeps the plan's times as well as it can.
 
-    Raises `VerificationError` where it cannot be told: too many vehicles with legs of their own, or speeds that lead
-    nowhere; and `ScenarioError` for more gates than the flight has room for.
+    Raises `VerificationError` for too many vehicles with legs of their own, or if the model does not complete the
+    mission. Raises `ScenarioError` for more gates than fit the flight.
     """
     key = plan.hash, firmware, gates
-    if key in _MADE:
-        return _MADE[key]
+    if key in _CACHE:
+        return _CACHE[key]
     rows = rows_with_own_legs(plan)
     if rows == slice(None) and len(plan.sysids) > VEHICLES_MAX:
         raise VerificationError(
-            f"{len(plan.sysids)} vehicles with legs of their own are too many to correct the speeds of: "
-            f"up to {VEHICLES_MAX} are.",
-            hint="fly the setpoint stream (--format setpoints), which keeps path and time",
+            f"{len(plan.sysids)} vehicles need legs of their own; speeds are corrected for at most {VEHICLES_MAX}.",
+            hint="fly the setpoint stream (--format setpoints): it keeps path and time",
         )
     sampled = _Samples.of(plan, rows)
     stops = _gate_samples(sampled.t_s, gates)
@@ -85,15 +85,15 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
         if best.off_s <= (_GOOD_S if len(sampled.position_ned_m) == 1 else _GOOD_OWN_S):
             break
     assert best is not None
-    while len(_MADE) >= _MADE_MAX:
-        del _MADE[next(iter(_MADE))]
-    _MADE[key] = best.legs
+    while len(_CACHE) >= _CACHED_MAX:
+        del _CACHE[next(iter(_CACHE))]
+    _CACHE[key] = best.legs
     return best.legs
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """The planned flight of those whose legs are made: times (M,) and positions (R, M, 3)."""
+    """The planned flight of the vehicles with legs of their own: times (M,) and positions (R, M, 3)."""
 
     t_s: Array
     position_ned_m: Array
@@ -110,7 +110,7 @@ class _Samples:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """One placement; `off_s` is the largest lateness of any waypoint and vehicle, and what closed areas add to it."""
+    """One placement. `off_s` is the largest lateness of any waypoint and vehicle, plus the cost of no-fly zones."""
 
     legs: TimedLegs
     off_s: float
@@ -119,7 +119,7 @@ class _Attempt:
 def _attempt(
     plan: Plan, firmware: Autopilot, sampled: _Samples, stops: list[int], placement: tuple[float, float]
 ) -> _Attempt:
-    """Waypoints between the stops, then speeds; the leader's start decides when everybody leaves."""
+    """Waypoints between the stops, then speeds. The leader's start fixes when all vehicles leave."""
     tolerances, share = placement
     navigator = navigator_of(plan, firmware)
     path_m = tolerances * max(plan.scenario.mission.tolerance_m, _LEAST_PATH_M)
@@ -128,7 +128,7 @@ def _attempt(
     leader = plan.leader if rows > 1 else 0
     waypoints = [0]
     speeds: list[Array] = []
-    lifts = np.zeros(1)
+    raises_m = np.zeros(1)
     gates: list[Gate] = []
     takeoff = plan.phase("takeoff")
     hover_s = float(t_s[0]) - takeoff.end_s
@@ -139,14 +139,14 @@ def _attempt(
         part = SampledFlight(t_s[first : last + 1], position[:, first : last + 1])
         kept = [first + i for i in gentle_indices(part, Deviation(path_m, _TIME_M), navigator.sustained_mps, share)]
         gate = last != stops[-1]
-        lift = TerrainRaise(plan, sampled.t_s[kept])
+        terrain = TerrainRaise(plan, sampled.t_s[kept])
         early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0
         part_speeds = np.full((rows, len(kept) - 1), np.nan)
         for row in (leader, *(r for r in range(rows) if r != leader)):
-            course, legs = _course(plan, firmware, sampled, row, kept, early_s)
-            found = correct(navigator, course, lead_s)
-            inside_m = lift.raise_over_ground(navigator, course, legs, found, row if rows > 1 else None)
-            off_s = max(off_s, _worst_s(found, gate) + _TROUBLE_SPM * inside_m)
+            profile, legs = _profile(plan, firmware, sampled, row, kept, early_s)
+            found = correct(navigator, profile, lead_s)
+            inside_m = terrain.raise_over_ground(navigator, profile, legs, found, row if rows > 1 else None)
+            off_s = max(off_s, _worst_s(found, gate) + _NO_FLY_COST_SPM * inside_m)
             part_speeds[row, legs] = found.speeds_mps
             if row == leader:
                 lead_s = (found.lead_s, found.lead_s)
@@ -154,13 +154,13 @@ def _attempt(
             leaves_s = float(t_s[0]) - lead_s[0]
         speeds.append(part_speeds)
         waypoints += kept[1:]
-        lifts = np.concatenate([lifts, lift.by_waypoint_m[1:]])
+        raises_m = np.concatenate([raises_m, terrain.by_waypoint_m[1:]])
         if gate:
             gates.append(Gate(len(waypoints) - 1, float(t_s[last]) - _GATE_LEAD_S, SLACK_S))
             lead_s = (_GATE_LEAD_S,) * 2
-    everything = SampledFlight(t_s, position)
+    whole = SampledFlight(t_s, position)
     timed = TimedLegs(
-        t_s[waypoints], deviation(everything, waypoints), np.concatenate(speeds, axis=1), leaves_s, tuple(gates), lifts
+        t_s[waypoints], deviation(whole, waypoints), np.concatenate(speeds, axis=1), leaves_s, tuple(gates), raises_m
     )
     return _Attempt(timed, off_s)
 
@@ -170,14 +170,14 @@ def _worst_s(found: Corrected, gate: bool) -> float:
     return float(np.abs(late).max())
 
 
-def _course(
+def _profile(
     plan: Plan, firmware: Autopilot, sampled: _Samples, row: int, kept: list[int], early_s: float
 ) -> tuple[LegProfile, list[int]]:
-    """Legs of one vehicle between two stops; the latter half is flown faster where the second is due early."""
+    """Legs of one vehicle between two stops. The latter half is flown faster if the second stop is due early."""
     limits, takeoff = plan.scenario.limits, plan.phase("takeoff")
     begin_s = float(sampled.t_s[kept[0]])
     half_s = 0.5 * (float(sampled.t_s[kept[-1]]) - begin_s)
-    course, legs = leg_profile(
+    profile, legs = leg_profile(
         sampled.t_s - early_s * np.maximum((sampled.t_s - begin_s) / half_s - 1.0, 0.0),
         sampled.position_ned_m[row],
         kept,
@@ -186,7 +186,7 @@ def _course(
         fastest_mps=firmware.speed_mps[1],
         airborne_s=climb_s(plan, firmware) + begin_s - takeoff.end_s,
     )
-    return course, legs
+    return profile, legs
 
 
 def _gate_samples(t_s: Array, gates: int) -> list[int]:
@@ -195,8 +195,8 @@ def _gate_samples(t_s: Array, gates: int) -> list[int]:
     if gates < 0 or (gates and duration_s / (gates + 1) < _GATES_EVERY_S):
         most = max(int(duration_s / _GATES_EVERY_S) - 1, 0)
         raise ScenarioError(
-            f"{gates} gates do not fit a flight of {duration_s:.0f} s: there may be {most}.",
-            hint=f"gates lie {_GATES_EVERY_S:g} s apart or more",
+            f"{gates} gates do not fit a flight of {duration_s:.0f} s; limit {most}.",
+            hint=f"give fewer --gates: they are at least {_GATES_EVERY_S:g} s apart",
         )
     seconds = [round(duration_s * number / (gates + 1)) for number in range(1, gates + 1)]
     return [0, *(round(second / _SAMPLE_S) for second in seconds), len(t_s) - 1]

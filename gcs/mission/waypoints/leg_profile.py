@@ -1,7 +1,4 @@
-"""What a vehicle's legs should become: where they lead, and when which part of them is due.
-
-Knows: samples of a planned path, waypoints chosen among them. Does not know: autopilots, items, plans.
-"""
+"""The profile of a vehicle's legs: their end points, and the times at which shares of each leg are due."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from gcs.autopilots.navigation.navigator import NavigatorOrders
 from gcs.autopilots.navigation.predict import NEAR_M, Prediction
 from gcs.physics.quadrotor import Array
 
-SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of a leg: where it is looked at whether it is on time
+SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of a leg, at which lateness is measured
 _STILL_M = 0.01
 
 
@@ -23,8 +20,8 @@ _STILL_M = 0.01
 class LegProfile:
     """Legs between points (N + 1, 3), from rest at time 0.
 
-    `due_s` (N, len(SHARES)) is when these shares of each leg are due, `holds_s` (N,) how long to stay at its end, at
-    speeds between `slowest_mps` and `fastest_mps` (N,). `airborne_s` is how long it has been flying at time 0.
+    `due_s` (N, len(SHARES)) are the times at which these shares of each leg are due, `holds_s` (N,) the holds at leg
+    ends. Speeds are between `slowest_mps` and `fastest_mps` (N,). `airborne_s` is the time flown before time 0.
     """
 
     points_ned_m: Array
@@ -36,32 +33,32 @@ class LegProfile:
 
     @property
     def lengths_m(self) -> Array:
-        """Of the legs (N,)."""
+        """Lengths of the legs (N,)."""
         return np.asarray(np.linalg.norm(np.diff(self.points_ned_m, axis=0), axis=1))
 
     @property
     def planned_mps(self) -> Array:
-        """Speeds (N,) that would do if they were had at once."""
+        """Speeds (N,) that keep the due times if each is reached at once."""
         left_s = np.concatenate([[0.0], (self.due_s[:, -1] + self.holds_s)[:-1]])
         speeds = self.lengths_m / np.maximum(self.due_s[:, -1] - left_s, 1e-3)
         return np.asarray(np.clip(speeds, self.slowest_mps, self.fastest_mps))
 
     def orders(self, speeds_mps: Array) -> NavigatorOrders:
-        """These legs at speeds (N,)."""
+        """The orders to fly these legs at speeds (N,)."""
         return NavigatorOrders.through(
             self.points_ned_m, speeds_mps.tolist(), self.holds_s.tolist(), airborne_s=self.airborne_s
         )
 
     def passed_s(self, flown: Prediction) -> Array:
-        """When a flight passed the shares of each leg, (N, len(SHARES)), between its steps as well."""
-        ways = np.diff(self.points_ned_m, axis=0)
-        times = np.empty((len(ways), len(SHARES)))
+        """The times (N, len(SHARES)) at which a flight passed the shares of each leg, between its steps."""
+        chords = np.diff(self.points_ned_m, axis=0)
+        times = np.empty((len(chords), len(SHARES)))
         begin = 0
-        for leg, way in enumerate(ways):
+        for leg, chord in enumerate(chords):
             end = max(int(np.searchsorted(flown.t_s, flown.passed_s[leg] - 1e-9)), begin + 1)
             end = min(end, len(flown.t_s) - 1)
             rows = slice(begin, end + 1)
-            along = (flown.position_ned_m[rows] - self.points_ned_m[leg]) @ way / (way @ way)
+            along = (flown.position_ned_m[rows] - self.points_ned_m[leg]) @ chord / (chord @ chord)
             times[leg] = np.interp(SHARES, np.maximum.accumulate(along), flown.t_s[rows])
             times[leg, -1] = self._nearest_s(flown, leg, end)
             left_s = flown.completed_s[leg] if self.holds_s[leg] > 0.0 else flown.t_s[end]
@@ -69,7 +66,7 @@ class LegProfile:
         return times
 
     def _nearest_s(self, flown: Prediction, leg: int, row: int) -> float:
-        """The instant of passing the end of a leg, about the step it was found in."""
+        """The time of passing the end of a leg, refined within one step of `row`."""
         t_s = float(flown.t_s[row])
         if leg + 1 == len(self.holds_s) or self.holds_s[leg] > 0.0:
             return t_s
@@ -89,10 +86,10 @@ def leg_profile(
     fastest_mps: float,
     airborne_s: float,
 ) -> tuple[LegProfile, list[int]]:
-    """The course through samples (M, 3) at t_s (M,), and the index of the leg between `waypoints` that each leg is.
+    """The profile through samples (M, 3) at t_s (M,), and for each leg its number among pairs of `waypoints`.
 
-    Where the samples rest from one waypoint to the next, there is no leg but a hold. No part of a speed is to be above
-    `speed_ned_mps` (3,), and none above `fastest_mps`.
+    If the samples rest from one waypoint to the next, there is a hold instead of a leg. No component of a speed
+    exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`.
     """
     legs: list[int] = []
     points, due = [position_ned_m[waypoints[0]]], []
@@ -100,8 +97,8 @@ def leg_profile(
     fastest: list[float] = []
     waited_s = 0.0
     for number, (i, j) in enumerate(pairwise(waypoints)):
-        way = position_ned_m[j] - points[-1]
-        length = float(np.linalg.norm(way))
+        chord = position_ned_m[j] - points[-1]
+        length = float(np.linalg.norm(chord))
         if length < _STILL_M and j != waypoints[-1]:
             if holds:
                 holds[-1] += float(t_s[j] - t_s[i])
@@ -110,11 +107,11 @@ def leg_profile(
             continue
         legs.append(number)
         moved = position_ned_m[i : j + 1] - points[-1]
-        along = np.maximum.accumulate(moved @ way) / max(length * length, 1e-12)
+        along = np.maximum.accumulate(moved @ chord) / max(length * length, 1e-12)
         due.append(np.interp(SHARES, along, t_s[i : j + 1]) - t_s[waypoints[0]] - waited_s)
         due[-1][-1] = t_s[j] - t_s[waypoints[0]] - waited_s
         holds.append(0.0)
-        fastest.append(float(np.min(speed_ned_mps / np.maximum(np.abs(way) / max(length, _STILL_M), 1e-9))))
+        fastest.append(float(np.min(speed_ned_mps / np.maximum(np.abs(chord) / max(length, _STILL_M), 1e-9))))
         points.append(position_ned_m[j])
         if j == waypoints[-1]:
             near = np.linalg.norm(position_ned_m[i : j + 1] - position_ned_m[j], axis=1) <= NEAR_M

@@ -1,9 +1,8 @@
-"""From a plan to one waypoint mission per vehicle.
+"""From a plan to one waypoint mission per vehicle: the items for take-off, timed legs and landing.
 
-Knows: which items make a vehicle take off, keep the plan's times leg by leg, and land. Does not know: files, links.
-Timed legs: neither ArduPilot nor PX4 has waypoints with an arrival time, so before every leg DO_CHANGE_SPEED asks
-for leg length / leg time, or for a speed that is corrected for the autopilot (`timed`). All vehicles share the times of
-their waypoints.
+Neither ArduPilot nor PX4 has waypoints with an arrival time. Before every leg DO_CHANGE_SPEED therefore sets leg length
+/ leg time, or a speed that is corrected for the autopilot (`arrival_times`). All vehicles share the times of their
+waypoints.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from gcs.scenario.si import local_origin
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-# degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, northwards and eastwards; ArduPilot's centimetres by 5 mm more.
+# degE7 rounds a waypoint by up to 0.5e-7 deg, 5.6 mm, north and east; ArduPilot's centimetres by 5 mm in height.
 ROUNDING_M = 0.0095
-# Speeds ArduCopter 4.5 ignores (WPNAV_WP_SPEED_MIN): slower legs are flown at this one and waited out.
+# ArduCopter 4.5 ignores lower speeds (WPNAV_WP_SPEED_MIN): slower legs are flown at this speed, then a delay follows.
 SPEED_MIN_MPS = 0.2
-# How far a constant-speed leg may be from the plan at the same time, in units of the path tolerance.
+# Limit on the distance of a constant-speed leg from the plan at the same time, in units of the path tolerance.
 TIME_SHARE = 1.5
 
 _SAMPLE_S = 0.1
@@ -40,20 +39,21 @@ _STILL_M = 0.01
 _SPEED_DECIMALS = 4
 _TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
+_DAY_S = 86400
 
 
 def timed_legs(plan: Plan) -> TimedLegs:
-    """Choose the waypoints' instants for all vehicles of a plan at once, for whoever flies at the speeds asked for.
+    """The times of the waypoints of all vehicles, for an autopilot that keeps the commanded speeds exactly.
 
     The start of the run-up, T0 and the arrival are always among them. Raises `ScenarioError` for a tolerance that
-    rounding alone would break.
+    rounding alone would violate.
     """
     tolerance_m = plan.scenario.mission.tolerance_m
     path_m = tolerance_m - ROUNDING_M
     if path_m <= 0:
         raise ScenarioError(
-            f"mission.tolerance_m is {tolerance_m} m, but waypoints are rounded by up to {ROUNDING_M} m.",
-            hint="ask for 0.02 m or more",
+            f"mission.tolerance_m is {tolerance_m} m, and waypoints are rounded by up to {ROUNDING_M} m.",
+            hint="set mission.tolerance_m to 0.02 or more",
         )
     rows = rows_with_own_legs(plan)
     kept: list[Array] = []
@@ -81,36 +81,36 @@ def build_missions(
 ) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
-    For the scenario's autopilot unless `firmware` says another. Relative altitudes count from the vehicle's own home,
-    the ground under its pad. Raises `ScenarioError` when a mission has more items than the autopilot stores, or
-    altitudes that it refuses.
+    Missions are for `firmware`, or else for the scenario's autopilot. Relative altitudes count from the vehicle's own
+    home, the ground under its pad. Raises `ScenarioError` for more items than the autopilot stores, and for altitudes
+    that it refuses.
     """
     firmware = Autopilot.named(plan.scenario.mission.autopilot) if firmware is None else firmware
     if altitude.frame not in firmware.frames:
         raise ScenarioError(
             f"{firmware.title} refuses altitudes above the ground in missions.",
-            hint="choose relative altitudes or altitudes above mean sea level",
+            hint="give --altitude relative or --altitude amsl",
         )
     legs = legs or timed_legs(plan)
     missions = tuple(_vehicle_mission(plan, row, legs, firmware, altitude) for row in range(len(plan.sysids)))
     longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
     if longest > firmware.items_max:
         raise ScenarioError(
-            f"A mission of {longest} items does not fit the {firmware.items_max} that {firmware.title} stores.",
+            f"A mission has {longest} items; {firmware.title} stores at most {firmware.items_max}.",
             hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
         )
     return missions
 
 
 def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot, altitude: Altitude) -> VehicleMission:
-    """Items of the vehicle in this row."""
+    """The mission of the vehicle in this row."""
     landing, up_s = plan.phase("landing"), plan.airborne_s
     t_s = legs.t_s
     origin = local_origin(plan.scenario)
     states = plan.motion(t_s, slice(row, row + 1))[0][0]
     yaw_ned_rad = states[:, 8]
-    if legs.lift_m is not None:
-        states[:, 2] -= legs.lift_m
+    if legs.raised_m is not None:
+        states[:, 2] -= legs.raised_m
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
@@ -120,7 +120,7 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
         ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
         below_m = places[:, 2] + points_ned_m[:, 2] + ground_m
     places[:, 2] = [written_alt_m(alt_m, firmware) for alt_m in (places[:, 2] - below_m).tolist()]
-    # Lengths as kept, not as planned: the time of a slow leg depends on its last centimetre.
+    # Lengths as stored, not as planned: the time of a slow leg depends on its last centimetre.
     kept = _as_kept(places, firmware)[:-2]
     length_m = np.linalg.norm(
         np.diff(geodetic_to_ned(kept[:, 0], kept[:, 1], kept[:, 2] + below_m[:-2], origin), axis=0), axis=-1
@@ -142,7 +142,7 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
 
 
 def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, Array], rest_s: float) -> None:
-    """Every leg at its length over its time; slower ones than autopilots fly are waited out."""
+    """Add every leg at its length over its time, with a delay after legs slower than autopilots fly."""
     places, yaw_ned_rad = ends
     last = len(length_m) - 1
     for leg, length in enumerate(length_m):
@@ -150,7 +150,7 @@ def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, 
         speed_mps = max(length / duration_s, SPEED_MIN_MPS)
         moving_s = length / speed_mps if length > _STILL_M else 0.0
         if moving_s or leg == last:
-            draft.ask(speed_mps)
+            draft.set_speed(speed_mps)
             hold_s = rest_s if leg == last else 0.0
             draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], t_s[leg] + moving_s, hold_s)
         draft.wait(duration_s - moving_s)
@@ -159,7 +159,7 @@ def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, 
 def _fly_corrected(
     draft: _Draft, legs: TimedLegs, speeds_mps: Array, ends: tuple[Array, Array], rest_s: float
 ) -> tuple[tuple[int, float], ...]:
-    """Every leg at the speed that was found for it (W - 1,); returns the delays at gates."""
+    """Add every leg at its corrected speed (W - 1,). Return the delays at gates: index of the item, and plan time."""
     places, yaw_ned_rad = ends
     gates = {gate.waypoint: gate for gate in legs.gates}
     delays = []
@@ -168,7 +168,7 @@ def _fly_corrected(
         if math.isnan(speed):
             draft.wait(legs.t_s[leg + 1] - legs.t_s[leg])
         else:
-            draft.ask(speed)
+            draft.set_speed(speed)
             hold_s = rest_s if leg == last else 0.0
             at_s = float(legs.t_s[leg + 1])
             draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], at_s, hold_s)
@@ -180,14 +180,14 @@ def _fly_corrected(
 
 @dataclass(frozen=True)
 class _Draft:
-    """A mission being written, item by item."""
+    """A mission to which items are added one by one."""
 
     frame: Frame
     items: list[MissionItem]
     arrival_s: list[float | None]
 
     def fly_to(self, command: Command, place: Array, yaw_ned_rad: float, at_s: float, hold_s: float = 0.0) -> None:
-        """An item at (lat_deg, lon_deg, altitude in the mission's frame)."""
+        """Add an item at (lat_deg, lon_deg, altitude in the mission's frame)."""
         lat_deg, lon_deg, alt_m = place.tolist()
         self.items.append(
             MissionItem(
@@ -202,23 +202,23 @@ class _Draft:
         self.arrival_s.append(float(at_s))
 
     def do(self, command: Command, p1: float, p2: float, p3: float, p4: float) -> None:
-        """An item without a position."""
+        """Add an item without a position."""
         self.items.append(MissionItem(command, Frame.MISSION, (p1, p2, p3, p4), 0, 0, 0.0))
         self.arrival_s.append(None)
 
-    def ask(self, speed_mps: float) -> None:
-        """A ground speed from now on."""
+    def set_speed(self, speed_mps: float) -> None:
+        """Add a change of the ground speed."""
         self.do(Command.DO_CHANGE_SPEED, 1.0, round(float(speed_mps), _SPEED_DECIMALS), -1.0, 0.0)
 
     def wait(self, duration_s: float) -> None:
-        """A delay from now on (-1: not a time of day); none where it rounds to nothing."""
+        """Add a delay (-1: not a time of day), unless it rounds to 0."""
         delay_s = round(float(duration_s), _TIME_DECIMALS)
         if delay_s > 0:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
 
 
 def _as_kept(places: Array, firmware: Autopilot) -> Array:
-    """Places (N, 3) of lat_deg, lon_deg, alt_m as the vehicle will hold them."""
+    """Positions (N, 3) of lat_deg, lon_deg, alt_m as the vehicle stores them."""
     return np.array(
         [
             (from_degE7(to_degE7(lat_deg)), from_degE7(to_degE7(lon_deg)), kept_alt_m(alt_m, firmware))
@@ -231,19 +231,16 @@ def _compass_deg(yaw_ned_rad: float) -> float:
     return round(float(np.degrees(yaw_ned_rad)), _YAW_DECIMALS) % 360.0
 
 
-_DAY_S = 86400
-
-
 def starting_at(mission: VehicleMission, unix_s: int) -> VehicleMission:
-    """The mission with its wait after the take-off ending at `unix_s` (whole seconds of GNSS unix time).
+    """The mission whose delay after the take-off ends at `unix_s` (whole seconds of GNSS unix time).
 
-    ArduPilot reads NAV_DELAY without seconds as "until hour, minute, second UTC"; within a day that is one instant.
-    Gates are left as many whole seconds after that as they are planned to be.
+    ArduPilot reads NAV_DELAY without seconds as "until hour, minute, second UTC": one instant within a day. Gates open
+    the planned number of whole seconds after that.
     """
     first = mission.items[0]
     if first.command != Command.NAV_TAKEOFF:
-        raise ValueError(f"a mission that starts together begins with a take-off, not with command {first.command}")
-    begins = 1 if mission.items[1].command == Command.NAV_DELAY else 0  # index of a delay to take the place of
+        raise ValueError(f"a mission with a common start must begin with a take-off, not with command {first.command}")
+    begins = 1 if mission.items[1].command == Command.NAV_DELAY else 0  # index of a delay to replace
     items, arrivals = list(mission.items), mission.arrival_s
     for index, leaves_s in mission.gates:
         items[index] = _until(unix_s + round(leaves_s - mission.leaves_s))

@@ -1,10 +1,9 @@
-"""Which instants of a trajectory become waypoints: few, and close in space and in time.
+"""Placement of waypoints: few samples of a trajectory, with legs that are close to it in space and in time.
 
-Knows: sampled positions. Does not know: plans, items, autopilots.
-A leg is flown straight at constant speed: length / time, or the slowest an autopilot flies and then a wait. It may
-leave the path by `path_m` (from every sample to the leg, in 3D) and be away from where the plan is *at the same
-time* by `time_m`, so a leg along which the speed changes is split even where the path is straight. For an autopilot
-that cannot keep its speed over short legs they are as long as it needs, and leave the path by more.
+A leg is flown straight at constant speed: length / time, or the lowest speed of the autopilot and then a delay. Its
+distance from every sample (3D) is at most `path_m`, and its distance from the plan *at the same time* at most `time_m`;
+so a leg along which the speed changes is split even if the path is straight. An autopilot that does not keep its speed
+over short legs gets legs as long as it needs; these may exceed both limits.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 
 _EVENING_STEPS = 6
-_STILL_MPS = 0.02  # who hovers needs no length
+_STILL_MPS = 0.02  # a hovering vehicle needs no length
 _LENGTHS_M = np.geomspace(0.05, 300.0, 100)
 
-Sustained = Callable[[float], float]  # length of legs, m -> the speed that is kept up over such legs, m/s
+Sustained = Callable[[float], float]  # length of legs, m -> speed sustained over such legs, m/s
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """Distances of straight, constant-speed legs from the samples, over all vehicles: limits, or largest found."""
+    """Distances of straight, constant-speed legs from the samples, over all vehicles: limits, or the largest values."""
 
     path_m: float  # from a sample to the leg
     time_m: float  # from a sample to the vehicle on the leg at the same time
@@ -34,14 +33,14 @@ class Deviation:
 
 @dataclass(frozen=True)
 class SampledFlight:
-    """Samples of a trajectory and how it will be flown: times (N,), positions (V, N, 3) in NED of all vehicles."""
+    """Samples of a trajectory: times (N,), positions (V, N, 3) in NED of all vehicles, lowest speed of a leg."""
 
     t_s: Array
     position_ned_m: Array
     speed_min_mps: float = 0.0
 
     def leg_errors_m(self, i: int, j: int) -> Array:
-        """(path, time) error (2,) of the leg from sample i to j."""
+        """The (path, time) error (2,) of the leg from sample i to j."""
         along = self.position_ned_m[:, i : j + 1] - self.position_ned_m[:, i : i + 1]
         chord = along[:, -1:]
         length2 = np.maximum(np.sum(chord * chord, axis=-1, keepdims=True), 1e-18)
@@ -53,11 +52,10 @@ class SampledFlight:
 
 
 def waypoint_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
-    """Samples to keep, first and last included.
+    """Indices of the samples to keep, first and last included.
 
-    Every leg is the longest that holds both limits; then the limits are tightened as far as the number of legs
-    allows, which spreads what would be a short last leg over all. A leg from one sample to the next is always
-    taken: sample finely enough.
+    Every leg is the longest within both limits. Then the limits are tightened as far as the number of legs allows, so
+    that the last leg is not short. A leg from one sample to the next is always accepted: sample finely enough.
     """
     best = fewest_indices(flown, limits)
     low, high = 0.0, 1.0
@@ -78,10 +76,10 @@ def deviation(flown: SampledFlight, indices: list[int]) -> Deviation:
 
 
 def gentle_indices(flown: SampledFlight, limits: Deviation, sustained: Sustained, share: float) -> list[int]:
-    """Samples to keep: the longest legs that hold both limits, but none too short for its speed.
+    """Indices of the samples to keep: the longest legs within both limits, but none too short for its speed.
 
-    A leg is long enough where `share` of its speed, halfway between the mean and the highest of the samples, is
-    sustained for every vehicle.
+    A leg is long enough if every vehicle sustains `share` of its speed over it. Its speed is halfway between the mean
+    and the highest of the samples.
     """
     pace = _Pace(flown, sustained, share)
     both = np.array([limits.path_m, limits.time_m])
@@ -89,16 +87,16 @@ def gentle_indices(flown: SampledFlight, limits: Deviation, sustained: Sustained
     indices = [0]
     while indices[-1] < last:
         end = _longest_leg(flown, both, indices[-1])
-        while end < last and not pace.holds(indices[-1], end):
+        while end < last and not pace.sustained(indices[-1], end):
             end += 1
         indices.append(end)
-    while len(indices) > 2 and not pace.holds(indices[-2], last):
+    while len(indices) > 2 and not pace.sustained(indices[-2], last):
         del indices[-2]
     return indices
 
 
 class _Pace:
-    """Whether legs between samples are long enough."""
+    """The test whether a leg between samples is long enough for its speed."""
 
     def __init__(self, flown: SampledFlight, sustained: Sustained, share: float) -> None:
         self._flown = flown
@@ -106,8 +104,8 @@ class _Pace:
         self._steps_m = np.linalg.norm(np.diff(flown.position_ned_m, axis=1), axis=-1)  # (V, N-1)
         self._step_mps = self._steps_m / np.diff(flown.t_s)
 
-    def holds(self, i: int, j: int) -> bool:
-        """For the leg from sample i to j."""
+    def sustained(self, i: int, j: int) -> bool:
+        """Whether the leg from sample i to j is long enough."""
         ends = self._flown.position_ned_m
         length_m = np.linalg.norm(ends[:, j] - ends[:, i], axis=-1)
         mean_mps = self._steps_m[:, i:j].sum(axis=1) / (self._flown.t_s[j] - self._flown.t_s[i])
@@ -116,7 +114,7 @@ class _Pace:
 
 
 def fewest_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
-    """The longest legs that hold both limits, one after the other from the first sample."""
+    """Indices of the samples to keep: the longest legs within both limits, one after the other."""
     both = np.array([limits.path_m, limits.time_m])
     indices = [0]
     while indices[-1] < len(flown.t_s) - 1:
@@ -125,17 +123,17 @@ def fewest_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
 
 
 def _longest_leg(flown: SampledFlight, limits: Array, start: int) -> int:
-    """End of the leg from `start`: gallop ahead in doubling steps, then halve the gap to the first leg that fails."""
+    """The end of the longest leg from `start`: doubling steps, then bisection to the first leg that exceeds a limit."""
     last = len(flown.t_s) - 1
 
-    def holds(end: int) -> bool:
+    def within(end: int) -> bool:
         return bool(np.all(flown.leg_errors_m(start, end) <= limits))
 
     good, step = start + 1, 1
-    while good + step <= last and holds(good + step):
+    while good + step <= last and within(good + step):
         good, step = good + step, 2 * step
     bad = min(good + step, last + 1)
     while bad - good > 1:
         middle = (good + bad) // 2
-        good, bad = (middle, bad) if holds(middle) else (good, middle)
+        good, bad = (middle, bad) if within(middle) else (good, middle)
     return good

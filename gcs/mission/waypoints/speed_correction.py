@@ -1,12 +1,10 @@
-"""Speeds to ask for so that an autopilot passes its legs when they are due, as far as it can.
+"""Corrected speeds: those with which the model of an autopilot passes its legs at the due times, as far as it can.
 
-Knows: a navigator that predicts, a course with due times. Does not know: plans, items, where waypoints should be.
-
-Lateness over all legs is brought down by least squares (Levenberg-Marquardt on the logarithms of the speeds), in which
-what is later than a second counts with its fourth power, so that what cannot be had is spread. A speed
-acts on its own leg, on its neighbours and on one after them, so every fourth leg is tried in the same flight, and the
-whole Jacobian costs four flights in coarse steps. A weak pull towards the planned speeds keeps apart what has no
-effect: a slow-down that is lost, a leg too short for its speed.
+Lateness over all legs is minimised by least squares (Levenberg-Marquardt on the logarithms of the speeds). Lateness
+above a second counts with its fourth power, so that unavoidable lateness is spread over legs. A speed acts on its own
+leg, on its neighbours and on one leg after them. Every fourth speed is therefore varied in the same flight, and the
+whole Jacobian takes four flights in coarse steps. A weak pull towards the planned speeds fixes speeds without effect,
+such as those of legs too short for them.
 """
 
 from __future__ import annotations
@@ -22,23 +20,23 @@ from gcs.errors import VerificationError
 from gcs.mission.waypoints.leg_profile import SHARES, LegProfile
 from gcs.physics.quadrotor import Array
 
-_EVERY = 4  # legs between two that are tried at once
-_BEFORE, _AFTER = 1, 2  # legs that a speed acts on, beside its own
-_TRIAL = 0.05  # of a speed
+_EVERY = 4  # distance, in legs, of speeds varied in one flight
+_BEFORE, _AFTER = 1, 2  # legs before and after its own that a speed acts on
+_TRIAL = 0.05  # variation of the logarithm of a speed
 _STEP_MAX = 0.6  # of the logarithm of a speed, per round
-_COARSE = 2.0  # times the navigator's step
-_PULL = 0.1  # s of lateness that a speed off by a factor of e is worth
+_COARSE = 2.0  # factor on the navigator's step
+_PULL = 0.1  # cost of a speed off by a factor of e, in s of lateness
 _ROUNDS, _TRIES = 8, 4
 _GOOD_S = 0.2
-_STALE = 0.1  # of what is to be brought down
-_SLOW_COUNTS = 0.3  # how much a second counts between waypoints where the course is slow, against 1 where it is fastest
+_STALE = 0.1  # least relative gain of a round
+_SLOW_COUNTS = 0.3  # weight of a second between waypoints on the slowest legs, against 1 on the fastest
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """Speeds (N,), the flight they become, and how late it passes the end of each leg (N,), negative for early.
+    """Speeds (N,), their predicted flight, and its lateness at the end of each leg (N,), negative for early.
 
-    `lead_s` is how long before time 0 it leaves: starts from rest cost time.
+    The flight starts `lead_s` before time 0, because a start from rest takes time.
     """
 
     speeds_mps: Array
@@ -47,12 +45,12 @@ class Corrected:
     late_s: Array
 
 
-def correct(navigator: Navigator, course: LegProfile, lead_s: tuple[float, float] = (0.0, 0.0)) -> Corrected:
-    """The best speeds found, and the best lead within these two.
+def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, float] = (0.0, 0.0)) -> Corrected:
+    """The best speeds found, and the best lead between the two given.
 
-    Raises `VerificationError` where the planned speeds lead nowhere.
+    Raises `VerificationError` if the model does not complete the legs at the planned speeds.
     """
-    problem = _Problem(navigator, course, lead_s)
+    problem = _Problem(navigator, profile, lead_s)
     now = problem.at(problem.planned)
     damping = 0.3
     for number in range(_ROUNDS):
@@ -74,7 +72,7 @@ def correct(navigator: Navigator, course: LegProfile, lead_s: tuple[float, float
 
 @dataclass(frozen=True)
 class _Trial:
-    """Logarithms of speeds, then the lead, and what came of them; lateness at every share of every leg in turn."""
+    """Logarithms of speeds and the lead (`x`), their flight, its lateness at every share of every leg, and the cost."""
 
     x: Array
     flown: Prediction
@@ -83,29 +81,29 @@ class _Trial:
 
 
 class _Problem:
-    """Unknowns (N + 1,): the logarithms of the speeds, and the lead."""
+    """The least-squares problem; its unknowns (N + 1,) are the logarithms of the speeds, and the lead."""
 
-    def __init__(self, navigator: Navigator, course: LegProfile, lead_s: tuple[float, float]) -> None:
-        self._navigator, self._course = navigator, course
+    def __init__(self, navigator: Navigator, profile: LegProfile, lead_s: tuple[float, float]) -> None:
+        self._navigator, self._profile = navigator, profile
         self._coarse: Navigator = replace(navigator, step_s=_COARSE * navigator.step_s)  # type: ignore[type-var]
-        slowest = np.full(len(course.fastest_mps), course.slowest_mps)
+        slowest = np.full(len(profile.fastest_mps), profile.slowest_mps)
         self._low = np.append(np.log(slowest), lead_s[0])
-        self._high = np.append(np.log(course.fastest_mps), lead_s[1])
-        self.planned = np.append(np.log(course.planned_mps), lead_s[0])
-        counts = _SLOW_COUNTS + (1.0 - _SLOW_COUNTS) * course.planned_mps / course.planned_mps.max()
+        self._high = np.append(np.log(profile.fastest_mps), lead_s[1])
+        self.planned = np.append(np.log(profile.planned_mps), lead_s[0])
+        counts = _SLOW_COUNTS + (1.0 - _SLOW_COUNTS) * profile.planned_mps / profile.planned_mps.max()
         parts = np.repeat(counts[:, None], len(SHARES), axis=1)
         parts[:, -1] = 1.0
         self._counts = parts.ravel()
 
     def at(self, x: Array) -> _Trial:
-        """Fly as x says."""
-        flown = predict(self._navigator, self._course.orders(np.exp(x[:-1])))
-        late = (self._course.passed_s(flown) - x[-1] - self._course.due_s).ravel()
+        """The trial of x."""
+        flown = predict(self._navigator, self._profile.orders(np.exp(x[:-1])))
+        late = (self._profile.passed_s(flown) - x[-1] - self._profile.due_s).ravel()
         weighed, pulled = self._counts * late * np.sqrt(1.0 + late**2), _PULL * (x - self.planned)
         return _Trial(x, flown, late, float(weighed @ weighed / len(SHARES) + pulled @ pulled))
 
     def slopes(self, x: Array) -> Array:
-        """Lateness (N * shares) by each unknown (N + 1)."""
+        """The Jacobian: lateness (N * shares) by each unknown (N + 1)."""
         legs, parts = len(x) - 1, len(SHARES)
         before = self._durations(x[:-1])
         slopes = np.zeros((legs * parts, legs + 1))
@@ -121,19 +119,19 @@ class _Problem:
         return np.cumsum(slopes, axis=0)
 
     def stepped(self, now: _Trial, slopes: Array, damping: float) -> _Trial | None:
-        """A better trial, or None."""
+        """The trial after one damped step, or None if it is no better."""
         unit, weight = np.eye(len(now.x)), 1.0 / np.sqrt(len(SHARES))
         late, stretch = now.late_s, np.sqrt(1.0 + now.late_s**2)
         counts = weight * self._counts
         steeper = counts * (1.0 + 2.0 * late**2) / stretch
         matrix = np.vstack([slopes * steeper[:, None], _PULL * unit, damping * unit])
         pulled = _PULL * (self.planned - now.x)
-        wanted = np.concatenate([-counts * late * stretch, pulled, np.zeros(len(now.x))])
+        target = np.concatenate([-counts * late * stretch, pulled, np.zeros(len(now.x))])
         bounds = (
             np.maximum(self._low - now.x, -_STEP_MAX) - 1e-9,
             np.minimum(self._high - now.x, _STEP_MAX) + 1e-9,
         )
-        step = lsq_linear(matrix, wanted, bounds).x
+        step = lsq_linear(matrix, target, bounds).x
         try:
             trial = self.at(np.clip(now.x + step, self._low, self._high))
         except VerificationError:
@@ -141,6 +139,6 @@ class _Problem:
         return trial if trial.cost < now.cost else None
 
     def _durations(self, logarithms: Array) -> Array:
-        """Of every part of every leg, in coarse steps."""
-        flown = predict(self._coarse, self._course.orders(np.exp(logarithms)))
-        return np.diff(self._course.passed_s(flown).ravel(), prepend=0.0)
+        """Durations of every share of every leg, in coarse steps."""
+        flown = predict(self._coarse, self._profile.orders(np.exp(logarithms)))
+        return np.diff(self._profile.passed_s(flown).ravel(), prepend=0.0)

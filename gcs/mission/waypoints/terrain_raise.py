@@ -1,8 +1,4 @@
-"""Waypoints raised over ground that long legs would come too near to.
-
-Knows: the ground under every vehicle, how a navigator flies a course. Does not know: how waypoints and speeds are
-chosen.
-"""
+"""Raising of waypoints above the plan where long legs would violate the clearance over ground."""
 
 from __future__ import annotations
 
@@ -23,15 +19,15 @@ from gcs.scenario.environment.terrain import ground_height_m
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-_OVER_M = 0.02  # beyond the clearance asked: rounding takes some of it
-_LIFTS = 4
-_EVERY = 4  # steps of a flight: about half a metre
+_OVER_M = 0.02  # above the required clearance, for rounding
+_ROUNDS = 4
+_EVERY = 4  # steps of a flight between samples: about half a metre
 
 
 class TerrainRaise:
-    """How far waypoints are raised so that what is flown between them clears the ground.
+    """The heights by which waypoints are raised so that the legs between them keep the clearance.
 
-    All vehicles are raised alike: the formation keeps its shape. The ends are not.
+    All vehicles are raised alike, so the formation keeps its shape. The first and the last waypoint are not raised.
     """
 
     def __init__(self, plan: Plan, t_s: Array) -> None:
@@ -41,14 +37,14 @@ class TerrainRaise:
         self.by_waypoint_m = np.zeros(len(t_s))
 
     def raise_over_ground(
-        self, navigator: Navigator, course: LegProfile, legs: list[int], found: Corrected, row: int | None
+        self, navigator: Navigator, profile: LegProfile, legs: list[int], found: Corrected, row: int | None
     ) -> float:
-        """Raise waypoints (W,) for one vehicle, or (None) for all that fly the leader's legs, at the speeds found.
+        """Raise waypoints (W,) for one vehicle (row), or for all that fly the leader's legs (None).
 
-        Returns how deep in a closed area any of them would be, in metres.
+        Return how far inside a no-fly zone any of them would be, m.
         """
         flown = found.flown
-        for _ in range(_LIFTS):
+        for _ in range(_ROUNDS):
             low = self._short_m(flown, row)
             number = np.minimum(np.searchsorted(flown.completed_s, flown.t_s), len(legs) - 1)
             if not np.any(low > 0.0):
@@ -59,9 +55,9 @@ class TerrainRaise:
                 more_m[ends] = np.maximum(more_m[ends], low[number == leg].max(initial=0.0))
             more_m[[0, -1]] = 0.0
             self.by_waypoint_m += more_m
-            raised = course.points_ned_m.copy()
+            raised = profile.points_ned_m.copy()
             raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
-            flown = predict(navigator, replace(course, points_ned_m=raised).orders(found.speeds_mps))
+            flown = predict(navigator, replace(profile, points_ned_m=raised).orders(found.speeds_mps))
         return max(self._inside_m(flown, row), 0.0)
 
     def _inside_m(self, flown: Prediction, row: int | None) -> float:
@@ -71,14 +67,14 @@ class TerrainRaise:
         return max(deep_m, default=0.0) - scenario.mission.tolerance_m
 
     def _short_m(self, flown: Prediction, row: int | None) -> Array:
-        """By how much any of the vehicles is too near to the ground at each step (M,)."""
+        """The largest shortfall of the clearance of any vehicle at each step (M,)."""
         places = self._places(flown, row)
         ground_m = ground_height_m(self._plan.scenario.terrain, places[..., 0], places[..., 1])
         short_m = (self._clearance_m + ground_m + places[..., 2]).max(axis=0)
         return np.asarray(np.repeat(short_m, _EVERY)[: len(flown.t_s)])
 
     def _places(self, flown: Prediction, row: int | None) -> Array:
-        """Where the vehicles are, (V, M / _EVERY, 3)."""
+        """Positions of the vehicles (V, M / _EVERY, 3)."""
         plan = self._plan
         t_s = np.clip(float(self._t_s[0]) + flown.t_s[::_EVERY], None, plan.flight_s)
         offsets = plan.offsets(t_s)

@@ -1,7 +1,4 @@
-"""When a formation passes its waypoints, and at what speeds its vehicles are asked to fly there.
-
-Knows: plain numbers that missions are built from, whose legs are alike. Does not know: items, autopilots.
-"""
+"""The times at which a formation passes its waypoints, and the commanded speeds of its vehicles."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gate:
-    """A waypoint where everybody stops and waits until plan time `leaves_s`; due `slack_s` before that."""
+    """A waypoint where all vehicles stop and wait until plan time `leaves_s`; they are due `slack_s` before that."""
 
     waypoint: int
     leaves_s: float
@@ -26,11 +23,11 @@ class Gate:
 
 @dataclass(frozen=True)
 class TimedLegs:
-    """Instants (W,) all vehicles are to pass their waypoints at, from the start of the run-up to the arrival.
+    """Times (W,) at which all vehicles pass their waypoints, from the start of the run-up to the arrival.
 
     Speeds (1 or V, W - 1), NaN where a vehicle rests, are corrected for an autopilot; without them each leg is flown at
-    its length over its time. Everybody leaves the hover at plan time `leaves_s`, the first instant unless given, and
-    waypoints are `lift_m` (W,) above the plan, where long legs would come too near to the ground.
+    its length over its time. All vehicles leave the hover at plan time `leaves_s`, by default the first time. Waypoints
+    are `raised_m` (W,) above the plan where long legs would violate the clearance.
     """
 
     t_s: Array
@@ -38,18 +35,18 @@ class TimedLegs:
     speeds_mps: Array | None = None
     leaves_s: float | None = None
     gates: tuple[Gate, ...] = ()
-    lift_m: Array | None = None
+    raised_m: Array | None = None
 
     @property
     def left_s(self) -> float:
-        """When the hover is left."""
+        """The plan time at which vehicles leave the hover."""
         return float(self.t_s[0]) if self.leaves_s is None else self.leaves_s
 
 
 def rows_with_own_legs(plan: Plan) -> slice:
-    """Vehicles whose legs are to be made: everybody, or the leader for all where the shape rests on the way.
+    """The vehicles with legs of their own: all of them, or only the leader if the shape stays rigid.
 
-    A rigid formation flies its leader's legs, moved.
+    In a rigid formation the others fly the leader's legs, translated.
     """
     begin_s = next(p for p in plan.phases if p.name in ("run-up", "mission")).start_s
     moving = any(start < plan.flight_s and end > begin_s for start, end in plan.shape.moving_s)

@@ -20,7 +20,7 @@ from gcs.mission.formats.any_mission import read_mission
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
-from gcs.mission.predicted.autopilot_flight import fly_modelled
+from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.planned_flight import Surroundings, surroundings
 
 FOREIGN = Path(__file__).resolve().parents[2] / "unit" / "mission" / "foreign"
@@ -122,5 +122,5 @@ nearby = st.builds(
 @given(st.sampled_from(Autopilot), st.lists(nearby, min_size=1, max_size=6).map(tuple))
 def test_any_items_are_flown_by_the_model_to_the_end(firmware: Autopilot, some: tuple[MissionItem, ...]) -> None:
     one = MissionFile("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
-    report = check_fleet([one], Surroundings(Origin(47.4, 8.5, 500.0)), FlightLimits(), fly_modelled)
+    report = check_fleet([one], Surroundings(Origin(47.4, 8.5, 500.0)), FlightLimits(), AutopilotFlight())
     assert math.isfinite(report.duration_s)

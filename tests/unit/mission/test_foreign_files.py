@@ -28,7 +28,7 @@ READ = {
     "written_by_a_script.plan": (ARDUPILOT, ZURICH, [22, 16, 21]),
 }
 REFUSED = {
-    "survey.plan": r"line \d+: mission\.items\.2: a complex item \(survey\); only simple items",
+    "survey.plan": r"line \d+: mission\.items\.2: a complex item \(survey\); replace it by simple items",
     "cut_short.plan": r"line \d+: not JSON",
     "generic_autopilot.plan": r"line \d+: mission\.firmwareType: 0 is not an autopilot that missions are written for",
     "nowhere.plan": r"line \d+: mission\.items\.2: the position has a null",

@@ -116,7 +116,7 @@ def changed(**changes: object) -> str:
     [
         ("{}", "Field required"),
         (changed(t_s=[0, 1]), "the track of vehicle 7 has"),
-        (changed(t_s=[0, 1, 1]), "do not rise"),
+        (changed(t_s=[0, 1, 1]), "do not increase"),
         (changed(points=[1, 2]), "longer"),
         (write_geojson(MAP).replace('"inclusion":true', '"inclusion":1'), "inclusion"),
         (write_geojson(MAP).replace('"radius_m":100.0', '"radius_m":0'), "radius_m"),
@@ -130,11 +130,11 @@ def test_geojson_of_others_is_refused(text: str, reason: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("<gx:coord>8.1 47.1 488.5</gx:coord>", "", "values of its parts"),
+        ("<gx:coord>8.1 47.1 488.5</gx:coord>", "", "values in its columns"),
         ("8.1 47.1 488.5", "8.1 47.1", "longitude, latitude and altitude"),
-        ("8.1 47.1", "8.1 97.1", "leaves the Earth"),
+        ("8.1 47.1", "8.1 97.1", "not on Earth"),
         ("8.1 47.1", "8.1 nan", "not a finite number"),
-        ("1999-12-31", "2001-12-31", "do not rise"),
+        ("1999-12-31", "2001-12-31", "do not increase"),
         ("1999-12-31T23:59:56.750Z", "yesterday", "yesterday"),
         ('<Data name="vehicle">', '<Data name="boat">', "'vehicle' is missing"),
         ("<value>100.0</value>", "<value>-1</value>", "radius -1"),

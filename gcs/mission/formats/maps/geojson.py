@@ -1,8 +1,7 @@
-"""GeoJSON (RFC 7946): tracks and fence for maps and geographic programs.
+"""GeoJSON (RFC 7946): tracks and fence for web maps and GIS programs. Only files of this program are read back.
 
-Knows: the features written here and how to read them back. Does not know: plans, GeoJSON by others (refused).
-A third coordinate means height above the ellipsoid there (RFC 7946, section 4); ours is above mean sea level, so it
-stands in the properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
+A third coordinate would be a height above the ellipsoid (RFC 7946, section 4). Altitudes here are above mean sea level,
+so they are properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class _Spot(_Part):
     coordinates: Position
 
 
-class _TrackTold(_Part):
+class _TrackProperties(_Part):
     kind: Literal["track"]
     vehicle: int
     t_s: list[Finite]
@@ -57,13 +56,13 @@ class _TrackTold(_Part):
     points: list[int] | None = None  # of every piece, where a piece of one point had to be written twice
 
 
-class _AreaTold(_Part):
+class _AreaProperties(_Part):
     kind: Literal["area"]
     inclusion: bool
     clockwise: bool
 
 
-class _CircleTold(_Part):
+class _CircleProperties(_Part):
     kind: Literal["circle"]
     inclusion: bool
     radius_m: Annotated[Finite, Field(gt=0)]
@@ -72,24 +71,24 @@ class _CircleTold(_Part):
 class _TrackFeature(_Part):
     type: Literal["Feature"]
     geometry: Annotated[_Line | _Lines, Field(discriminator="type")]
-    properties: _TrackTold
+    properties: _TrackProperties
 
 
 class _AreaFeature(_Part):
     type: Literal["Feature"]
     geometry: _Ring
-    properties: _AreaTold
+    properties: _AreaProperties
 
 
 class _CircleFeature(_Part):
     type: Literal["Feature"]
     geometry: _Spot
-    properties: _CircleTold
+    properties: _CircleProperties
 
 
 def _kind(feature: Any) -> str:
-    told = feature.get("properties") if isinstance(feature, dict) else None
-    return str(told.get("kind")) if isinstance(told, dict) else ""
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    return str(properties.get("kind")) if isinstance(properties, dict) else ""
 
 
 class _Collection(_Part):
@@ -135,8 +134,8 @@ def read_geojson(data: bytes | str, source: str) -> MapFile:
             elif isinstance(feature, _AreaFeature):
                 polygons.append(_read_area(feature))
             else:
-                center, told = _place(feature.geometry.coordinates), feature.properties
-                circles.append(FenceCircle(center, told.radius_m, told.inclusion))
+                center, properties = _place(feature.geometry.coordinates), feature.properties
+                circles.append(FenceCircle(center, properties.radius_m, properties.inclusion))
         fence = Geofence(tuple(polygons), tuple(circles))
         return MapFile(collection.title, collection.plan, checked(tracks), fence)
     except ValidationError as error:
@@ -156,33 +155,33 @@ def _track(track: Track) -> dict[str, Any]:
     points = np.column_stack([track.lon_deg, track.lat_deg])
     crossings = np.flatnonzero(np.abs(np.diff(track.lon_deg)) > _HALF_TURN_DEG) + 1
     pieces = [piece.tolist() for piece in np.split(points, crossings)]
-    told: dict[str, Any] = {"kind": "track", "vehicle": track.sysid, "t_s": track.t_s.tolist()}
-    told["altitude_amsl_m"] = track.alt_amsl_m.tolist()
+    properties: dict[str, Any] = {"kind": "track", "vehicle": track.sysid, "t_s": track.t_s.tolist()}
+    properties["altitude_amsl_m"] = track.alt_amsl_m.tolist()
     lines = [piece * 2 if len(piece) == 1 else piece for piece in pieces]
     if lines != pieces:
-        told["points"] = [len(piece) for piece in pieces]
+        properties["points"] = [len(piece) for piece in pieces]
     if len(lines) == 1:
-        return _feature({"type": "LineString", "coordinates": lines[0]}, told)
-    return _feature({"type": "MultiLineString", "coordinates": lines}, told)
+        return _feature({"type": "LineString", "coordinates": lines[0]}, properties)
+    return _feature({"type": "MultiLineString", "coordinates": lines}, properties)
 
 
 def _read_track(feature: _TrackFeature) -> Track:
-    told, geometry = feature.properties, feature.geometry
+    properties, geometry = feature.properties, feature.geometry
     lines = geometry.coordinates if isinstance(geometry, _Lines) else [geometry.coordinates]
-    if told.points is not None:
-        lines = [line[: max(count, 0)] for line, count in zip(lines, told.points, strict=True)]
+    if properties.points is not None:
+        lines = [line[: max(count, 0)] for line, count in zip(lines, properties.points, strict=True)]
     lon, lat = np.array([point for line in lines for point in line], dtype=np.float64).reshape(-1, 2).T.copy()
-    return Track(told.vehicle, np.array(told.t_s), lat, lon, np.array(told.altitude_amsl_m))
+    return Track(properties.vehicle, np.array(properties.t_s), lat, lon, np.array(properties.altitude_amsl_m))
 
 
 def _area(polygon: FencePolygon) -> dict[str, Any]:
-    """Exterior rings run counterclockwise and close; `clockwise` remembers how the fence had it."""
+    """Exterior rings run counterclockwise and close; `clockwise` records the order in the fence."""
     ring = [_position(place) for place in polygon.points]
     clockwise = _is_clockwise(ring)
     if clockwise:
         ring = [ring[0], *ring[:0:-1]]
-    told = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
-    return _feature({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}, told)
+    properties = {"kind": "area", "inclusion": polygon.inclusion, "clockwise": clockwise}
+    return _feature({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}, properties)
 
 
 def _read_area(feature: _AreaFeature) -> FencePolygon:

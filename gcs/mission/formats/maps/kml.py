@@ -1,7 +1,7 @@
-"""KML and KMZ: tracks in time at their altitude above mean sea level, and the fence, for Google Earth and its like.
+"""KML and KMZ: tracks in time at altitudes above mean sea level, and the fence.
 
-Knows: the tags written here and how to read them back. Does not know: plans, KML by others (refused).
-What KML cannot say (a circle's radius, which vehicle, plan time) stands in ExtendedData, where readers may ignore it.
+What KML has no tag for (a circle's radius, the vehicle, the plan) is in ExtendedData, which other programs ignore.
+Only files of this program are read back.
 """
 
 from __future__ import annotations
@@ -67,23 +67,23 @@ def read_kml(data: bytes | str, source: str) -> MapFile:
     try:
         text = data if isinstance(data, str) else data.decode()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ValueError("it declares entities, which no map needs")
+            raise ValueError("it declares entities")
         document = ElementTree.fromstring(text).find("k:Document", _NAMES)
         if document is None:
             raise ValueError("there is no Document")
         tracks, polygons, circles = [], [], []
         for placemark in document.findall("k:Placemark", _NAMES):
-            told = _told(placemark)
+            extended = _extended(placemark)
             line = placemark.find("gx:Track", _NAMES)
             if line is not None:
-                tracks.append(_track(line, _told(line)))
-            elif "radius_m" in told:
-                circles.append(_circle(told))
+                tracks.append(_track(line, _extended(line)))
+            elif "radius_m" in extended:
+                circles.append(_circle(extended))
             else:
-                polygons.append(_polygon(placemark, told))
+                polygons.append(_polygon(placemark, extended))
         title = document.findtext("k:name", "", _NAMES)
         fence = Geofence(tuple(polygons), tuple(circles))
-        return MapFile(title, _told(document).get("plan", ""), checked(tracks), fence)
+        return MapFile(title, _extended(document).get("plan", ""), checked(tracks), fence)
     except (ValueError, KeyError, OverflowError, ElementTree.ParseError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise FileFormatError(f"{source}: not a map of this program: {reason[:200]}.") from error
@@ -104,10 +104,10 @@ def read_kmz(data: bytes, source: str) -> MapFile:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive, archive.open(_IN_KMZ) as file:
             text = file.read(_LARGEST_BYTES + 1)
-    except Exception as error:  # a damaged archive fails in zipfile, zlib, struct, ... in ways of their own
+    except Exception as error:  # zipfile, zlib, struct, ... each raise errors of their own for a damaged archive
         raise FileFormatError(f"{source}: not a KMZ archive with {_IN_KMZ} in it.") from error
     if len(text) > _LARGEST_BYTES:
-        raise FileFormatError(f"{source}: {_IN_KMZ} is larger than any map.")
+        raise FileFormatError(f"{source}: {_IN_KMZ} is too large for a map.")
     return read_kml(text, source)
 
 
@@ -116,7 +116,7 @@ def _when(t_s: float) -> str:
 
 
 def _colour(number: int) -> str:
-    """Neighbours get hues far apart."""
+    """A colour for the track with this number; consecutive numbers have distant hues."""
     hue = number * 0.618034 % 1.0 * 6.0
     parts = (round(255 * min(max(abs((hue + shift) % 6 - 3) - 1, 0), 1)) for shift in (2, 4, 0))
     return "ff" + "".join(f"{part:02x}" for part in parts)
@@ -140,41 +140,41 @@ def _corners(circle: FenceCircle) -> Iterable[tuple[float, float]]:
     return zip((lon + east * np.sin(angles)).tolist(), (lat + north * np.cos(angles)).tolist(), strict=True)
 
 
-def _told(element: ElementTree.Element) -> dict[str, str]:
+def _extended(element: ElementTree.Element) -> dict[str, str]:
     found = element.findall("k:ExtendedData/k:Data", _NAMES)
     return {data.get("name", ""): data.findtext("k:value", "", _NAMES) or "" for data in found}
 
 
-def _track(line: ElementTree.Element, told: dict[str, str]) -> Track:
+def _track(line: ElementTree.Element, data: dict[str, str]) -> Track:
     times = [datetime.fromisoformat(e.text or "") - _T0 for e in line.findall("k:when", _NAMES)]
     t_s = np.array([(t / timedelta(milliseconds=1)) / _MS for t in times])
     rows = [(e.text or "").split() for e in line.findall("gx:coord", _NAMES)]
     if any(len(row) != 3 for row in rows):
         raise ValueError("a coordinate is not longitude, latitude and altitude")
     lon, lat, alt = np.array(rows, dtype=np.float64).reshape(-1, 3).T.copy()
-    return Track(int(told["vehicle"]), t_s, lat, lon, alt)
+    return Track(int(data["vehicle"]), t_s, lat, lon, alt)
 
 
-def _polygon(placemark: ElementTree.Element, told: dict[str, str]) -> FencePolygon:
+def _polygon(placemark: ElementTree.Element, data: dict[str, str]) -> FencePolygon:
     text = placemark.findtext("k:Polygon/k:outerBoundaryIs/k:LinearRing/k:coordinates", "", _NAMES)
     ring = [[float(part) for part in corner.split(",")[:2]] for corner in text.split()][:-1]
     if len(ring) < 3 or any(len(corner) != 2 for corner in ring):
-        raise ValueError("there is a polygon without three corners")
-    return FencePolygon(tuple(_place(lat, lon) for lon, lat in ring), _inclusion(told))
+        raise ValueError("a polygon has fewer than three corners")
+    return FencePolygon(tuple(_place(lat, lon) for lon, lat in ring), _inclusion(data))
 
 
-def _circle(told: dict[str, str]) -> FenceCircle:
-    center = GeoPoint(int(told["latitude_degE7"]), int(told["longitude_degE7"]))
-    radius_m = float(told["radius_m"])
+def _circle(data: dict[str, str]) -> FenceCircle:
+    center = GeoPoint(int(data["latitude_degE7"]), int(data["longitude_degE7"]))
+    radius_m = float(data["radius_m"])
     if not (math.isfinite(radius_m) and radius_m > 0):
-        raise ValueError(f"there is a circle with radius {radius_m:g} m")
-    return FenceCircle(center, radius_m, _inclusion(told))
+        raise ValueError(f"a circle has radius {radius_m:g} m")
+    return FenceCircle(center, radius_m, _inclusion(data))
 
 
-def _inclusion(told: dict[str, str]) -> bool:
-    if told["inclusion"] not in ("0", "1"):
+def _inclusion(data: dict[str, str]) -> bool:
+    if data["inclusion"] not in ("0", "1"):
         raise ValueError("inclusion is neither 0 nor 1")
-    return told["inclusion"] == "1"
+    return data["inclusion"] == "1"
 
 
 def _place(lat_deg: float, lon_deg: float) -> GeoPoint:

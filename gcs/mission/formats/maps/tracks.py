@@ -1,7 +1,6 @@
-"""What a map shows of a plan: every vehicle's track in time and space, and the fence around them.
+"""The contents of a map: the track of every vehicle in time and space, and the fence.
 
-Knows: sampling a plan, rounding to what a map can show. Does not know: map formats.
-Altitudes are AMSL. Times are plan times; maps that need a date show T0 as `T0_SHOWN`.
+Altitudes are AMSL. Times are plan times; formats that need a date show T0 as `T0_SHOWN`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from gcs.scenario.si import local_origin
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-T0_SHOWN = "2000-01-01T00:00:00Z"  # no plan has a date
+T0_SHOWN = "2000-01-01T00:00:00Z"  # plans have no date
 PERIOD_S = 1.0
 _DEGREE_DECIMALS, _METRE_DECIMALS = 8, 3
 _MS = 1000
@@ -27,7 +26,7 @@ _MS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Where one vehicle is when: times (N,) in whole milliseconds, positions (N,)."""
+    """The track of one vehicle: times (N,) in whole milliseconds, positions (N,)."""
 
     sysid: int
     t_s: Array
@@ -47,7 +46,7 @@ class MapFile:
 
 
 def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIOD_S) -> MapFile:
-    """Tracks from the take-off to the landing, a point every `period_s` and one at both ends."""
+    """The map of a plan: tracks from take-off to landing, with a point every `period_s` and at both ends."""
     steps = int(np.ceil((plan.t_end_s - plan.t_start_s) / period_s))
     t_s = np.unique(np.rint(np.linspace(plan.t_start_s, plan.t_end_s, steps + 1) * _MS) / _MS)
     inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
@@ -59,19 +58,19 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
 
 
 def checked(tracks: list[Track]) -> tuple[Track, ...]:
-    """Tracks that were read, if they are some. Raises ValueError."""
+    """The tracks as read, if they are valid. Raises ValueError."""
     for track in tracks:
         parts = (track.t_s, track.lat_deg, track.lon_deg, track.alt_amsl_m)
         if len({len(part) for part in parts}) > 1:
-            raise ValueError(f"the track of vehicle {track.sysid} has {[len(p) for p in parts]} values of its parts")
+            raise ValueError(f"the track of vehicle {track.sysid} has {[len(p) for p in parts]} values in its columns")
         if not len(track.t_s):
             raise ValueError(f"the track of vehicle {track.sysid} is empty")
         if not all(np.isfinite(part).all() for part in parts):
             raise ValueError(f"the track of vehicle {track.sysid} has a value that is not a finite number")
         if (np.abs(track.lat_deg) > 90).any() or (np.abs(track.lon_deg) > 180).any():
-            raise ValueError(f"the track of vehicle {track.sysid} leaves the Earth")
+            raise ValueError(f"the track of vehicle {track.sysid} has a position that is not on Earth")
         if (np.diff(track.t_s) <= 0).any():
-            raise ValueError(f"the times of vehicle {track.sysid} do not rise")
+            raise ValueError(f"the times of vehicle {track.sysid} do not increase")
     if len({track.sysid for track in tracks}) < len(tracks):
         raise ValueError("a vehicle has two tracks")
     return tuple(tracks)

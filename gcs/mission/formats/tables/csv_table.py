@@ -1,7 +1,6 @@
-"""Tables of numbers as CSV below a few lines of comment: what they are, how many rows they have, their units.
+"""Tables of numbers as CSV below comments: title, values by name, number of rows, units.
 
-Knows: comments (`# name (remark): value`), header, exact numbers, how to tell that rows are missing. Does not know:
-what the columns mean. Comments may be missing; then nobody notices rows that were cut off.
+A comment has the form `# name (remark): value`. Comments may be missing; missing rows are then not found.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 
 
-def write_csv(title: str, told: Mapping[str, str], units: Mapping[str, str], table: pa.Table) -> bytes:
-    """The bytes of a file with the columns of `units`, in their order; `told` become comments."""
-    lines = [f"# {title}", *(f"# {name}: {value}" for name, value in told.items())]
+def write_csv(title: str, comments: Mapping[str, str], units: Mapping[str, str], table: pa.Table) -> bytes:
+    """The bytes of a file with the columns of `units`, in their order, below these comments."""
+    lines = [f"# {title}", *(f"# {name}: {value}" for name, value in comments.items())]
     lines += [f"# rows: {table.num_rows}", f"# units: {','.join(units.values())}", ",".join(units), ""]
     buffer = io.BytesIO()
     buffer.write("\n".join(lines).encode())
@@ -25,10 +24,10 @@ def write_csv(title: str, told: Mapping[str, str], units: Mapping[str, str], tab
 
 
 def read_csv(data: bytes | str, units: Mapping[str, str]) -> tuple[dict[str, str], pa.Table]:
-    """What the comments tell, and the table in float64. Raises ValueError with line and reason."""
+    """The comments by name, and the table in float64. Raises ValueError with line and reason."""
     data = (data.encode() if isinstance(data, str) else data).removeprefix(b"\xef\xbb\xbf")
-    comments, body = _split(data, ",".join(units))
-    told = dict(filter(None, map(_named, comments)))
+    lines, body = _split(data, ",".join(units))
+    comments = dict(filter(None, map(_named, lines)))
     if not body.strip():
         raise ValueError("no rows")
     try:
@@ -41,12 +40,12 @@ def read_csv(data: bytes | str, units: Mapping[str, str]) -> tuple[dict[str, str
             ),
         )
     except pa.ArrowInvalid as error:
-        raise ValueError(_with_line(str(error), len(comments) + 1)) from error
-    if told.get("rows", str(table.num_rows)) != str(table.num_rows):
-        raise ValueError(f"{told['rows'][:20]} rows are announced, but there are {table.num_rows}")
-    if told.get("units", ",".join(units.values())) != ",".join(units.values()):
-        raise ValueError(f"units are {told['units'][:120]}, not {','.join(units.values())}")
-    return told, table
+        raise ValueError(_with_line(str(error), len(lines) + 1)) from error
+    if comments.get("rows", str(table.num_rows)) != str(table.num_rows):
+        raise ValueError(f"{comments['rows'][:20]} rows announced, found {table.num_rows}")
+    if comments.get("units", ",".join(units.values())) != ",".join(units.values()):
+        raise ValueError(f"units are {comments['units'][:120]}, not {','.join(units.values())}")
+    return comments, table
 
 
 def _split(data: bytes, header: str) -> tuple[list[str], bytes]:
@@ -67,6 +66,6 @@ def _named(comment: str) -> tuple[str, str] | None:
 
 
 def _with_line(message: str, above: int) -> str:
-    """Arrow counts rows; people count lines."""
+    """Arrow's message with the line of the file in place of the row of the table."""
     found = re.search(r"Row #(\d+): (.*)", message, re.S)
     return f"line {int(found[1]) + above}: {found[2][:120]}" if found else message[:120]

@@ -1,7 +1,4 @@
-"""State and control of one vehicle over a whole plan, as CSV: for people who plot or compare, not for flying.
-
-Knows: the columns and their units, sampling a plan. Does not know: links, other formats.
-"""
+"""State and control of one vehicle over a whole plan, as CSV: for plots and comparisons, not for flying."""
 
 from __future__ import annotations
 
@@ -41,7 +38,7 @@ COLUMNS = {
 _TITLE = "Skein state and control history: common local NED frame, t_s = 0 is T0"
 _STATES = 12
 _MS = 1000
-EVERYONE = slice(None)
+ALL_VEHICLES = slice(None)
 
 
 @dataclass(frozen=True)
@@ -55,10 +52,10 @@ class History:
     controls: Array
 
 
-def build_histories(plan: Plan, rate_hz: float, rows: slice = EVERYONE) -> list[History]:
-    """From the take-off to the landing, at t = k / rate_hz and at both ends, of the vehicles in `rows`."""
+def build_histories(plan: Plan, rate_hz: float, rows: slice = ALL_VEHICLES) -> list[History]:
+    """The histories of the vehicles in `rows`, from take-off to landing: at t = k / rate_hz and at both ends."""
     ticks = np.arange(np.ceil(plan.t_start_s * rate_hz), np.floor(plan.t_end_s * rate_hz) + 1)
-    # The end belongs to the last polynomial, not to one that would follow.
+    # The end belongs to the last polynomial.
     inside = np.rint(ticks * _MS / rate_hz) / _MS
     t_s = np.unique(np.clip(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]]), plan.t_start_s, plan.t_end_s))
     states, controls = plan.motion(np.minimum(t_s, np.nextafter(plan.t_end_s, -np.inf)), rows)
@@ -75,15 +72,15 @@ def write_history(history: History) -> bytes:
 def read_history(data: bytes | str, source: str) -> History:
     """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or incomplete."""
     try:
-        told, table = read_csv(data, COLUMNS)
+        comments, table = read_csv(data, COLUMNS)
         values = np.column_stack([table.column(name).to_numpy() for name in COLUMNS])
         if not np.isfinite(values).all():
-            raise ValueError("there is a value that is not a finite number")
+            raise ValueError("a value is not a finite number")
         if (np.diff(values[:, 0]) <= 0).any():
-            raise ValueError("times must rise")
-        if not re.fullmatch(r"[1-9]\d{0,8}", told.get("vehicle", "")):
-            raise ValueError("no comment says which vehicle this is (# vehicle: 1)")
+            raise ValueError("times do not increase")
+        if not re.fullmatch(r"[1-9]\d{0,8}", comments.get("vehicle", "")):
+            raise ValueError("the comment with the vehicle is missing (# vehicle: 1)")
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="write the file again with `gcs export`") from error
     states, controls = values[:, 1 : 1 + _STATES], values[:, 1 + _STATES :]
-    return History(int(told["vehicle"]), told.get("plan", ""), values[:, 0].copy(), states, controls)
+    return History(int(comments["vehicle"]), comments.get("plan", ""), values[:, 0].copy(), states, controls)

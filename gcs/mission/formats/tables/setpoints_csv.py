@@ -1,8 +1,4 @@
-"""`.setpoints` files: the setpoint table as CSV with its plan and origin in comments.
-
-Knows: the comments' names. Does not know: tables (`setpoint_table`), CSV (`csv_table`), plans. Without comments plan
-and origin are unknown.
-"""
+"""`.setpoints` files: the setpoint table as CSV, with plan hash and origin in comments. Both may be missing."""
 
 from __future__ import annotations
 
@@ -20,17 +16,17 @@ _ORIGIN_PARTS = 3
 
 def write_setpoints(file: StreamFile) -> bytes:
     """The bytes of a file; `read_setpoints` gives back the same values."""
-    told = {"plan": file.plan_hash}
+    comments = {"plan": file.plan_hash}
     if file.origin is not None:
-        told[_ORIGIN] = f"{file.origin.lat_deg!r} {file.origin.lon_deg!r} {file.origin.alt_amsl_m!r}"
-    return write_csv(_TITLE, told, COLUMNS, to_table(file.stream))
+        comments[_ORIGIN] = f"{file.origin.lat_deg!r} {file.origin.lon_deg!r} {file.origin.alt_amsl_m!r}"
+    return write_csv(_TITLE, comments, COLUMNS, to_table(file.stream))
 
 
 def read_setpoints(data: bytes | str, source: str) -> StreamFile:
     """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or incomplete."""
     try:
-        told, table = read_csv(data, COLUMNS)
-        return StreamFile(from_table(table), told.get("plan", ""), _origin(told.get("origin")))
+        comments, table = read_csv(data, COLUMNS)
+        return StreamFile(from_table(table), comments.get("plan", ""), _origin(comments.get("origin")))
     except ValueError as error:
         raise FileFormatError(f"{source}: {error}.", hint="write the file again with `gcs export`") from error
 

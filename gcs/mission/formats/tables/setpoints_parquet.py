@@ -1,6 +1,6 @@
-"""Setpoint streams as Parquet: the same table, its units and its plan in the metadata.
+"""`.parquet` files: the setpoint table as Parquet, with units, plan hash and origin in the metadata.
 
-Knows: which metadata there is. Does not know: plans. Pages carry checksums, so that damage is found and not flown.
+Pages carry checksums, so that a damaged file is not flown.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, from_
 
 _KEY = b"skein.setpoints"
 _TYPES = {name: pa.int32() if name == "sysid" else pa.float64() for name in COLUMNS}
-_LARGEST_BYTES = 1 << 32  # of columns, unpacked: a damaged length must not ask for all memory
+_LARGEST_BYTES = 1 << 32  # of columns, unpacked: a damaged length must not exhaust the memory
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -32,7 +32,7 @@ class _Place(BaseModel):
     alt_amsl_m: Finite
 
 
-class _Told(BaseModel):
+class _Metadata(BaseModel):
     model_config = ConfigDict(strict=True)
     plan: str
     origin: _Place | None
@@ -40,9 +40,9 @@ class _Told(BaseModel):
 
 def write_setpoints_parquet(file: StreamFile) -> bytes:
     """The bytes of a file; `read_setpoints_parquet` gives back the same values."""
-    told = {"plan": file.plan_hash, "origin": None if file.origin is None else asdict(file.origin)}
+    metadata = {"plan": file.plan_hash, "origin": None if file.origin is None else asdict(file.origin)}
     fields = [pa.field(name, _TYPES[name], nullable=False, metadata={"unit": u}) for name, u in COLUMNS.items()]
-    schema = pa.schema(fields, metadata={_KEY: json.dumps(told).encode()})
+    schema = pa.schema(fields, metadata={_KEY: json.dumps(metadata).encode()})
     buffer = io.BytesIO()
     pq.write_table(to_table(file.stream).cast(schema), buffer, compression="zstd", write_page_checksum=True)
     return buffer.getvalue()
@@ -53,16 +53,20 @@ def read_setpoints_parquet(data: bytes, source: str) -> StreamFile:
     try:
         file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
         schema = file.schema_arrow
-        told = _Told.model_validate_json((schema.metadata or {}).get(_KEY, b""))
+        metadata = _Metadata.model_validate_json((schema.metadata or {}).get(_KEY, b""))
         found = dict(zip(schema.names, schema.types, strict=True))
         if found != _TYPES:
             raise ValueError(f"columns are {', '.join(schema.names)[:120]}")
         if file.metadata.num_rows * 8 * len(COLUMNS) > _LARGEST_BYTES:
-            raise ValueError(f"{file.metadata.num_rows} rows are more than any plan has")
+            raise ValueError(f"{file.metadata.num_rows} rows are too many for a plan")
         stream = from_table(file.read())
     except (ValueError, OSError, pa.ArrowException, ValidationError) as error:
-        reason = "no setpoints of this program" if isinstance(error, ValidationError) else str(error).splitlines()[0]
+        reason = (
+            "not a setpoint file of this program" if isinstance(error, ValidationError) else str(error).splitlines()[0]
+        )
         raise FileFormatError(
             f"{source}: {reason[:200].rstrip('.')}.", hint="write the file again with `gcs export`"
         ) from error
-    return StreamFile(stream, told.plan, None if told.origin is None else Origin(**told.origin.model_dump()))
+    return StreamFile(
+        stream, metadata.plan, None if metadata.origin is None else Origin(**metadata.origin.model_dump())
+    )

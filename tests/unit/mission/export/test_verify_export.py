@@ -85,7 +85,7 @@ def test_two_formats_must_hold_one_mission(simulation1_plan: Plan, tmp_path: Pat
         return moved(file, 0, autocontinue=False)
 
     formats = ["plan", tampered("waypoints", other)]
-    with pytest.raises(VerificationError, match=r"uav1\.plan and uav1\.waypoints do not hold the same mission"):
+    with pytest.raises(VerificationError, match=r"uav1\.plan and uav1\.waypoints hold different missions"):
         export(simulation1_plan, tmp_path / "out", formats=formats)
 
 
@@ -93,7 +93,7 @@ def test_a_plan_file_without_its_fence_is_not_the_mission(simulation1_plan: Plan
     def unfenced(file: MissionFile) -> MissionFile:
         return replace(file, geofence=NO_FENCE, rally=())
 
-    with pytest.raises(VerificationError, match=r"do not hold the same mission"):
+    with pytest.raises(VerificationError, match=r"hold different missions"):
         export(simulation1_plan, tmp_path / "out", formats=[tampered("plan", unfenced), "waypoints"])
 
 

@@ -77,7 +77,7 @@ def test_fences_go_with_the_mission_of_their_name(tmp_path: Path) -> None:
     first, second = load_missions([tmp_path / name for name in files])
     assert (first.geofence, first.rally) == (FENCE, RALLY)
     assert (second.geofence, second.rally) == (Geofence(), RALLY)
-    with pytest.raises(UsageError, match="no mission"):
+    with pytest.raises(UsageError, match="no file holds a mission"):
         load_missions([tmp_path / "a.fence"])
 
 

@@ -69,12 +69,12 @@ def row(command: int, p1: float, seq: int = 0, frame: int = 0) -> str:
         ([row(5001, 2)], 2, "3 or more"),
         ([row(5001, 3.5)], 2, "3 or more"),
         ([row(5001, float("nan"))], 2, "3 or more"),
-        ([row(5001, 3), row(5001, 3, 1)], 2, "not so many follow"),
-        ([row(5001, 3), row(5001, 3, 1), row(5002, 3, 2)], 2, "not so many follow"),
-        ([row(5001, 3), row(5001, 3, 1), row(5001, 4, 2)], 2, "not so many follow"),
+        ([row(5001, 3), row(5001, 3, 1)], 2, "and fewer follow"),
+        ([row(5001, 3), row(5001, 3, 1), row(5002, 3, 2)], 2, "and fewer follow"),
+        ([row(5001, 3), row(5001, 3, 1), row(5001, 4, 2)], 2, "and fewer follow"),
         ([row(5003, 5), row(5004, 0, 1)], 3, "radius 0"),
-        ([row(5000, 0), row(5000, 0, 1)], 3, "no place in a fence"),
-        ([row(16, 0, 0, 3)], 2, "no place in a fence"),
+        ([row(5000, 0), row(5000, 0, 1)], 3, "no part of a fence"),
+        ([row(16, 0, 0, 3)], 2, "no part of a fence"),
     ],
 )
 def test_a_fence_that_is_none(rows: list[str], line: int, reason: str) -> None:

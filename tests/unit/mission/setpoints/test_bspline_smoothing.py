@@ -91,7 +91,7 @@ def test_a_limit_that_no_knots_can_hold_is_told(simulation1_plan: Plan) -> None:
     slower = (*(0.5 * fastest[:2]).tolist(), 2.0)
     limits = scenario.limits.model_copy(update={"speed_ned_mps": slower})
     plan = replace(simulation1_plan, scenario=scenario.model_copy(update={"limits": limits}))
-    with pytest.raises(VerificationError, match=rf"knots {SHORTEST_KNOT_S:g} s apart: north speed broken by"):
+    with pytest.raises(VerificationError, match=rf"knots {SHORTEST_KNOT_S:g} s apart: north speed violated by"):
         smoothed(plan, TOLERANCE_M)
 
 

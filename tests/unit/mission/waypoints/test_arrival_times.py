@@ -123,10 +123,10 @@ def test_everybody_waits_at_gates(field: Plan) -> None:
     ("order", "reason"),
     [
         (MissionOrder(Autopilot.PX4, gates=1, start_s=0), "cannot wait until a time of day"),
-        (MissionOrder(Autopilot.ARDUPILOT, gates=1), "say when"),
+        (MissionOrder(Autopilot.ARDUPILOT, gates=1), "time of the common start is missing"),
         (MissionOrder(Autopilot.ARDUPILOT, gates=1, start_s=0, timed=False), "corrected"),
         (MissionOrder(Autopilot.ARDUPILOT, Altitude.TERRAIN, gates=1, start_s=0), "corrected"),
-        (MissionOrder(Autopilot.ARDUPILOT, start_s=86_400), "a day has no second"),
+        (MissionOrder(Autopilot.ARDUPILOT, start_s=86_400), "start_s is 86400"),
     ],
 )
 def test_gates_that_nobody_has(order: MissionOrder, reason: str) -> None:
@@ -145,12 +145,12 @@ def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
 ) -> None:
     changes = plan_of("changes/scenario.toml")
     monkeypatch.setattr("gcs.mission.waypoints.arrival_times.VEHICLES_MAX", 3)
-    with pytest.raises(VerificationError, match="7 vehicles with legs of their own"):
+    with pytest.raises(VerificationError, match="7 vehicles need legs of their own"):
         corrected_legs(changes, Autopilot.ARDUPILOT)
 
 
 def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
     legs = corrected_legs(simulation1_plan, Autopilot.ARDUPILOT)
-    assert legs.lift_m is not None
-    assert legs.lift_m[0] == legs.lift_m[-1] == 0.0
-    assert 0.0 < legs.lift_m.max() < 1.0
+    assert legs.raised_m is not None
+    assert legs.raised_m[0] == legs.raised_m[-1] == 0.0
+    assert 0.0 < legs.raised_m.max() < 1.0

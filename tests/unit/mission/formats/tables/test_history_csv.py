@@ -39,11 +39,11 @@ def test_some_vehicles_are_the_same_as_among_all(simulation1_plan: Plan) -> None
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("# vehicle: 1\n", "", "which vehicle"),
-        ("# vehicle: 1\n", "# vehicle: one\n", "which vehicle"),
+        ("# vehicle: 1\n", "", "comment with the vehicle"),
+        ("# vehicle: 1\n", "# vehicle: one\n", "comment with the vehicle"),
         ("U4_Nm", "U5_Nm", "header"),
         (",N m", ",lbf", "units"),
-        ("\n-37,", "\n999,", "times must rise"),
+        ("\n-37,", "\n999,", "times do not increase"),
         ("\n-37,", "\nnan,", "finite"),
         ("\n-37,", "\n", "columns"),
         ("# rows: ", "# rows: 1", "announced"),
