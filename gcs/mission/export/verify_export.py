@@ -104,8 +104,8 @@ def refuse_untimely(plan: Plan, firmware: Autopilot, timing: Timing) -> None:
         first, second = near.sysids
         raise VerificationError(
             f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m at "
-            f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {firmware.title} may differ by "
-            f"{near.apart_s:g} s.",
+            f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {firmware.title} may be "
+            f"{near.apart_s:g} s apart in time.",
             hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds, without this check",
         )
     for number, early_s in enumerate(timing.gates_early_s, start=1):

@@ -59,7 +59,7 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
     `VerificationError` with the violated limits if the interval falls below `SHORTEST_KNOT_S`.
     """
     if not tolerance_m > 0:
-        raise UsageError(f"--smooth is {tolerance_m:g} m", hint="give --smooth a positive number")
+        raise UsageError(f"the smoothing tolerance is {tolerance_m:g} m", hint="give --smooth a positive number")
     start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
     t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]

@@ -97,7 +97,7 @@ def test_a_limit_that_no_knots_can_hold_is_told(simulation1_plan: Plan) -> None:
 
 def test_a_tolerance_must_be_positive(simulation1_plan: Plan) -> None:
     for tolerance_m in (0.0, -1.0, float("nan")):
-        with pytest.raises(UsageError, match="smoothed within"):
+        with pytest.raises(UsageError, match="smoothing tolerance is"):
             smoothed(simulation1_plan, tolerance_m)
 
 

@@ -66,7 +66,7 @@ def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
 
 
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
-    with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m .* at .* s") as caught:
+    with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m at .* s") as caught:
         export(field, tmp_path / "asked", formats=["plan"], firmware=Autopilot.PX4)
     assert "setpoint stream" in caught.value.hint
     assert not (tmp_path / "asked").exists()

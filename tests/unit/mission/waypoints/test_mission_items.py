@@ -136,8 +136,8 @@ def with_tolerance(plan: Plan, tolerance_m: float) -> Plan:
 
 def test_more_items_than_the_autopilot_stores(simulation1_plan: Plan) -> None:
     for firmware, stores in (
-        (Autopilot.ARDUPILOT, "650 that ArduCopter stores"),
-        (Autopilot.PX4, "500 that PX4 stores"),
+        (Autopilot.ARDUPILOT, "ArduCopter stores at most 650"),
+        (Autopilot.PX4, "PX4 stores at most 500"),
     ):
         with pytest.raises(ScenarioError, match=stores) as caught:
             build_missions(with_tolerance(simulation1_plan, ROUNDING_M + 1e-4), firmware=firmware)
