@@ -1,4 +1,4 @@
-"""Readers that nobody here wrote load every exported file: MAVSDK's importers and pymavlink's, item by item."""
+"""Independent readers load every exported file: MAVSDK's importers and pymavlink's, item by item."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_when_everybody_is_expected(fresh: Path, expected: Path) -> None:
 
 
 def test_returns(fresh: Path, expected: Path) -> None:
-    """Who returns at which height is searched; orders that are as good as another may change places."""
+    """The order of return altitudes is searched; equally good orders may change places."""
     ours, golden = (json.loads((folder / INDEX).read_text()) for folder in (fresh, expected))
     through = [[(z["zone"], z["ends"]) for z in index["returns"]["through_zones"]] for index in (ours, golden)]
     assert through[0] == through[1]

@@ -98,7 +98,7 @@ def test_rally_points() -> None:
 
 
 def test_the_way_back_past_a_closed_area() -> None:
-    """The mission flies round a zone; the straight way home from behind it does not."""
+    """The mission flies around a zone; the straight return track from behind it crosses the zone."""
     from tests.unit.mission.fleets import at, speed
 
     zone = Geofence(FIELD.polygons, (FenceCircle(place(50, 0), 8.0, False),))

@@ -1,4 +1,4 @@
-"""Where missions lead: too near, too low, too high, too fast, into closed areas."""
+"""Predicted flights against limits: separation, clearance, ceiling, speed, no-fly zones."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def raced(file: MissionFile) -> MissionFile:
 
 
 def gathered(file: MissionFile) -> MissionFile:
-    """Everybody's first waypoint in one place."""
+    """The first waypoint of all vehicles in one place."""
     return moved(file, 3, lat_degE7=473976200, lon_degE7=85453900)
 
 

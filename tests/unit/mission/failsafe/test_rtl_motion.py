@@ -173,7 +173,7 @@ def test_any_other_order_is_no_better(simulation1_plan: Plan, returns: ReturnPla
 
 
 def test_px4_counts_from_where_it_goes(simulation1_plan: Plan) -> None:
-    """Landing points lie lower than pads: rally points shift everyone's height by that much."""
+    """Landing points lie lower than pads: rally points shift the altitudes of all vehicles by that much."""
     plan = simulation1_plan
     at_home, at_nearest = return_cases(plan, PX4, SPEEDS, 5.0)
     ardupilot = return_cases(plan, ARDUPILOT, SPEEDS, 5.0)[1]

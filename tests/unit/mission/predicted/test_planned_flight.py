@@ -55,7 +55,7 @@ def test_delays_and_holds() -> None:
     items = [at(22, 0, 0, 10), do(93, 5.0, -1, -1, -1), speed(5), at(16, 50, 0, 10, p1=3.0), at(19, 50, 0, 10, p1=2.0)]
     flight = flown(*items, at(21, 50, 0, 0))
     assert flight.down_s == pytest.approx(4 + 5 + 10 + 3 + 2, abs=0.02)
-    # A time of day is the common start: nobody waits for it alone.
+    # A time of day is the common start, for which no vehicle waits alone.
     assert flown(items[0], do(93, -1.0, 12, 0, 0), *items[2:]).t_s[-1] == pytest.approx(19.0, abs=0.02)
 
 

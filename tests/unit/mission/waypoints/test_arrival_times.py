@@ -1,4 +1,4 @@
-"""Missions as their autopilots are expected to fly them: how late, how near, where everybody waits, what is refused."""
+"""The predicted timing of missions: lateness, least distance, gates, and what is refused."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_nor_are_such_missions_uploaded(field: Plan) -> None:
     heard: list[str] = []
     loads = build_loads(field, autopilots, timed=False, warn=heard.append)
     assert [load.sysid for load in loads] == list(field.sysids)
-    # What an export says of its returns, whoever only uploads must hear as well.
+    # An upload repeats the warnings that an export gives of its returns.
     assert any(re.search(r"returns reach [\d.]+ m, above the plan's ceiling of 40 m", text) for text in heard)
     assert any("cross no-fly zone" in text for text in heard)
     heard.clear()

@@ -1,4 +1,4 @@
-"""A common start: the wait after the take-off ends at one GNSS second for everyone."""
+"""A common start: the wait after the take-off ends at one GNSS second for all vehicles."""
 
 from __future__ import annotations
 

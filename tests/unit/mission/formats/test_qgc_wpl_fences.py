@@ -1,4 +1,4 @@
-"""`.fence` and `.rally`: items as the wire has them, and what pymavlink's own readers make of the files."""
+"""`.fence` and `.rally` tables: items as links carry them, and as pymavlink reads the files."""
 
 from __future__ import annotations
 
