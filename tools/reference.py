@@ -14,16 +14,16 @@ HEAD = """# Scenario files
 
 <!-- made by tools/reference.py from the models in gcs/scenario; change those -->
 
-A mission is a folder with a `scenario.toml`. `gcs new FOLDER` writes one that plans at once and comments what people
-change first; the [missions](../README.md#missions) are examples of everything else, and [howto.md](howto.md) leads
-from a plan to aircraft. Positions are metres north, east and up from the origin (of height 0, not above the ground),
-headings degrees clockwise from north. A key that is missing, unknown, out of range or at odds with another is told
-with its line, all of them at once, and nothing is planned.
+A mission is a folder with a `scenario.toml`. `gcs new FOLDER` writes a short one that plans at once; with `--full`
+it has every table. The [missions](../README.md#missions) are further examples, and [howto.md](howto.md) leads from a
+plan to aircraft. Positions are metres north, east and up from the origin (height 0 is the origin, not the ground).
+Headings are degrees clockwise from north. `gcs` reports every key that is missing, unknown, out of range or in conflict
+with another, with its line; then it plans nothing.
 
-Keys in **bold** must be there. With a `vehicle_type`, `[vehicle]` and those of `[limits]` that say what the vehicle
-can do (`speed_ned_mps` to `control_margin`) may be left out; what the scenario says goes before. A vehicle file has
-those two tables and may name its `autopilot`: copy one from `gcs/scenario/presets`. `gcs schema` prints all this as
-JSON Schema, for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
+Keys in **bold** are required. With a `vehicle_type` you may leave out `[vehicle]` and the limits of the vehicle itself
+(`speed_ned_mps` to `control_margin`). A value in the scenario overrides that of the type. A vehicle file has those two
+tables and may name its `autopilot`: copy one from `gcs/scenario/presets`. `gcs schema` prints all keys as JSON Schema,
+for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
 """
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
 Schema = dict[str, Any]

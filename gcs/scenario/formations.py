@@ -1,7 +1,6 @@
 """Shapes for any number of vehicles: triangle, line, column, vee, grid, circle, sphere.
 
-Knows: where the places of a shape are. Does not know: who takes them, units other than metres, time.
-North is ahead: a line stands abreast (east and west of the leader), a column behind him.
+All places are in metres. North is ahead: a line is abreast (east and west of the leader), a column is behind it.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def _vee(count: int) -> Array:
 
 
 def _grid(count: int) -> Array:
-    """A square as near as the number allows, filled row by row behind the leader, who is in the middle of the first."""
+    """A grid as square as possible, filled row by row from the front; the leader is in the middle of the first row."""
     columns = int(np.ceil(np.sqrt(count)))
     row, place = np.divmod(np.arange(count), columns)
     return np.column_stack([-row.astype(float), _by_turns(columns)[place], np.zeros(count)])

@@ -1,7 +1,4 @@
-"""From a mission folder or file to a `Scenario`, or to one error that lists everything wrong with it.
-
-Knows: files, TOML and JSON, the order in which mistakes are told. Does not know: what the keys mean.
-"""
+"""Load a mission folder or file as a `Scenario`, or raise one error that lists all its mistakes by line."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ FILE_NAME = "scenario.toml"
 def load_scenario(path: Path | str) -> Scenario:
     """The scenario in a mission folder or scenario file.
 
-    Raises ScenarioError: one line for each mistake with file, line, key, value and what is allowed.
+    Raises ScenarioError with one line for each mistake: file, line, key, value and what is allowed.
     """
     file = scenario_file(Path(path))
     text = _read(file)
@@ -50,12 +47,12 @@ def load_scenario(path: Path | str) -> Scenario:
 
 
 def load_vehicle(file: Path) -> VehicleFile:
-    """A vehicle file, checked for physical sense. Raises ScenarioError like `load_scenario`."""
+    """The vehicle type of a file, checked by the rules of physics. Raises ScenarioError like `load_scenario`."""
     if not file.is_file():
         known = ", ".join(presets())
         raise ScenarioError(
             f"there is no vehicle type {file.name}: no file {file}",
-            hint=f"presets are {known}; the path of a vehicle file is taken from the scenario's folder",
+            hint=f"presets are {known}; a path is relative to the scenario's folder",
         )
     text = _read(file)
     try:
@@ -63,13 +60,13 @@ def load_vehicle(file: Path) -> VehicleFile:
     except ValidationError as error:
         raise _all_at_once(file, text, from_pydantic(error, VehicleFile)) from None
     alone = Scenario.model_construct(None, vehicle=kind.vehicle, limits=kind.limits)
-    if mistakes := RULES.broken(alone, ("vehicle", "limits")):
+    if mistakes := RULES.violated(alone, ("vehicle", "limits")):
         raise _all_at_once(file, text, mistakes)
     return kind
 
 
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:
-    """The scenario with the heights of its elevation model, or why there are none."""
+    """The scenario with the heights of its elevation model, or the mistake of the model."""
     terrain = scenario.terrain
     if terrain.dem is None or terrain.relief is not None:
         return scenario, []
@@ -84,20 +81,20 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
 
 
 def _parsed(file: Path, text: str) -> dict[str, Any]:
-    """TOML, as people write it; or JSON, as programs hand a scenario on."""
+    """The content of a TOML file, or of a JSON file that a program wrote."""
     try:
         if file.suffix == ".json":
             data: dict[str, Any] = json.loads(text)
             return data
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(_syntax(file, text, error), hint="mend the line; the file is TOML 1.0") from None
+        raise ScenarioError(_syntax(file, text, error), hint="correct the line; the file is TOML 1.0") from None
     except json.JSONDecodeError as error:
-        raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="mend the line") from None
+        raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
 
 
 def scenario_file(path: Path) -> Path:
-    """The scenario file that a folder or file names. Raises ScenarioError with the missions found nearby."""
+    """The scenario file of a folder or path. Raises ScenarioError, with the missions found nearby."""
     if path.is_dir():
         if (path / FILE_NAME).is_file():
             return path / FILE_NAME
@@ -111,7 +108,7 @@ def _missions_near(path: Path) -> str:
     places = (path, path.parent, Path("missions"))
     found = dict.fromkeys(file.parent for place in places for file in sorted(place.glob(f"*/{FILE_NAME}")))
     if not found:
-        return f"name a folder that holds a {FILE_NAME}, or such a file"
+        return f"name a folder with a {FILE_NAME}, or a scenario file"
     return f"missions nearby: {', '.join(str(folder) for folder in found)}"
 
 
@@ -119,7 +116,9 @@ def _read(file: Path) -> str:
     try:
         return file.read_bytes().decode()
     except OSError as error:
-        raise ScenarioError(f"cannot read {file}: {error.strerror}", hint="check the path and its rights") from None
+        raise ScenarioError(
+            f"cannot read {file}: {error.strerror}", hint="check the path and its permissions"
+        ) from None
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise ScenarioError(f"{file}:{line}: not UTF-8 text", hint="save the file as UTF-8") from None
@@ -133,7 +132,7 @@ def _syntax(file: Path, text: str, error: tomllib.TOMLDecodeError) -> str:
 
 
 def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
-    """The tables that are valid in themselves, with the defaults of those left out."""
+    """The tables that are valid in themselves, and the defaults of tables left out."""
     sound = {}
     for name, field in Scenario.model_fields.items():
         if name not in data:
@@ -150,7 +149,7 @@ def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
 def _all_at_once(file: Path, text: str, mistakes: list[Mistake]) -> ScenarioError:
     lines = {} if file.suffix == ".json" else key_lines(text)
     placed = sorted(((line_of(lines, mistake.key) or 0), str(mistake)) for mistake in mistakes)
-    told = [f"{file}:{line}: {sentence}" if line else f"{file}: {sentence}" for line, sentence in placed]
-    if len(told) > 1:
-        told.insert(0, f"{file} has {len(mistakes)} mistakes")
-    return ScenarioError("\n".join(told), hint="`gcs schema` prints every key with its unit and range")
+    listed = [f"{file}:{line}: {sentence}" if line else f"{file}: {sentence}" for line, sentence in placed]
+    if len(listed) > 1:
+        listed.insert(0, f"{file} has {len(mistakes)} mistakes")
+    return ScenarioError("\n".join(listed), hint="`gcs schema` prints every key with its unit and range")

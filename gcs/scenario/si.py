@@ -1,7 +1,4 @@
-"""A scenario in SI units, NED and radians: what every layer to the right computes with.
-
-Knows: sign and unit of every scenario value. Does not know: TOML, optimisation, links.
-"""
+"""A scenario's values in SI units, NED and radians, as all later layers compute with them."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ def local_origin(scenario: Scenario) -> Origin:
 
 
 def quadrotor(scenario: Scenario) -> Quadrotor:
-    """Physical constants of the scenario's vehicle."""
+    """The physical constants of the scenario's vehicle."""
     return Quadrotor(**scenario.vehicle.model_dump(exclude={"name", "power"}), wind=steady_wind(scenario))
 
 
@@ -78,9 +75,9 @@ def shape_offsets_ned_m(scenario: Scenario, name: str) -> Array:
 
 
 def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
-    """Peak speed and acceleration on the way up and down, d long in T: shares of d / T and d / T².
+    """The peak speed and acceleration of a climb or descent of d in T, in units of d / T and d / T².
 
-    In still air a quintic; in wind, against which a vehicle leans, a septic, which has no jerk at its ends.
+    In still air it is a quintic. In wind the vehicle tilts, so it is a septic, which has no jerk at its ends.
     """
     return (15 / 8, 10 / 3**0.5) if steady_wind(scenario).is_still else (35 / 16, 84 * 5**0.5 / 25)
 
@@ -100,7 +97,7 @@ def height_ref_m(scenario: Scenario) -> float:
 def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
     """Leader's state (12,) at one end, at rest in attitude (body rates are not in Eqs. 15, 16).
 
-    Who hovers there in wind leans against it, whatever the scenario says of roll and pitch.
+    In a hover in wind, roll and pitch are the trim against the wind; those of the scenario are ignored.
     """
     attitude = np.radians(boundary.roll_pitch_yaw_deg)
     vehicle = quadrotor(scenario)
@@ -128,7 +125,7 @@ def hover_start_ned_m(scenario: Scenario) -> Array:
 
 
 def ground_needed(scenario: Scenario) -> Region:
-    """What plan, take-off, landing and fence may need the ground of: the box, hovers, ends, and some room."""
+    """The region whose ground the plan, take-off, landing and fence may need: box, hovers, ends, and a margin."""
     limits, offsets = scenario.limits, offsets_ned_m(scenario)
     ends = [np.array(b.position_m) * NED_FROM_UP + offsets for b in (scenario.start, scenario.end)]
     places = np.concatenate([hover_start_ned_m(scenario), *ends])[:, :2]

@@ -1,8 +1,7 @@
-"""Types of vehicle in files of their own: `vehicle_type = "quad500"`, or the path of such a file, in a scenario.
+"""Vehicle types: `vehicle_type = "quad500"` in a scenario names a preset, or the path of a vehicle file.
 
-Knows: what a vehicle file holds, the presets, and that a scenario's own keys go before. Does not know: missions.
 A vehicle file has the tables [vehicle] and [limits] of a scenario, the latter with what the type can do, and may name
-its autopilot. What is wrong with it is told with its own lines.
+its autopilot. The scenario's own keys override it. Its mistakes are reported with its own lines.
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ _PRESETS = files("gcs.scenario") / "presets"
 
 
 class VehicleFile(Part):
-    """One type of vehicle: its body, what it can do, and what flies it."""
+    """One type of vehicle: its body, its limits and its autopilot."""
 
     vehicle: VehicleTable
     limits: Performance
-    autopilot: AutopilotKey | None = Field(default=None, description="whose dialect it speaks")
+    autopilot: AutopilotKey | None = Field(default=None, description="its autopilot")
 
 
 def presets() -> tuple[str, ...]:
-    """Names of the types that come with the program."""
+    """The names of the types that come with the program."""
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name[0] != "_"))
 
 
 def preset_file(name: str) -> Path:
-    """File of a preset."""
+    """The file of a preset."""
     return Path(str(_PRESETS / f"{name}.toml"))
 
 
@@ -45,7 +44,7 @@ def vehicle_file(wanted: str, folder: Path) -> Path:
 
 
 def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
-    """A scenario's tables with those of its vehicle type where it says nothing itself."""
+    """A scenario's tables, completed by those of its vehicle type."""
     found = {name: value for name, value in data.items() if name != KEY}
     given = kind.model_dump(mode="json", exclude_none=True)
     for table in ("vehicle", "limits"):

@@ -1,8 +1,7 @@
-"""An elevation model on disk (GeoTIFF, SRTM .hgt, whatever GDAL reads) as a relief in the scenario's local frame.
+"""Read an elevation model (GeoTIFF, SRTM .hgt, any raster of GDAL) as a relief in the scenario's local frame.
 
-Knows: rasters, projections, units of height, and what is wrong with a file in one sentence. Does not know: scenarios,
-interpolation. Heights are AMSL, as elevation models give them; every pixel is brought into the local frame by the same
-geodesy as missions are, the Earth's curvature included.
+Heights are AMSL, as elevation models give them. Every pixel is converted to the local frame with the geodesy of the
+missions, which includes the Earth's curvature.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _LOWEST_M, _HIGHEST_M = -500.0, 9000.0
 
 
 class DemError(ValueError):
-    """Why an elevation model cannot be used, as the end of a sentence that began with its file name."""
+    """The reason why an elevation model cannot be used; it follows the file name in a sentence."""
 
 
 def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None = None) -> Relief:

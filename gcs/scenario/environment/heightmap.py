@@ -1,12 +1,10 @@
-"""Ground from an elevation model: its heights as they were measured, and a smooth surface that lies above them.
+"""The ground of an elevation model: its measured heights, and a smooth surface above them.
 
-Knows: pixels, where each lies in the local frame, interpolation. Does not know: files, projections
-(`gcs.scenario.environment.dem` turns them into this), vehicles, CasADi. A scenario carries its relief with it: whoever
-gets a plan needs no other file.
+`gcs.scenario.environment.dem` reads it from a file. A scenario and a plan contain it, so they need no other file.
 
-Between four pixel centres the ground is bilinear, which is what the elevation model says and nothing more. The smooth
-surface is a uniform cubic B-spline: its coefficients are raised where it would lie below the ground, and because it is
-a weighted mean of the sixteen around a place, raising all of them by as much as is missing there is enough.
+Between four pixel centres the ground is bilinear, as the elevation model defines it. The smooth surface is a uniform
+cubic B-spline. Where it would lie below the ground, its coefficients are raised. A height is a weighted mean of the
+sixteen coefficients around a place, so raising all of them by the missing height is enough.
 """
 
 from __future__ import annotations

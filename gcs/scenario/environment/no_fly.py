@@ -1,8 +1,7 @@
-"""No-fly zones: how far outside of one a place is at a time, exactly; and the convex pieces a polygon is made of.
+"""No-fly zones: the distance of a place outside a disk (Eq. 21) or polygon at a time, and a polygon's convex pieces.
 
-Knows: disks (Eq. 21), polygons, displacement over time. Does not know: vehicles, planning, fences.
-Inside or outside is exact. How far outside a polygon a place is, is told by the line of an edge: beside a corner less
-than the distance, never more.
+Inside or outside is exact. The distance outside a polygon is that to the line of an edge: beside a corner it is less
+than the true distance, never more.
 """
 
 from __future__ import annotations

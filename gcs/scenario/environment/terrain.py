@@ -1,7 +1,7 @@
-"""Ground height, by Eqs. 52, 53 or an elevation model: exact for the verifier, smooth from above for the optimiser.
+"""Ground height of Eqs. 52, 53 or an elevation model: exact for the verifier, a smooth envelope for the optimiser.
 
-Knows: the two formulas, the relief, and an envelope over either. Does not know: vehicles, clearances, CasADi (`xp`
-supplies the functions of the formulas; the relief's envelope is a spline that whoever needs symbols makes for himself).
+`xp` supplies the functions of the formulas (NumPy or CasADi). The envelope of an elevation model is a spline;
+`gcs.plan.ocp.terrain_spline` makes its symbols.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What the tables of a scenario are made of: kinds of numbers, and how a table tells that its keys disagree.
-
-Knows: types and ranges that several tables use, findings that name one key of a table. Does not know: any table.
-"""
+"""The number types of scenario tables, the base of a table, and the error for keys that disagree inside it."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from gcs.scenario.validation.toml_lines import Key
 
-# Strict: TOML has types of its own, so the text "5" or the truth value true is a mistake and not a number.
+# Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
@@ -28,7 +25,7 @@ Findings = Iterator[Finding]
 
 
 class Disagreement(ValueError):
-    """Keys of one table that are right one by one, but not together."""
+    """Keys of one table that are each valid, but not together."""
 
     def __init__(self, found: list[Finding]) -> None:
         super().__init__("; ".join(": ".join((*map(str, key), text)) for key, text in found))
@@ -36,7 +33,7 @@ class Disagreement(ValueError):
 
 
 class Part(BaseModel):
-    """Base of every table: immutable, no unknown keys, no silent conversions, no keys that disagree."""
+    """The base of every table: immutable, no unknown keys, no silent conversions, no keys that disagree."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,5 +44,5 @@ class Part(BaseModel):
         return self
 
     def disagreements(self) -> Findings:
-        """Everything that must agree inside this table and does not."""
+        """Yield the keys of this table that disagree."""
         return iter(())

@@ -1,7 +1,6 @@
-"""The table [formation]: who flies where, the shapes that have names, and how the formation changes.
+"""The table [formation]: vehicles, named shapes, and changes of shape, with the rules inside this table.
 
-Knows: keys, types, ranges, and what must agree inside this table. Does not know: limits, times and places of the
-flight (`gcs.scenario.validation.formation_rules` compares them), where a generator puts vehicles, plans.
+`gcs.scenario.validation.formation_rules` compares it with limits, times and positions of the flight.
 """
 
 from __future__ import annotations
@@ -18,141 +17,144 @@ VehicleId = Annotated[int, Strict(), Field(ge=1, le=10_000)]  # of a fleet too l
 ShapeName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 Generator = Literal["triangle", "line", "column", "vee", "grid", "circle", "sphere"]
 
-START_SHAPE = "start"  # what changes call the shape at t = 0
+START_SHAPE = "start"  # name of the shape at t = 0 in changes
 _NEEDED = ("angle_deg", "scale", "to")
 _KIND_OF_KEY = {"angle_deg": "rotate", "axis": "rotate", "scale": "shrink", "to": "reshape", "assignment": "reshape"}
 
 
 class FormationVehicle(Part):
-    """One vehicle and where it is at t = 0."""
+    """One vehicle and its position at t = 0."""
 
     sysid: SysId = Field(description="MAVLink system id")
     position_m: Vector = Field(description="north, east, height at t = 0, m")
 
 
 class ShapeTable(Part):
-    """A named shape: a table of offsets, or a generator for any number of vehicles."""
+    """A named shape: a list of offsets, or a generator for any number of vehicles."""
 
-    name: ShapeName = Field(description="what changes call it")
+    name: ShapeName = Field(description="name of the shape, for changes")
     generator: Generator | None = Field(default=None, description="a shape for any number of vehicles")
-    spacing_m: Positive | None = Field(default=None, description="distance between neighbours of a generator, m")
+    spacing_m: Positive | None = Field(default=None, description="generator: distance between neighbours, m")
     offsets_m: tuple[Vector, ...] = Field(
-        default=(), description="north, east, up from the leader, one for every vehicle in order, m"
+        default=(), description="instead of a generator: north, east, up from the leader, one per vehicle in order, m"
     )
 
     def disagreements(self) -> Findings:
-        """No places, or places said twice."""
+        """Yield a shape without places, or with two definitions of them."""
         if self.name == START_SHAPE:
-            yield ("name",), "is what changes call the shape at t = 0; give this one another name"
+            yield ("name",), "is the name of the shape at t = 0. Give this shape another name"
         if self.generator is None and not self.offsets_m:
-            yield (), "has no places; give generator and spacing_m, or offsets_m"
+            yield (), "has no places. Give generator and spacing_m, or offsets_m"
         elif self.generator is None and self.spacing_m is not None:
-            yield ("spacing_m",), "means nothing to offsets_m; leave it out, or give a generator in their place"
+            yield ("spacing_m",), "has no effect on offsets_m. Remove it, or give a generator instead of them"
         elif self.generator is not None and self.offsets_m:
             yield (
                 ("offsets_m",),
-                f'generator = "{self.generator}" says already where the places are; keep one of the two',
+                f'generator = "{self.generator}" defines the places already. Keep one of the two',
             )
         if self.generator is not None and self.spacing_m is None:
             yield ("spacing_m",), f'missing; generator = "{self.generator}" needs the distance between neighbours, m'
 
 
 class ChangeTable(Part):
-    """One change of shape (§2.2.1-2.2.3): what, and when."""
+    """One change of shape (§2.2.1-2.2.3) and its time."""
 
     kind: Literal["rotate", "shrink", "reshape"] = Field(description="Eqs. 5-8, 9-12 or 13-14")
     at_s: NonNegative | None = Field(default=None, description="begins at this time, s")
     gate_m: tuple[Point, Point] | None = Field(
-        default=None, description="begins when the leader crosses the line between these two (north, east), m"
+        default=None, description="begins when the leader crosses the line between these two points (north, east), m"
     )
-    auto: Truth = Field(default=False, description="the planner decides when and how far")
+    auto: Truth = Field(default=False, description="the planner chooses the time and the amount")
     angle_deg: Number | None = Field(
-        default=None, description="rotate: by so much about `axis`; with auto, at most so much either way, degrees"
+        default=None,
+        description="rotate: angle about `axis`; with auto, the largest angle in either direction, degrees",
     )
     axis: Vector | None = Field(
         default=None,
-        description="rotate: north, east, up; right-handed. Left out: straight down, so that + turns right",
+        description="rotate: axis north, east, up; right-handed. Left out: straight down, so that + turns right",
     )
     scale: Annotated[Number, Field(gt=0, le=10)] | None = Field(
-        default=None, description="shrink: new size over old; with auto, the smallest allowed"
+        default=None, description="shrink: new size over old size; with auto, the smallest one allowed"
     )
     to: str | None = Field(default=None, description=f'reshape: name of a shape, or "{START_SHAPE}"')
     assignment: Literal["free", "fixed"] | None = Field(
-        default=None, description="reshape: who takes which place; free (left out) is the fastest way (Eq. 14)"
+        default=None,
+        description="reshape: assignment of vehicles to places; free (left out) is the fastest one (Eq. 14)",
     )
     weight: Positive | None = Field(
-        default=None, description="auto: cost of flying fully changed, over the whole flight, in units of Eq. 35"
+        default=None, description="auto: cost of a whole flight in the fully changed shape, in units of Eq. 35"
     )
 
     def disagreements(self) -> Findings:
-        """Not one time to begin at, and keys of another kind of change."""
+        """Yield a change without exactly one time, and keys of another kind of change."""
         yield from self._when()
         yield from self._what()
         if self.auto:
-            yield from self._of_its_own_accord()
+            yield from self._automatic()
         elif self.weight is not None:
-            yield ("weight",), "is what auto = true costs; leave it out"
+            yield ("weight",), "is the cost of auto = true. Remove it, or set auto = true"
 
     def _when(self) -> Findings:
-        said = {"at_s": self.at_s is not None, "gate_m": self.gate_m is not None, "auto": self.auto}
-        given = [key for key, is_given in said.items() if is_given]
+        times = {"at_s": self.at_s is not None, "gate_m": self.gate_m is not None, "auto": self.auto}
+        given = [key for key, is_given in times.items() if is_given]
         if not given:
-            yield (), "does not say when; give one of at_s, gate_m and auto = true"
+            yield (), "has no time. Give one of at_s, gate_m and auto = true"
         for key in given[1:]:
-            yield (key,), f"{given[0]} says already when; keep one of the two"
+            yield (key,), f"{given[0]} sets the time already. Keep one of the two"
         if self.gate_m is not None and self.gate_m[0] == self.gate_m[1]:
-            yield ("gate_m",), "is a point; a gate lies between two different ones"
+            yield ("gate_m",), "is a single point. Give two different points"
 
     def _what(self) -> Findings:
         for key, kind in _KIND_OF_KEY.items():
             given = getattr(self, key) is not None
             if given and self.kind != kind:
-                yield (key,), f'means nothing to kind = "{self.kind}"; leave it out, or give kind = "{kind}"'
+                yield (key,), f'has no effect with kind = "{self.kind}". Remove it, or give kind = "{kind}"'
             if not given and self.kind == kind and key in _NEEDED:
                 yield (key,), f'missing; kind = "{kind}" needs it ({type(self).model_fields[key].description})'
         if self.axis is not None and not any(self.axis):
-            yield ("axis",), "has no direction; [0, 0, 1] is straight up"
+            yield ("axis",), "has no direction. Give for example [0, 0, 1], straight up"
 
-    def _of_its_own_accord(self) -> Findings:
+    def _automatic(self) -> Findings:
         if self.kind == "rotate" and self.axis is not None:
-            yield ("axis",), "an automatic rotation turns about the vertical; leave axis out"
+            yield ("axis",), "an automatic rotation turns about the vertical. Remove axis"
         if self.kind == "rotate" and self.angle_deg is not None and self.angle_deg <= 0:
-            yield ("angle_deg",), "must be > 0: with auto it turns at most so much either way"
+            yield ("angle_deg",), "must be > 0: with auto it is the largest angle in either direction"
         if self.kind == "shrink" and self.scale is not None and self.scale >= 1:
-            yield ("scale",), "must be below 1: with auto it is the smallest size the planner may choose"
+            yield ("scale",), "must be < 1: with auto it is the smallest size that the planner may choose"
 
 
 class Formation(Part):
-    """The virtual rigid body: who flies where in it, and how it changes."""
+    """The virtual rigid body: its vehicles, its shapes and its changes."""
 
     frame: Literal["inertial", "course"] = Field(
-        default="inertial", description="where the shape is constant: in the world (Eq. 22), or turning with the course"
+        default="inertial",
+        description="inertial: the shape keeps its direction (Eq. 22); course: it turns with the leader's course",
     )
-    leader: VehicleId = Field(default=1, description="sysid of the vehicle the plan is made for")
+    leader: VehicleId = Field(default=1, description="sysid of the leader, whose trajectory is planned")
     vehicle: tuple[FormationVehicle, ...] = Field(
-        default=(), max_length=254, description="every vehicle, leader included; or count and start_shape"
+        default=(), max_length=254, description="every vehicle, leader included; or give count and start_shape"
     )
     count: Annotated[int, Strict(), Field(ge=1, le=10_000)] | None = Field(
-        default=None, description="number of vehicles 1, 2, ... that stand in start_shape; up to 254 can be flown"
+        default=None, description="number of vehicles 1, 2, ... in start_shape; up to 254 can be flown"
     )
-    start_shape: str | None = Field(default=None, description="name of the shape at t = 0, with count")
-    shape: tuple[ShapeTable, ...] = Field(default=(), description="shapes that changes name")
+    start_shape: str | None = Field(default=None, description="with count: name of the shape at t = 0")
+    shape: tuple[ShapeTable, ...] = Field(default=(), description="named shapes")
     change: tuple[ChangeTable, ...] = Field(default=(), description="changes of shape, in order")
     change_speed_mps: Positive = Field(
         default=1.0, description="v_max of a change: a vehicle's speed in the shape, m/s"
     )
     change_accel_mps2: Positive = Field(default=0.3, description="a_max of a change, m/s^2")
     course_tolerance_deg: Annotated[Number, Field(gt=0, le=45)] = Field(
-        default=5.0, description="frame = course: most the shape's heading lags the course, degrees"
+        default=5.0, description="with frame = course: largest lag of the shape's heading behind the course, degrees"
     )
     topology: Literal["voronoi", "leader"] = Field(
         default="voronoi",
-        description="whose state a follower needs: its Voronoi neighbours nearer to the leader, or his",
+        description="vehicles whose state a follower uses: its Voronoi neighbours nearer to the leader, or the leader",
     )
 
     @property
     def sysids(self) -> tuple[int, ...]:
-        """System ids in order."""
+        """The system ids in order."""
         if self.count is not None:
             return tuple(range(1, self.count + 1))
         return tuple(v.sysid for v in self.vehicle)
@@ -166,9 +168,9 @@ class Formation(Part):
         return self.frame == "inertial" and all(change.auto for change in self.change)
 
     def disagreements(self) -> Findings:
-        """Vehicles, shapes and changes that do not belong together."""
+        """Yield vehicles, shapes and changes that disagree."""
         if self.count is None and not self.vehicle:
-            yield (), "has no vehicles; give [[formation.vehicle]] tables, or count and start_shape"
+            yield (), "has no vehicles. Give [[formation.vehicle]] tables, or count and start_shape"
         else:
             yield from self._fleet()
             yield from self._places()
@@ -177,11 +179,11 @@ class Formation(Part):
 
     def _fleet(self) -> Findings:
         if self.vehicle and self.count is not None:
-            yield ("count",), f"there are {len(self.vehicle)} [[formation.vehicle]] tables already; keep one of the two"
+            yield ("count",), f"there are {len(self.vehicle)} [[formation.vehicle]] tables already. Keep one of the two"
         rows: dict[int, int] = {}
         for row, vehicle in enumerate(self.vehicle):
             if rows.setdefault(vehicle.sysid, row) != row:
-                text = f"is the sysid of vehicle[{rows[vehicle.sysid]}] already; every vehicle needs one of its own"
+                text = f"is the sysid of vehicle[{rows[vehicle.sysid]}] already. Give each vehicle its own"
                 yield ("vehicle", row, "sysid"), text
         ids = self.sysids
         if self.leader not in ids:
@@ -192,18 +194,18 @@ class Formation(Part):
         if self.count is not None and self.start_shape is None:
             yield ("start_shape",), "missing; count needs the name of a [[formation.shape]] to start in"
         if self.count is None and self.start_shape is not None:
-            yield ("start_shape",), "belongs to count; where [[formation.vehicle]] tables start, they say themselves"
+            yield ("start_shape",), "belongs to count; [[formation.vehicle]] tables have positions. Keep one of the two"
         count = len(self.sysids)
         for index, shape in enumerate(self.shape):
             if shape.offsets_m and len(shape.offsets_m) != count:
-                text = f"has {len(shape.offsets_m)} places for {count} vehicles; give one for each, leader included"
+                text = f"has {len(shape.offsets_m)} places for {count} vehicles. Give one for each, leader included"
                 yield ("shape", index, "offsets_m"), text
 
     def _names(self) -> Findings:
         names = [shape.name for shape in self.shape]
         for index, name in enumerate(names):
             if name in names[:index]:
-                yield ("shape", index, "name"), f"is the name of shape[{names.index(name)}] already; give another one"
+                yield ("shape", index, "name"), f"is the name of shape[{names.index(name)}] already. Give another one"
         if self.start_shape is not None and self.start_shape not in names:
             yield ("start_shape",), _no_such_shape(self.start_shape, names)
         for index, change in enumerate(self.change):
@@ -216,15 +218,15 @@ class Formation(Part):
         for index, change in enumerate(self.change):
             if change.auto:
                 if first.setdefault(change.kind, index) != index:
-                    text = f'change[{first[change.kind]}] with kind = "{change.kind}" is automatic already; keep one'
+                    text = f'change[{first[change.kind]}] with kind = "{change.kind}" is automatic already. Keep one'
                     yield ("change", index, "auto"), text
                 if change.kind == "rotate" and self.frame == "course":
-                    text = 'with frame = "course" the heading follows the course; give at_s or gate_m, or leave it out'
+                    text = 'with frame = "course" the heading follows the course. Give at_s or gate_m, or remove it'
                     yield ("change", index, "auto"), text
             if change.at_s is not None:
                 before = self.change[latest].at_s
                 if before is not None and change.at_s < before:
-                    text = f"is before change[{latest}], which begins at {before:g} s; give changes in order of time"
+                    text = f"is before change[{latest}], which begins at {before:g} s. Give changes in order of time"
                     yield ("change", index, "at_s"), text
                 latest = index
 

@@ -1,8 +1,4 @@
-"""The JSON Schema of scenario files, as people may write them.
-
-Knows: that a vehicle type brings [vehicle] and half of [limits], and what programs add by themselves. Does not know:
-printing.
-"""
+"""The JSON Schema of scenario files; with a vehicle type, [vehicle] and half of [limits] may be left out."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
-    """Every table and key, with unit, range, default. Which keys a vehicle type leaves open, only loading can tell."""
+    """The schema of every table and key. It does not require the keys that a vehicle type may give; loading does."""
     tables = Scenario.model_json_schema()
     kinds = f"type of vehicle: {', '.join(presets())}, or the path of a vehicle file"
     tables["properties"][KEY] = {"type": "string", "description": kinds}

@@ -1,8 +1,7 @@
-"""Where vehicles are before and after the flight: in the box, above the ground, outside disks, apart on their pads.
+"""Rules about both ends of the flight: box, ground clearance, no-fly zones, pads, run-up, take-off and landing.
 
-Knows: rules about pads, hovers, both ends and what joins them, and the key to change. Does not know: the flight.
-How a formation stands at the end is known where it keeps its shape or takes it on again; otherwise the leader
-alone is looked at here, and the others where there is a plan.
+The formation at the end is known where it keeps its shape or returns to it. Otherwise these rules check the leader
+alone, and the verification of the plan checks the others.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from gcs.scenario.si import (
     quadrotor,
     sysids,
 )
-from gcs.scenario.validation.formation_rules import tell_in_start_shape
+from gcs.scenario.validation.formation_rules import pairs_in_start_shape
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.spacing import SLACK, close_pairs
@@ -40,7 +39,7 @@ RULES = Rules()
 
 @dataclass(frozen=True)
 class _End:
-    """Those vehicles at one end whose place there is known, by the table that names it."""
+    """The vehicles at one end whose position there is known, and the table that sets it."""
 
     table: str
     boundary: Boundary
@@ -52,10 +51,10 @@ class _End:
 def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
     formation, start = scenario.formation, scenario.start.position_m
     if formation.count is not None:
-        return  # the shape has no place of its own: the leader stands at the start
+        return  # the leader then stands at [start]
     place = next(v.position_m for v in formation.vehicle if v.sysid == formation.leader)
     if place != start:
-        text = f"differs from {list(place)}, where the formation has its leader, vehicle {formation.leader}"
+        text = f"differs from {list(place)}, the position of the leader, vehicle {formation.leader}. Make them equal"
         yield Mistake(("start", "position_m"), text, start)
 
 
@@ -71,7 +70,7 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
             if beyond[worst] > SLACK:
                 text = (
                     f"puts {_vehicles(end, beyond > SLACK)} outside limits.{key}, {low:g} to {high:g}; "
-                    f"vehicle {end.sysids[worst]} would be at {along[worst]:g}"
+                    f"vehicle {end.sysids[worst]} would be at {along[worst]:g}. Move it, or widen the limit"
                 )
                 yield Mistake((end.table, "position_m", axis), text, end.boundary.position_m[axis])
 
@@ -83,8 +82,8 @@ def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
         if clearance < scenario.limits.clearance_min_m - SLACK:
             missing = scenario.limits.clearance_min_m - clearance
             text = (
-                f"leaves vehicle {end.sysids[worst]} {clearance:.2f} m above the highest the ground may be "
-                f"there; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m: {missing:.2f} m more"
+                f"vehicle {end.sysids[worst]} would be {clearance:.2f} m above the highest possible ground there; "
+                f"limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m. Raise it by {missing:.2f} m"
             )
             yield Mistake((end.table, "position_m", 2), text, end.boundary.position_m[2])
 
@@ -99,8 +98,9 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
         worst, clearance = _lowest(scenario, begin + share * (start.places_up_m - begin))
         if clearance < scenario.limits.clearance_min_m - SLACK:
             text = (
-                f"takes vehicle {start.sysids[worst]} within {clearance:.2f} m of the ground {share * length:.0f} "
-                f"m into the run-up; limits.clearance_min_m asks {scenario.limits.clearance_min_m:g} m"
+                f"vehicle {start.sysids[worst]} would be {clearance:.2f} m above the ground {share * length:.0f} "
+                f"m into the run-up; limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m. "
+                "Shorten it, or raise [start]"
             )
             yield Mistake(("ground_phases", "run_up_m"), text, length)
             return
@@ -114,14 +114,16 @@ def _ends_are_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
             worst = int(outside.argmin())
             if outside[worst] < -SLACK:
                 key = "radius_m" if zone.polygon_m is None else "polygon_m"
-                text = f"holds vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside"
+                text = (
+                    f"contains vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside. Move one"
+                )
                 yield Mistake(("no_fly", index, key), text, zone.radius_m)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
 def _pads_are_apart(scenario: Scenario) -> Mistakes:
     least, places = scenario.limits.separation_min_m, offsets_ned_m(scenario)
-    told: set[tuple[int, int]] = set()
+    found: set[tuple[int, int]] = set()
     grounds = [("take off", pads_ned_m(scenario))]
     if scenario.formation.ends_in_start_shape:
         grounds.append(("land", landing_points_ned_m(scenario)))
@@ -129,16 +131,17 @@ def _pads_are_apart(scenario: Scenario) -> Mistakes:
         pairs = [
             pair
             for pair in close_pairs(points, least)
-            if (pair.first, pair.second) not in told
-            and np.linalg.norm(places[pair.first] - places[pair.second]) >= least - SLACK  # else too near in flight
+            if (pair.first, pair.second) not in found
+            and np.linalg.norm(places[pair.first] - places[pair.second])
+            >= least - SLACK  # else the rule about shapes reports it
         ]
-        told |= {(pair.first, pair.second) for pair in pairs}
-        yield from tell_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
+        found |= {(pair.first, pair.second) for pair in pairs}
+        yield from pairs_in_start_shape(scenario, pairs, f"fly above each other and would {what} {{:.2f}} m apart")
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases", "vehicle", "wind")
 def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
-    """Both are smooth steps from rest to rest, faster than the mean in the middle."""
+    """Both are smooth steps from rest to rest, whose peak speed is above the mean."""
     phases, limits = scenario.ground_phases, scenario.limits
     fastest, hardest = ground_step_peaks(scenario)
     drag = scenario.vehicle.drag_Nspm
@@ -147,7 +150,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     upwards_N = max(limits.thrust_N[1] ** 2 - sideways_N**2, 0.0) ** 0.5
     spare_mps2 = upwards_N / scenario.vehicle.mass_kg - scenario.vehicle.gravity_mps2
     if spare_mps2 <= 0:
-        return  # another rule's mistake
+        return  # another rule reports it
     spare = f"{spare_mps2:.2f} m/s² of spare thrust (limits.thrust_N)"
     if limits.accel_max_mps2 is not None and limits.accel_max_mps2 < spare_mps2:
         spare_mps2 = limits.accel_max_mps2
@@ -155,16 +158,16 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     end_ned_m = np.array(scenario.end.position_m) * NED_FROM_UP + offsets_ned_m(scenario)
     climb_m = pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2]
     descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_at_end(scenario)]
-    ways = (
+    steps = (
         ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
         ("landing_s", float(descent_m.max()), phases.landing_s),
     )
-    for key, way, time in ways:
-        needed = max(fastest * way / most_mps, float(np.sqrt(hardest * max(way, 0.0) / spare_mps2)))
+    for key, step_m, time in steps:
+        needed = max(fastest * step_m / most_mps, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if time < needed:
             text = (
-                f"too short for {way:.1f} m from rest to rest; {most_mps:g} m/s (limits.speed_ned_mps[2]) and "
-                f"{spare} take {needed:.1f} s"
+                f"too short for {step_m:.1f} m from rest to rest; {most_mps:g} m/s (limits.speed_ned_mps[2]) and "
+                f"{spare} take {needed:.1f} s. Give at least that"
             )
             yield Mistake(("ground_phases", key), text, time)
 
@@ -182,7 +185,7 @@ def _at_start(scenario: Scenario) -> _End:
 
 
 def _rows_known_at_end(scenario: Scenario) -> list[int]:
-    """Rows of the vehicles whose place at the end needs no plan to know."""
+    """Rows of the vehicles whose position at the end is known without a plan."""
     if scenario.formation.ends_in_start_shape:
         return list(range(len(sysids(scenario))))
     return [leader_index(scenario)]
@@ -196,7 +199,7 @@ def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:
 
 
 def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
-    """Row of the vehicle nearest to the ground, and its clearance in m."""
+    """The row of the vehicle nearest to the ground, and its clearance in m."""
     ground = ground_envelope_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1])
     clearance = places_up_m[:, 2] - ground
     worst = int(clearance.argmin())

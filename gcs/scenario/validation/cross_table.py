@@ -1,8 +1,6 @@
-"""What the tables of a scenario must agree on before anyone plans it.
+"""Rules between tables about speeds, times, attitudes and accelerations, and the check of all rules.
 
-Knows: rules about speeds, times and attitudes, and the key to change; where to find the other rules.
-Does not know: the way between start and end. Only what no plan could mend is refused; whether there is a plan is
-for the planner to say.
+A rule refuses only what no plan can satisfy. The planner decides whether there is a plan.
 """
 
 from __future__ import annotations
@@ -21,17 +19,17 @@ RULES = Rules()
 
 
 def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
-    """All disagreements between those `tables` of the scenario that are valid in themselves."""
-    books = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
-    return [mistake for rules in books for mistake in rules.broken(scenario, tables)]
+    """All mistakes between those `tables` of the scenario that are valid in themselves."""
+    rule_sets = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
+    return [mistake for rules in rule_sets for mistake in rules.violated(scenario, tables)]
 
 
 @RULES.needs("limits", "judge")
-def _judge_asks_no_more_than_the_plan_holds(scenario: Scenario) -> Mistakes:
-    asked, planned = scenario.judge.separation_min_m, scenario.limits.separation_min_m
-    if asked > planned:
-        text = f"asks more than the plan promises, which is limits.separation_min_m = {planned:g}"
-        yield Mistake(("judge", "separation_min_m"), text, asked)
+def _judged_separation_is_planned(scenario: Scenario) -> Mistakes:
+    judged, planned = scenario.judge.separation_min_m, scenario.limits.separation_min_m
+    if judged > planned:
+        text = f"more than the plan keeps, limits.separation_min_m = {planned:g}. Give {planned:g} or less"
+        yield Mistake(("judge", "separation_min_m"), text, judged)
 
 
 @RULES.needs("start", "end", "limits")
@@ -42,41 +40,43 @@ def _ends_are_within_state_limits(scenario: Scenario) -> Mistakes:
     for table, boundary in (("start", scenario.start), ("end", scenario.end)):
         for axis, (value, most) in enumerate(zip(boundary.velocity_mps, limits.speed_ned_mps, strict=True)):
             if abs(value) > most:
-                text = f"too fast {axes[axis]}; limits.speed_ned_mps[{axis}] allows {-most:g} to {most:g}"
+                text = f"too fast {axes[axis]}; limits.speed_ned_mps[{axis}] allows {-most:g} to {most:g} m/s"
                 yield Mistake((table, "velocity_mps", axis), text, value)
         turns = zip(boundary.roll_pitch_yaw_deg, limits.roll_pitch_yaw_deg, strict=True)
         for axis, (value, most) in enumerate(turns):
             if abs(value) > most:
-                text = f"too much {angles[axis]}; limits.roll_pitch_yaw_deg[{axis}] allows {-most:g} to {most:g}"
+                text = (
+                    f"too much {angles[axis]}; limits.roll_pitch_yaw_deg[{axis}] allows {-most:g} to {most:g} degrees"
+                )
                 yield Mistake((table, "roll_pitch_yaw_deg", axis), text, value)
 
 
 @RULES.needs("objective", "limits")
-def _heading_asked_for_is_allowed(scenario: Scenario) -> Mistakes:
+def _desired_heading_is_allowed(scenario: Scenario) -> Mistakes:
     heading, most = scenario.objective.heading_ref_deg, scenario.limits.roll_pitch_yaw_deg[2]
     if heading is not None and abs(heading) > most:
-        text = f"cannot be reached; limits.roll_pitch_yaw_deg[2] allows a yaw of {-most:g} to {most:g} degrees"
+        text = f"out of reach; limits.roll_pitch_yaw_deg[2] allows a yaw of {-most:g} to {most:g} degrees"
         yield Mistake(("objective", "heading_ref_deg"), text, heading)
 
 
 @RULES.needs("end")
 def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
     if any(scenario.end.velocity_mps):
-        text = "must be [0, 0, 0]: every flight ends in a hover and lands from it"
+        text = "must be [0, 0, 0]: every flight ends in a hover, from which it lands"
         yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps)
 
 
 @RULES.needs("start", "end", "time", "limits")
 def _time_is_enough(scenario: Scenario) -> Mistakes:
-    way = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
-    needed = way / scenario.limits.speed_ned_mps
+    distance_m = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
+    needed = distance_m / scenario.limits.speed_ned_mps
     axis = int(needed.argmax())
     time = scenario.time
     key, longest_s = ("latest_s", time.latest_s) if time.free else ("flight_s", time.flight_s)
     if longest_s is not None and needed[axis] > longest_s:
         name = ("north", "east", "vertical")[axis]
         text = (
-            f"too short: {way[axis]:g} m {name} take at least {needed[axis]:.1f} s "
+            f"too short: {distance_m[axis]:g} m {name} take at least {needed[axis]:.1f} s "
             f"at limits.speed_ned_mps[{axis}] = {scenario.limits.speed_ned_mps[axis]:g} m/s"
         )
         yield Mistake(("time", key), text, longest_s)
@@ -87,13 +87,15 @@ def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
     if not scenario.time.free:
         return
     if scenario.time.latest_s is None and not scenario.objective.time_weight:
-        text = "costs nothing, and slower flights need less energy: give [objective] time_weight, or a latest_s here"
+        text = (
+            "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or a latest_s here"
+        )
         yield Mistake(("time", "free"), text, True)
     if any(not change.auto for change in scenario.formation.change):
-        text = "the planner cannot choose it while changes have times of their own: leave them out, or to `auto`"
+        text = "the planner cannot choose the time while changes have fixed times. Set auto = true in each"
         yield Mistake(("time", "free"), text, True)
     if any(zone.moves for zone in scenario.no_fly):
-        text = "the planner cannot choose it while no-fly zones move: leave out their moves"
+        text = "the planner cannot choose the time while no-fly zones move. Remove their moves"
         yield Mistake(("time", "free"), text, True)
 
 
@@ -104,7 +106,7 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
     if speed > 0 and not 0 < phases.run_up_m < speed * phases.run_up_s:
         text = (
             f"cannot bring a vehicle from rest to {speed:.2f} m/s in run_up_s = {phases.run_up_s:g} s; "
-            f"it must lie between 0 and {speed * phases.run_up_s:.1f}, best near {speed * phases.run_up_s / 2:.1f}"
+            f"it must lie between 0 and {speed * phases.run_up_s:.1f}. Give about {speed * phases.run_up_s / 2:.1f}"
         )
         yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m)
 
@@ -113,7 +115,7 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
 def _acceleration_is_enough_for_the_flight(scenario: Scenario) -> Mistakes:
     way = np.subtract(scenario.end.position_m, scenario.start.position_m)
     needed = least_acceleration_mps2(way, np.array(scenario.start.velocity_mps), scenario.time.flight_s)
-    yield from _too_lazy(scenario, needed, f"to cover {np.linalg.norm(way):.0f} m in time.flight_s")
+    yield from _too_little_acceleration(scenario, needed, f"to cover {np.linalg.norm(way):.0f} m in time.flight_s")
 
 
 @RULES.needs("start", "limits", "ground_phases")
@@ -123,27 +125,29 @@ def _acceleration_is_enough_for_the_run_up(scenario: Scenario) -> Mistakes:
     if speed > 0:
         way = velocity / speed * phases.run_up_m
         needed = least_acceleration_mps2(way, velocity, phases.run_up_s)
-        yield from _too_lazy(scenario, needed, f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s")
+        yield from _too_little_acceleration(
+            scenario, needed, f"for a run-up of {phases.run_up_m:g} m in {phases.run_up_s:g} s"
+        )
 
 
-def least_acceleration_mps2(way_m: Array, velocity_mps: Array, time_s: float) -> float:
-    """Acceleration without which no motion covers a way (3,) in a time, from a velocity (3,) to rest or the reverse.
+def least_acceleration_mps2(distance_m: Array, velocity_mps: Array, time_s: float) -> float:
+    """The least acceleration for a displacement (3,) in a time, from a velocity (3,) to rest or the reverse, m/s².
 
-    Along any direction, full acceleration first and full braking then gets farthest, and the other way round least
-    far; solved for the acceleration. Two directions are looked at: that of the initial velocity, and the one in which
-    the way differs most from that of an even braking.
+    Along any direction, full acceleration followed by full braking gives the largest displacement, and the reverse
+    order the smallest; both are solved for the acceleration. Two directions are checked: that of the initial velocity,
+    and the one in which the displacement differs most from that of uniform braking.
     """
     needed = 0.0
-    for direction in (velocity_mps, 4.0 * way_m - 2.0 * velocity_mps * time_s):
+    for direction in (velocity_mps, 4.0 * distance_m - 2.0 * velocity_mps * time_s):
         length = np.linalg.norm(direction)
         if length > 0:
             ahead_mps = float(velocity_mps @ direction / length)
-            off_m = abs(4.0 * float(way_m @ direction / length) - 2.0 * ahead_mps * time_s)
+            off_m = abs(4.0 * float(distance_m @ direction / length) - 2.0 * ahead_mps * time_s)
             needed = max(needed, (off_m + float(np.hypot(off_m, 2.0 * ahead_mps * time_s))) / (2.0 * time_s**2))
     return needed
 
 
-def _too_lazy(scenario: Scenario, needed_mps2: float, what_for: str) -> Mistakes:
+def _too_little_acceleration(scenario: Scenario, needed_mps2: float, what_for: str) -> Mistakes:
     most = scenario.limits.accel_max_mps2
     if most is not None and needed_mps2 > most:
         text = f"too little {what_for}, which takes at least {np.ceil(needed_mps2 * 1000.0) / 1000.0:g} m/s²"

@@ -1,7 +1,6 @@
-"""One mistake in a scenario, and the sentence a person reads about it.
+"""One mistake in a scenario and its sentence: key, value and what is allowed.
 
-Knows: keys, values, allowed ranges (read from the JSON Schema of the model), pydantic's kinds of errors.
-Does not know: what makes a scenario flyable (`gcs.scenario.validation.cross_table`), files (`gcs.scenario.load`).
+The allowed ranges come from the JSON Schema of the model.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ Schema = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Mistake:
-    """What is wrong with one key: `text` goes on where "key = value: " ends."""
+    """The mistake of one key; `text` follows "key = value: "."""
 
     key: Key
     text: str
@@ -37,13 +36,13 @@ class Mistake:
 
 
 def dotted(key: Key) -> str:
-    """The key as people write it: `formation.vehicle[3].position_m[0]`."""
+    """The key as text: `formation.vehicle[3].position_m[0]`."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
     return "".join(parts).removeprefix(".")
 
 
 def toml(value: Any) -> str:
-    """The value roughly as the file has it, cut when it is long."""
+    """The value in TOML, cut when it is long."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -58,7 +57,7 @@ def toml(value: Any) -> str:
 
 
 def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario) -> list[Mistake]:
-    """Every finding of the model, in words."""
+    """The mistakes of a pydantic error."""
     schema = model.model_json_schema()
     return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, schema)]
 
@@ -71,7 +70,7 @@ def _mistakes(found: ErrorDetails, root: Schema) -> list[Mistake]:
 
 
 def _value_at(table: Any, key: Key) -> Any:
-    """What stands at a key inside a table; None where nothing does, and for tables, too long to show."""
+    """The value at a key inside a table; None without one, and for tables, which are too long to show."""
     for part in key:
         if isinstance(part, str):
             table = table.get(part) if isinstance(table, Mapping) else None
@@ -88,7 +87,7 @@ def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
     if kind == "missing":
         return Mistake(key, f"missing; it must be {wanted}")
     if isinstance(found["input"], dict) and _is_array_of_tables(_schema_at(key, root), root):
-        return Mistake(key, f"is one table, and there may be several: write [[{dotted(key)}]]")
+        return Mistake(key, f"must be an array of tables. Write [[{dotted(key)}]]")
     if kind == "value_error":
         value = found["input"] if not isinstance(found["input"], dict) else None
         return Mistake(key, str(found["ctx"]["error"]), value)
@@ -102,12 +101,12 @@ def _unknown_key(key: Key, root: Schema) -> str:
     if near := without_unit or difflib.get_close_matches(name, known, n=1):
         return f"unknown key; the nearest known one is {near[0]}"
     if homes := [home for home, table in _tables(root, root) if name in table.get("properties", {})]:
-        return f"unknown key here; it belongs into {max(homes, key=lambda home: _in_common(home, key))}"
+        return f"unknown key here; it belongs to {max(homes, key=lambda home: _in_common(home, key))}"
     return f"unknown key; known ones are {', '.join(known)}"
 
 
 def _tables(node: Schema, root: Schema, key: Key = ()) -> Iterator[tuple[str, Schema]]:
-    """Every table with its header, outer ones first."""
+    """Every table with its header, the outer ones first."""
     for name, part in node.get("properties", {}).items():
         table, header = _follow(part, root), f"[{dotted((*key, name))}]"
         if _is_array_of_tables(table, root):
@@ -118,7 +117,7 @@ def _tables(node: Schema, root: Schema, key: Key = ()) -> Iterator[tuple[str, Sc
 
 
 def _in_common(header: str, key: Key) -> int:
-    """How many tables from the outermost on a header shares with a key."""
+    """The number of tables, from the outermost, that a header shares with a key."""
     names = [part for part in key if isinstance(part, str)]
     shared = zip(header.strip("[]").split("."), names, strict=False)
     return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], shared))
@@ -129,7 +128,7 @@ def _is_array_of_tables(schema: Schema, root: Schema) -> bool:
 
 
 def _schema_at(key: Key, root: Schema) -> Schema:
-    """The part of the JSON Schema that describes a key; empty where it describes none."""
+    """The part of the JSON Schema that describes a key; empty without one."""
     node: Schema = root
     for part in key:
         node = _follow(node, root)
@@ -143,7 +142,7 @@ def _schema_at(key: Key, root: Schema) -> Schema:
 
 
 def _follow(node: Schema, root: Schema) -> Schema:
-    """Behind a reference, and behind "this or nothing"."""
+    """The schema behind a reference or an optional value."""
     if "anyOf" in node:
         node = next(choice for choice in node["anyOf"] if choice.get("type") != "null")
     if "$ref" in node:

@@ -1,7 +1,4 @@
-"""What a rule about several tables is: a check, and the tables it cannot do without.
-
-Knows: which rules can be asked of a scenario that is right only in part. Does not know: any rule.
-"""
+"""A set of rules between tables. Each rule names the tables it needs, so it also checks a partly valid scenario."""
 
 from __future__ import annotations
 
@@ -15,13 +12,13 @@ Rule = Callable[[Scenario], Mistakes]
 
 
 class Rules:
-    """Rules of one kind. Each names the tables it needs, so that a mistake in one does not hide those in others."""
+    """Rules with the tables they need: a mistake in one table does not hide mistakes in others."""
 
     def __init__(self) -> None:
         self._rules: list[tuple[frozenset[str], Rule]] = []
 
     def needs(self, *tables: str) -> Callable[[Rule], Rule]:
-        """A rule that compares these tables."""
+        """A decorator that registers a rule about these tables."""
 
         def register(rule: Rule) -> Rule:
             self._rules.append((frozenset(tables), rule))
@@ -29,7 +26,7 @@ class Rules:
 
         return register
 
-    def broken(self, scenario: Scenario, tables: Collection[str]) -> list[Mistake]:
-        """What the rules that need no more than `tables` find."""
+    def violated(self, scenario: Scenario, tables: Collection[str]) -> list[Mistake]:
+        """The mistakes found by the rules that need no more than `tables`."""
         present = set(tables)
         return [mistake for needed, rule in self._rules if needed <= present for mistake in rule(scenario)]

@@ -1,7 +1,4 @@
-"""Who is too near to whom, among thousands.
-
-Knows: places and a distance to keep. Does not know: what the places are of, or why they should be apart.
-"""
+"""The pairs of places that are closer than a distance, among thousands of places."""
 
 from __future__ import annotations
 
@@ -12,10 +9,10 @@ from scipy.spatial import KDTree
 
 from gcs.physics.quadrotor import Array
 
-# Positions written with two decimals should not fail for the last bit of their sums.
+# Positions with two decimals must not fail because of the last bit of their sums.
 SLACK = 1e-9
-# Neighbours looked at around every place: enough to know all pairs of a small formation, and little for a large one,
-# where a distance mistyped by a factor of ten would make every pair one.
+# Neighbours per place: enough for all pairs of a small formation. In a large one, a distance mistyped by a factor of
+# ten must not list every pair.
 _NEIGHBOURS = 8
 
 
@@ -29,8 +26,10 @@ class Pair:
 
 
 def close_pairs(places_m: Array, least_m: float) -> list[Pair]:
-    """Pairs of places (V, 3) nearer than `least_m`, the nearest first: all of up to eight places, and of more at
-    least one for every place that has any."""
+    """The pairs of places (V, 3) closer than `least_m`, the closest first.
+
+    Up to eight places: all pairs. More: at least one pair for each place that has any.
+    """
     count = len(places_m)
     if count < 2:
         return []
@@ -42,15 +41,15 @@ def close_pairs(places_m: Array, least_m: float) -> list[Pair]:
         (min(a, b), max(a, b)): d
         for a, b, d in zip(row[real].tolist(), other[real].tolist(), distance[real].tolist(), strict=True)
     }
-    # Of equal distances, rounding would put any pair first.
+    # Rounding errors must not decide the order of equal distances.
     return [Pair(*rows, d) for rows, d in sorted(found.items(), key=lambda item: (round(item[1], 6), item[0]))]
 
 
 def nearest_pair(places_m: Array) -> Pair | None:
-    """The two places (V, 3) nearest to each other; None where there are not two."""
+    """The two closest places (V, 3); None for fewer than two places."""
     if len(places_m) < 2:
         return None
     distance, other = KDTree(places_m).query(places_m, k=2)
     row = int(distance[:, 1].round(6).argmin())
-    neighbour = next(int(b) for b in other[row] if b != row)  # of two in one place, either may come first
+    neighbour = next(int(b) for b in other[row] if b != row)  # two at one place may come in either order
     return Pair(min(row, neighbour), max(row, neighbour), float(distance[row, 1]))

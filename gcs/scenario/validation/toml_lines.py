@@ -1,7 +1,6 @@
-"""Where in a TOML text each key stands, for messages that name a line.
+"""The line of each key in a TOML text, for messages that name it; `tomllib` does not give lines.
 
-Knows: tables, arrays of tables, dotted and quoted keys, values that span lines. Does not know: values, which
-`tomllib` reads without telling their lines. The text must have been parsed without error.
+It handles tables, arrays of tables, dotted and quoted keys, and values over several lines. The text must be valid TOML.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
 _ARRAY_OF_TABLES = re.compile(rf"\s*\[\[\s*({_DOTTED})\s*\]\]")
 _TABLE = re.compile(rf"\s*\[\s*({_DOTTED})\s*\]")
 _ASSIGNMENT = re.compile(rf"\s*({_DOTTED})\s*=")
-# What may hide brackets or line ends inside a value, then the brackets themselves.
+# Strings and comments, which may contain brackets and line ends; then the brackets themselves.
 _TOKEN = re.compile(
     r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*|[\[\]{}\n]', re.DOTALL
 )
 
 
 def key_lines(text: str) -> dict[Key, int]:
-    """Line (from 1) of every table and key; items of an array of tables carry their index in the key."""
+    """The line (from 1) of every table and key; items of an array of tables carry their index in the key."""
     lines: dict[Key, int] = {}
     counts: dict[Key, int] = {}
     table: Key = ()
@@ -42,12 +41,12 @@ def key_lines(text: str) -> dict[Key, int]:
 
 
 def line_of(lines: dict[Key, int], key: Key) -> int | None:
-    """Line of the key, else of the nearest table or list around it."""
+    """The line of the key, else of the innermost table or list that contains it."""
     return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
 
 
 def _statements(text: str) -> list[tuple[int, str]]:
-    """Pieces of the text that end outside every bracket and string, with the line each begins on."""
+    """The pieces of the text that end outside every bracket and string, with their first lines."""
     text = text.replace("\r\n", "\n")
     found, begin, depth = [], 0, 0
     for token in _TOKEN.finditer(text):
@@ -68,7 +67,7 @@ def _names(dotted: str) -> Key:
 
 
 def _within_arrays(names: Key, counts: dict[Key, int]) -> Key:
-    """The table's key with the index of the latest item of every array of tables on the way."""
+    """The table's key, with the index of the latest item of every array of tables in it."""
     key: Key = ()
     for name in names[:-1]:
         key = (*key, name)

@@ -1,6 +1,6 @@
-"""Whether a vehicle makes physical sense: it can hover, and its rotors give the torques that are promised.
+"""Rules about the physics of a vehicle: it can hover, and its rotors reach the torque limits (Eq. 2).
 
-Knows: weight, rotors, Eq. 2. Does not know: missions; a vehicle file is asked the same.
+They check scenarios and vehicle files alike.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RULES = Rules()
 
 
 def hover_share(model: Quadrotor) -> float:
-    """Share of the rotors' full thrust that carries the weight."""
+    """The share of the rotors' full thrust that carries the weight."""
     return model.weight_N / (4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2)
 
 
@@ -33,13 +33,13 @@ def _vehicle_hovers(scenario: Scenario) -> Mistakes:
     if not low < model.weight_N < high:
         text = (
             f"cannot hover: the weight is {model.weight_N:.2f} N (vehicle.mass_kg = {model.mass_kg:g}), "
-            "and thrust must be free to go below and above it"
+            "and it must lie between the two thrusts"
         )
         yield Mistake(("limits", "thrust_N"), text, (low, high))
     from_rotors = 4 * model.thrust_coeff_Ns2 * model.rotor_max_radps**2
     if from_rotors < high:
         text = (
-            f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N promises {high:g} N "
+            f"too slow: four rotors lift {from_rotors:.2f} N; limits.thrust_N has {high:g} N "
             f"and needs {np.sqrt(high / (4 * model.thrust_coeff_Ns2)):.0f} rad/s"
         )
         yield Mistake(("vehicle", "rotor_max_radps"), text, model.rotor_max_radps)
@@ -57,8 +57,8 @@ def _wind_is_weaker_than_the_vehicle(scenario: Scenario) -> Mistakes:
     most_N = model.weight_N + (1.0 - limits.control_margin) * (limits.thrust_N[1] - model.weight_N)
     if tilt_deg > most_deg or thrust > most_N:
         text = (
-            f"stronger than the vehicle: to stay where it is, {highest_m:g} m up, it leans by {tilt_deg:.1f} degrees "
-            f"and pushes with {thrust:.2f} N; limits allow {most_deg:g} degrees and the plan {most_N:.2f} N"
+            f"too strong: to hover at {highest_m:g} m the vehicle tilts by {tilt_deg:.1f} degrees and needs "
+            f"{thrust:.2f} N; limits allow {most_deg:g} degrees and the plan {most_N:.2f} N"
         )
         yield Mistake(("wind", "speed_mps"), text, scenario.wind.speed_mps)
 
@@ -67,7 +67,7 @@ def _wind_is_weaker_than_the_vehicle(scenario: Scenario) -> Mistakes:
 def _rotors_give_the_torques(scenario: Scenario) -> Mistakes:
     model = quadrotor(scenario)
     if hover_share(model) >= 1.0:
-        return  # the other rule's mistake
+        return  # another rule reports it
     for axis, most in enumerate(scenario.limits.torque):
         wanted = np.array([model.weight_N, 0.0, 0.0, 0.0])
         wanted[axis + 1] = most
@@ -88,11 +88,11 @@ def _battery_and_propellers_can_be(scenario: Scenario) -> Mistakes:
     place = ("vehicle", "power")
     apart_m = np.sqrt(2.0) * model.arm_m  # of neighbours' hubs
     if 2.0 * power.rotor_radius_m > apart_m:
-        text = f"propellers that touch: neighbouring hubs are {apart_m:.3f} m apart (vehicle.arm_m = {model.arm_m:g})"
+        text = f"propellers touch: neighbouring hubs are {apart_m:.3f} m apart (vehicle.arm_m = {model.arm_m:g})"
         yield Mistake((*place, "rotor_radius_m"), text, power.rotor_radius_m)
     tip_mps = power.rotor_radius_m * model.rotor_max_radps
     if tip_mps > SPEED_OF_SOUND_MPS:
-        text = f"tips faster than sound: {tip_mps:.0f} m/s (vehicle.rotor_max_radps = {model.rotor_max_radps:g})"
+        text = f"blade tips faster than sound: {tip_mps:.0f} m/s (vehicle.rotor_max_radps = {model.rotor_max_radps:g})"
         yield Mistake((*place, "rotor_radius_m"), text, power.rotor_radius_m)
     battery_kg = power.battery_Wh / BEST_CELLS_WHPKG
     if battery_kg > model.mass_kg:

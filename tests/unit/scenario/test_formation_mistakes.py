@@ -21,7 +21,7 @@ GRID = '[[formation.shape]]\nname = "grid"\ngenerator = "grid"\nspacing_m = 2.0'
 def told(tmp_path: Path, repo_root: Path) -> Told:
     """What loading Simulation 1 with another formation tells: lines without the file, counted from [formation] = 1."""
     text = (repo_root / "missions" / "simulation1" / "scenario.toml").read_text(encoding="utf-8")
-    # Room for any shape: only what is wrong inside the formation is to be told.
+    # Room for any shape: only mistakes inside the formation are to be reported.
     text = text.replace("north_m = [0.0, 1500.0]", "north_m = [-100.0, 1500.0]")
     text = text.replace("east_m = [0.0, 1500.0]", "east_m = [-100.0, 1500.0]")
     file, above = tmp_path / "scenario.toml", text[: text.index("[formation]")].count("\n")
@@ -65,19 +65,19 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         (['kind = "spin"'], '10: formation.change[0].kind = "spin": must be one of "rotate", "shrink", "reshape"'),
         (
             ['kind = "shrink"', "scale = 0.5"],
-            "9: formation.change[0]: does not say when; give one of at_s, gate_m and auto = true",
+            "9: formation.change[0]: has no time. Give one of at_s, gate_m and auto = true",
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "auto = true", "at_s = 0.0"],
-            "12: formation.change[0].auto = true: at_s says already when; keep one of the two",
+            "12: formation.change[0].auto = true: at_s sets the time already. Keep one of the two",
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "gate_m = [[1, 2], [3, 4]]", "at_s = 5"],
-            "12: formation.change[0].gate_m = [[1, 2], [3, 4]]: at_s says already when",
+            "12: formation.change[0].gate_m = [[1, 2], [3, 4]]: at_s sets the time already",
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "gate_m = [[1.0, 2.0], [1, 2]]"],
-            "12: formation.change[0].gate_m = [[1.0, 2.0], [1, 2]]: is a point",
+            "12: formation.change[0].gate_m = [[1.0, 2.0], [1, 2]]: is a single point",
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "gate_m = [[1.0, 2.0]]"],
@@ -85,17 +85,17 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         ),
         (
             ['kind = "rotate"', "at_s = 5.0"],
-            "9: formation.change[0].angle_deg: missing; kind = \"rotate\" needs it (rotate: by so much about `axis`",
+            "9: formation.change[0].angle_deg: missing; kind = \"rotate\" needs it (rotate: angle about `axis`",
         ),
         (['kind = "shrink"', "at_s = 5.0"], '9: formation.change[0].scale: missing; kind = "shrink" needs it (shrink'),
         (['kind = "reshape"', "at_s = 5.0"], '9: formation.change[0].to: missing; kind = "reshape" needs it (reshape'),
         (
             ['kind = "shrink"', "at_s = 5.0", "scale = 0.5", "angle_deg = 20.0"],
-            '13: formation.change[0].angle_deg = 20.0: means nothing to kind = "shrink"; leave it out, or give',
+            '13: formation.change[0].angle_deg = 20.0: has no effect with kind = "shrink". Remove it, or give',
         ),
         (
             ['kind = "rotate"', "at_s = 5.0", "angle_deg = 20.0", "axis = [0, 0, 0]"],
-            "13: formation.change[0].axis = [0, 0, 0]: has no direction; [0, 0, 1] is straight up",
+            "13: formation.change[0].axis = [0, 0, 0]: has no direction. Give for example [0, 0, 1], straight up",
         ),
         (
             ['kind = "rotate"', "auto = true", "angle_deg = 20.0", "axis = [0, 0, 1]"],
@@ -103,19 +103,19 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         ),
         (
             ['kind = "rotate"', "auto = true", "angle_deg = -20.0"],
-            "12: formation.change[0].angle_deg = -20.0: must be > 0: with auto it turns at most so much either way",
+            "12: formation.change[0].angle_deg = -20.0: must be > 0: with auto it is the largest angle in either",
         ),
         (
             ['kind = "shrink"', "auto = true", "scale = 1.0"],
-            "12: formation.change[0].scale = 1.0: must be below 1: with auto it is the smallest size",
+            "12: formation.change[0].scale = 1.0: must be < 1: with auto it is the smallest size",
         ),
         (
             ['kind = "shrink"', "at_s = 5.0", "scale = 0.5", "weight = 0.1"],
-            "13: formation.change[0].weight = 0.1: is what auto = true costs; leave it out",
+            "13: formation.change[0].weight = 0.1: is the cost of auto = true. Remove it",
         ),
         (
             ['kind = "shrink"', 'auto = "yes"', "scale = 0.5"],
-            '11: formation.change[0].auto = "yes": must be true or false (the planner decides when and how far)',
+            '11: formation.change[0].auto = "yes": must be true or false (the planner chooses the time and the amount)',
         ),
         (
             ['kind = "shrink"', "at = 5.0", "scale = 0.5"],
@@ -123,7 +123,7 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         ),
         (
             ['kind = "shrink"', "at_s = 5.0", "scale = 0.5", 'name = "squeeze"'],
-            "13: formation.change[0].name: unknown key here; it belongs into [[formation.shape]]",
+            "13: formation.change[0].name: unknown key here; it belongs to [[formation.shape]]",
         ),
         (
             ['kind = "reshape"', 'to = "gird"', "at_s = 5.0"],
@@ -145,10 +145,10 @@ def test_one_mistake_in_a_change(told: Told, lines: list[str], says: str) -> Non
 @pytest.mark.parametrize(
     ("shape", "says"),
     [
-        ('name = "a"', "5: formation.shape[0]: has no places; give generator and spacing_m, or offsets_m"),
+        ('name = "a"', "5: formation.shape[0]: has no places. Give generator and spacing_m, or offsets_m"),
         (
             'name = "start"\ngenerator = "grid"\nspacing_m = 2.0',
-            '6: formation.shape[0].name = "start": is what changes call the shape at t = 0; give this one another name',
+            '6: formation.shape[0].name = "start": is the name of the shape at t = 0. Give this shape another name',
         ),
         (
             'name = "a"\ngenerator = "grid"',
@@ -160,11 +160,11 @@ def test_one_mistake_in_a_change(told: Told, lines: list[str], says: str) -> Non
         ),
         (
             'name = "a"\nspacing_m = 2.0\noffsets_m = [[0, 0, 0], [1, 0, 0]]',
-            "7: formation.shape[0].spacing_m = 2.0: means nothing to offsets_m; leave it out",
+            "7: formation.shape[0].spacing_m = 2.0: has no effect on offsets_m. Remove it",
         ),
         (
             'name = "a"\nspacing_m = 2.0\ngenerator = "line"\noffsets_m = [[0, 0, 0], [1, 0, 0]]',
-            '9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: generator = "line" says already where',
+            '9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: generator = "line" defines the places already',
         ),
         (
             'name = "a"\noffsets_m = [[0, 0, 0], [1, 0]]',
@@ -172,11 +172,11 @@ def test_one_mistake_in_a_change(told: Told, lines: list[str], says: str) -> Non
         ),
         (
             'name = "a"\ngenerator = "line"\nspacing_m = 2.0\ntopology = "leader"',
-            "9: formation.shape[0].topology: unknown key here; it belongs into [formation]",
+            "9: formation.shape[0].topology: unknown key here; it belongs to [formation]",
         ),
         (
             'name = "a"\ngenerator = "line"\nspacing_m = 2.0\nscale = 0.5',
-            "9: formation.shape[0].scale: unknown key here; it belongs into [[formation.change]]",
+            "9: formation.shape[0].scale: unknown key here; it belongs to [[formation.change]]",
         ),
     ],
 )
@@ -188,7 +188,7 @@ def test_one_mistake_in_a_shape(told: Told, shape: str, says: str) -> None:
 @pytest.mark.parametrize(
     ("formation", "says"),
     [
-        ("leader = 1", ["1: formation: has no vehicles; give [[formation.vehicle]] tables, or count and start_shape"]),
+        ("leader = 1", ["1: formation: has no vehicles. Give [[formation.vehicle]] tables, or count and start_shape"]),
         (
             "leader = 1\ncount = 6\n" + GRID,
             ["1: formation.start_shape: missing; count needs the name of a [[formation.shape]] to start in"],
@@ -220,11 +220,11 @@ def test_one_mistake_in_a_shape(told: Told, shape: str, says: str) -> None:
         ),
         (
             'leader = 1\ncount = 6\nstart_shape = "grid"\n[formation.shape]\nname = "grid"',
-            ["5: formation.shape: is one table, and there may be several: write [[formation.shape]]"],
+            ["5: formation.shape: must be an array of tables. Write [[formation.shape]]"],
         ),
         (
             'leader = 1\ncount = 6\nstart_shape = "grid"\n' + GRID + "\n" + GRID,
-            ['10: formation.shape[1].name = "grid": is the name of shape[0] already; give another one'],
+            ['10: formation.shape[1].name = "grid": is the name of shape[0] already. Give another one'],
         ),
         (
             "leader = 1\nvehicle = [" + ", ".join(["{sysid = 1, position_m = [2.0, 1.0, 3.0]}"] * 255) + "]",
@@ -278,17 +278,17 @@ auto = true
 """)
     assert sentences == [
         "2: formation.leader = 9: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6",
-        "3: formation.count = 6: there are 2 [[formation.vehicle]] tables already; keep one of the two",
+        "3: formation.count = 6: there are 2 [[formation.vehicle]] tables already. Keep one of the two",
         '4: formation.start_shape = "gird": is the name of no shape; the nearest one is "grid"',
-        "6: formation.vehicle[1].sysid = 1: is the sysid of vehicle[0] already; every vehicle needs one of its own",
-        "9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: has 2 places for 6 vehicles; give one for each, "
+        "6: formation.vehicle[1].sysid = 1: is the sysid of vehicle[0] already. Give each vehicle its own",
+        "9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: has 2 places for 6 vehicles. Give one for each, "
         "leader included",
         '20: formation.change[2].to = "gird": is the name of no shape; the nearest one is "grid"',
-        "21: formation.change[2].at_s = 100.0: is before change[0], which begins at 300 s; give changes in order "
+        "21: formation.change[2].at_s = 100.0: is before change[0], which begins at 300 s. Give changes in order "
         "of time",
-        '29: formation.change[4].auto = true: with frame = "course" the heading follows the course; give at_s or '
-        "gate_m, or leave it out",
-        '33: formation.change[5].auto = true: change[3] with kind = "shrink" is automatic already; keep one',
+        '29: formation.change[4].auto = true: with frame = "course" the heading follows the course. Give at_s or '
+        "gate_m, or remove it",
+        '33: formation.change[5].auto = true: change[3] with kind = "shrink" is automatic already. Keep one',
     ]
 
 
@@ -305,5 +305,5 @@ def test_the_words_of_every_key_at_fault_are_in_pythons_error_too() -> None:
 
     from gcs.scenario.schema.scenario import ChangeTable
 
-    with pytest.raises(ValidationError, match=r"weight: is what auto = true costs; leave it out"):
+    with pytest.raises(ValidationError, match=r"weight: is the cost of auto = true. Remove it"):
         ChangeTable.model_validate({"kind": "shrink", "scale": 0.5, "at_s": 1.0, "weight": 1.0})

@@ -79,7 +79,7 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         "scenario.toml:43: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
         "scenario.toml:53: terrain.ripple.e = nan: must be a number",
         "end.velocity_mps[2]: missing; it must be a number",
-        "objective.gravity_mps2: unknown key here; it belongs into [vehicle]",
+        "objective.gravity_mps2: unknown key here; it belongs to [vehicle]",
         'formation.vehicle[3].position_m[0] = "a": must be a number',
         "ground_phases.run_up_m = 100.0: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s",
         'sensors.grade = "rtx": must be one of "rtk", "gnss"',
@@ -145,7 +145,7 @@ def test_a_missing_mission_far_from_any(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError) as caught:
         load_scenario(tmp_path / "a" / "b")
-    assert caught.value.hint == "name a folder that holds a scenario.toml, or such a file"
+    assert caught.value.hint == "name a folder with a scenario.toml, or a scenario file"
 
 
 def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path: Path, repo_root: Path) -> None:

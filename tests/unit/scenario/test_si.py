@@ -1,4 +1,4 @@
-"""Shapes in NED relative to the leader: who stands where, worked out by hand."""
+"""Shapes in NED relative to the leader: the place of each vehicle, computed by hand."""
 
 from __future__ import annotations
 

@@ -69,12 +69,12 @@ def test_a_vehicle_of_ones_own(tmp_path: Path) -> None:
         (
             "rotor_radius_m = 0.127",
             "rotor_radius_m = 0.18",
-            r"big.toml:\d+: vehicle.power.rotor_radius_m = 0.18: propellers that touch: .* 0.354 m apart",
+            r"big.toml:\d+: vehicle.power.rotor_radius_m = 0.18: propellers touch: .* 0.354 m apart",
         ),
         (
             "rotor_max_radps = 1070.0",
             "rotor_max_radps = 3000.0",
-            r"vehicle.power.rotor_radius_m = 0.127: tips faster than sound: 381 m/s",
+            r"vehicle.power.rotor_radius_m = 0.127: blade tips faster than sound: 381 m/s",
         ),
         ("battery_Wh = 76.96", "battery_Wh = 700.0", r"big.toml:\d+: .*battery_Wh = 700.0: heavier than the vehicle"),
         ("figure_of_merit = 0.55", "figure_of_merit = 1.2", r"big.toml:\d+: vehicle.power.figure_of_merit = 1.2"),

@@ -31,7 +31,7 @@ def test_simulation1_is_clean(simulation1: Scenario) -> None:
         (("limits", "north_m"), [0.5, 1500.0], "start.position_m[0]", "puts vehicles 2, 3, 5 outside limits.north_m"),
         (("limits", "east_m"), [0.0, 1000.5], "end.position_m[1]", "vehicle 3 would be at 1001"),
         (("limits", "height_m"), [0.0, 2.9], "start.position_m[2]", "limits.height_m, 0 to 2.9"),
-        (("limits", "clearance_min_m"), 0.9, "end.position_m[2]", "limits.clearance_min_m asks 0.9 m"),
+        (("limits", "clearance_min_m"), 0.9, "end.position_m[2]", "limits.clearance_min_m requires 0.9 m"),
         (("limits", "separation_min_m"), 0.6, "formation.vehicle[4].position_m", "vehicles 2 and 5 are 0.50 m apart"),
         (
             ("formation", "vehicle", 4, "position_m"),

@@ -57,14 +57,14 @@ def test_a_counted_formation_starts_where_start_says(data: Data) -> None:
     assert sentences(changed(edge, "start", "position_m", [2.0, 7.0, 3.0])) == []
     (sentence,) = sentences(changed(edge, "start", "position_m", [2.0, 6.0, 3.0]))
     assert sentence.startswith("start.position_m[1] = 6.0: puts vehicle 1 outside limits.east_m, 5 to 1600")
-    assert sentence.endswith("vehicle 1 would be at 4")
+    assert sentence.endswith("vehicle 1 would be at 4. Move it, or widen the limit")
 
 
 def test_shapes_keep_vehicles_apart(data: Data) -> None:
     grid = {**GRID, "spacing_m": 0.39}
     assert sentences(counted(data, 6, grid)) == [
-        "formation.shape[0].spacing_m = 0.39: vehicles 1 and 2 are 0.39 m apart; limits.separation_min_m asks 0.4 m, "
-        "which 6 more pairs miss as well"
+        "formation.shape[0].spacing_m = 0.39: vehicles 1 and 2 are 0.39 m apart; limits.separation_min_m requires "
+        "0.4 m; 6 more pairs are too close"
     ]
     table = {
         "name": "table",
@@ -72,9 +72,9 @@ def test_shapes_keep_vehicles_apart(data: Data) -> None:
     }
     assert sentences(with_changes(data, shape=[GRID, table])) == [
         "formation.shape[1].offsets_m[5] = [-1.0, 0.0, 0.0]: vehicles 5 and 6 are 0.00 m apart; "
-        "limits.separation_min_m asks 0.4 m",
+        "limits.separation_min_m requires 0.4 m",
         "formation.shape[1].offsets_m[3] = [2.0, 0.25, 0.0]: vehicles 3 and 4 are 0.25 m apart; "
-        "limits.separation_min_m asks 0.4 m",
+        "limits.separation_min_m requires 0.4 m",
     ]
 
 
@@ -83,19 +83,19 @@ def test_many_pairs_too_near_are_counted_and_the_nearest_told(data: Data) -> Non
     assert "formation.vehicle[4].position_m = [0.0, 0.5, 3.0]: vehicles 2 and 5 are 0.50 m apart" in found[0]
     pairs = [text for text in found if text.startswith("formation.vehicle")]
     assert len(pairs) == 11
-    assert pairs[-1] == ("formation.vehicle: 5 more pairs of vehicles are nearer than limits.separation_min_m allows")
+    assert pairs[-1] == ("formation.vehicle: 5 more pairs of vehicles are closer than limits.separation_min_m allows")
 
 
 def test_scheduled_shrinking_keeps_vehicles_apart(data: Data) -> None:
     assert sentences(with_changes(data, shrink(0.9), shrink(0.85))) == [
         "formation.change[1].scale = 0.85: would bring vehicles 2 and 5 from 0.45 m to 0.38 m; "
-        "limits.separation_min_m asks 0.4 m: the least scale here is 0.889"
+        "limits.separation_min_m requires 0.4 m. Give a scale of at least 0.889"
     ]
     tight = {**GRID, "spacing_m": 0.4}
     to_grid = {"kind": "reshape", "to": "grid", "at_s": 60.0}
     (sentence,) = sentences(with_changes(data, to_grid, shrink(0.99, at_s=70.0), shape=[tight]))
     assert sentence.endswith(
-        "from 0.40 m to 0.40 m; limits.separation_min_m asks 0.4 m: there is nothing to shrink here"
+        "from 0.40 m to 0.40 m; limits.separation_min_m requires 0.4 m. The shape cannot shrink here"
     )
 
 
@@ -118,7 +118,7 @@ def test_what_changes_by_itself_does_not_stay(data: Data) -> None:
 
 def test_the_least_scale_told_is_allowed(data: Data) -> None:
     (sentence,) = sentences(with_changes(data, shrink(0.7), shape=[{**GRID, "spacing_m": 0.7}]))
-    assert sentence.endswith("the least scale here is 0.8")
+    assert sentence.endswith("Give a scale of at least 0.8")
     assert sentences(with_changes(data, shrink(0.8))) == []
 
 
@@ -127,7 +127,7 @@ def test_automatic_shrinking_is_held_by_the_tightest_shape_it_may_meet(data: Dat
     (sentence,) = sentences(with_changes(data, auto))
     assert sentence == (
         "formation.change[0].scale = 0.75: may bring vehicles 2 and 5 from 0.50 m to 0.38 m; "
-        "limits.separation_min_m asks 0.4 m: the least scale here is 0.8"
+        "limits.separation_min_m requires 0.4 m. Give a scale of at least 0.8"
     )
     # A schedule that is tight only for a while counts, before or behind in the list.
     wide = {**GRID, "spacing_m": 2.0}
@@ -143,7 +143,7 @@ def test_automatic_shrinking_is_held_by_the_tightest_shape_it_may_meet(data: Dat
 def test_changes_begin_before_the_flight_ends(data: Data) -> None:
     assert sentences(with_changes(data, {**TURN, "at_s": 274.9})) == []
     assert sentences(with_changes(data, {**TURN, "at_s": 275.0})) == [
-        "formation.change[0].at_s = 275.0: is not in the flight, which ends at time.flight_s = 275"
+        "formation.change[0].at_s = 275.0: is after the flight, which ends at time.flight_s = 275. Give an earlier time"
     ]
 
 
@@ -164,22 +164,21 @@ def test_gates_are_where_somebody_may_fly(data: Data, gate_m: list[list[float]],
         found = sentences(with_changes(data, {**TURN, "at_s": None, "gate_m": gate}))
         assert len(found) == (0 if inside else 1)
         for sentence in found:
-            assert sentence.startswith(f"formation.change[0].gate_m = {gate}: lies where nobody flies: outside limits")
+            assert sentence.startswith(f"formation.change[0].gate_m = {gate}: lies outside the box: limits")
 
 
 def test_changes_ask_no_more_of_a_vehicle_than_it_may(data: Data) -> None:
     limited = changed(data, "limits", "accel_max_mps2", 0.5)
     asks = {"change_speed_mps": 8.0, "change_accel_mps2": 0.6}
-    assert sentences(with_changes(limited, **asks)) == []  # without a change nobody asks
+    assert sentences(with_changes(limited, **asks)) == []  # without a change the rule does not apply
     assert sentences(with_changes(limited, TURN, **asks)) == [
-        "formation.change_speed_mps = 8.0: faster than a vehicle may fly at all: limits.speed_ned_mps allows 7.35 m/s",
-        "formation.change_accel_mps2 = 0.6: more than a vehicle may accelerate at all: "
-        "limits.accel_max_mps2 allows 0.5 m/s²",
+        "formation.change_speed_mps = 8.0: faster than any vehicle: limits.speed_ned_mps allows 7.35 m/s",
+        "formation.change_accel_mps2 = 0.6: more than any vehicle: limits.accel_max_mps2 allows 0.5 m/s²",
     ]
 
 
 @pytest.mark.parametrize(
-    ("formation", "everyone"),
+    ("formation", "all_vehicles"),
     [
         ({}, True),
         ({"change": [shrink(0.9, auto=True)]}, True),
@@ -187,13 +186,13 @@ def test_changes_ask_no_more_of_a_vehicle_than_it_may(data: Data) -> None:
         ({"frame": "course"}, False),
     ],
 )
-def test_the_end_of_followers_is_judged_where_it_is_known(data: Data, formation: Data, everyone: bool) -> None:
+def test_the_end_of_followers_is_judged_where_it_is_known(data: Data, formation: Data, all_vehicles: bool) -> None:
     """Vehicle 3 has the highest ground at the end, is outside the box there, and in the disk; the leader is not."""
     narrow = changed(data, "limits", "east_m", [0.0, 1000.5])
     beside = [{"north_m": 1198.0, "east_m": 1001.0, "radius_m": 0.5}]
     hill = {"north_m": [1198.0], "east_m": [1001.5], "height_m": [6.0], "spread_north_m": [1.0], "spread_east_m": [1.0]}
     for broken in (narrow, {**data, "no_fly": beside}, changed(data, "terrain", "mountains", hill)):
-        assert bool(sentences(with_changes(broken, **formation))) == everyone
+        assert bool(sentences(with_changes(broken, **formation))) == all_vehicles
 
 
 @pytest.mark.parametrize("formation", [{}, {"change": [TURN]}])
@@ -208,9 +207,9 @@ def test_vehicles_above_each_other_have_no_pads(data: Data) -> None:
     (sentence,) = sentences(changed(counted(data, 3, stack), "ground_phases", "takeoff_s", 25.0))
     assert sentence == (
         'formation.start_shape = "stack": vehicles 1 and 2 fly above each other and would take off 0.10 m apart; '
-        "limits.separation_min_m asks 0.4 m"
+        "limits.separation_min_m requires 0.4 m"
     )
-    # Once up, a formation may take any shape: nobody knows yet above whom he will land.
+    # Once up, a formation may take any shape: its landing points are not known yet.
     row = {"name": "row", "generator": "line", "spacing_m": 2.0}
     to_stack = {"kind": "reshape", "to": "stack", "at_s": 50.0}
     changing = counted(data, 3, row, change=[to_stack])
