@@ -270,6 +270,9 @@ class MessageId(IntEnum):
     EXTENDED_SYS_STATE = 245
 
 
+PREARM_CHECK = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK, a bit of SYS_STATUS
+
+
 class FenceCommand(IntEnum):
     """MAV_CMD values of fence and rally items."""
 

@@ -25,7 +25,6 @@ class Note(Enum):
     STREAM_UNKNOWN = auto()  # {number}
     LIFTED_OFF = auto()
     LANDED = auto()
-    MISSION_RECEIVED = auto()
     MISSION_BEGINS = auto()
     MISSION_CLIMBS = auto()  # {height_m}
     MISSION_ENDS = auto()  # landed

@@ -11,14 +11,13 @@ import numpy as np
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.link.microservices.command import CommandMemory, command_ack
 from gcs.link.wire.message import Message
-from gcs.mavlink import MavCommand, MavResult, MessageId, WireFrame
+from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag, WireFrame
 from gcs.physics.quadrotor import Array
 from sim_bridge.autopilot.autopilot import EmulatedAutopilot
 from sim_bridge.personality import Intent, Note
 from sim_bridge.protocol.telemetry import Telemetry
 
 _FORCE = 21196.0  # MAV_CMD_COMPONENT_ARM_DISARM's param2
-_CUSTOM_MODE = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _CHANGE_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
 _FARTHEST_M = 50_000.0  # from the origin: positions further away are refused
 _FORMAT_S, _PROGRESS_PERIOD_S = 3.0, 1.0  # of STORAGE_FORMAT
@@ -133,7 +132,7 @@ class CommandServer:
 
     def _set_mode(self, request: Request, t_s: float) -> CommandAnswer:
         flags, mode, sub = (_whole(p) for p in request.params[:3])
-        if not max(flags, 0) & _CUSTOM_MODE:
+        if not max(flags, 0) & ModeFlag.CUSTOM:
             return CommandAnswer(MavResult.DENIED)
         if self._autopilot.personality.modes.two_part:
             mode = (max(mode, 0) & 0xFF) << 16 | (max(sub, 0) & 0xFF) << 24

@@ -10,20 +10,14 @@ import struct
 import zlib
 from collections.abc import Iterable
 
+from gcs.link.microservices.parameter import RANGES
 from gcs.link.wire.message import Message
+from gcs.mavlink import ParameterType
 from sim_bridge.personality import Personality, Setting
 
 BY_NAME = 0xFFFF  # param_index of an answer to a request by name
 
-_UINT32, _REAL32 = 5, 9
-_RANGES = {
-    1: (0, 255),
-    2: (-128, 127),
-    3: (0, 65_535),
-    4: (-32_768, 32_767),
-    5: (0, 2**32 - 1),
-    6: (-(2**31), 2**31 - 1),
-}
+_UINT32, _REAL32 = int(ParameterType.UINT32), int(ParameterType.REAL32)
 _SIGNED = struct.Struct("<i")
 _UNSIGNED = struct.Struct("<I")
 _FLOAT = struct.Struct("<f")
@@ -151,5 +145,5 @@ def stored(value: float, kind: int) -> float:
             return float(_FLOAT.unpack(_FLOAT.pack(value))[0])
         except OverflowError:
             return math.copysign(math.inf, value)
-    low, high = _RANGES[kind]
+    low, high = RANGES[kind]
     return float(min(max(math.floor(value + 0.5), low), high))

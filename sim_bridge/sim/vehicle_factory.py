@@ -81,9 +81,8 @@ class VehicleFactory:
     def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
         """Return the vehicle of a row in its initial state; its boot clock starts at simulated time `boot_s`."""
         pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
-        # the parameters set the speeds later
         path_generator = PathGenerator(
-            self._motion, self._origin, pad_ned_m, 1.0, 1.0, 1.0, 1.0, self._epoch_s, navigator=self._navigator
+            self._motion, self._origin, pad_ned_m, epoch_unix_s=self._epoch_s, navigator=self._navigator
         )
         instruments = Instruments(
             airframes=self.airframes,

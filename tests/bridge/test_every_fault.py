@@ -1,4 +1,4 @@
-"""Every kind of fault by command line, by file and by MAVLink: it strikes whom it should, and nobody else."""
+"""Every kind of fault by command line, by file and by MAVLink: it acts on its vehicle, and on no other."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_a_fault_strikes_its_vehicle_and_no_other(way: str, tmp_path: Path) -> N
         return
     with in_the_air({} if way == "MAVLink" else parse_faults(texts, IDS)) as fleet:
         send_on(fleet)
-        assert {text for text, _ in who_suffers(fleet)} == {"slow=0.5"}  # everybody still stands
+        assert {text for text, _ in who_suffers(fleet)} == {"slow=0.5"}  # all vehicles still stand
         while fleet.t_s < STRIKES_S:
             fleet.step()
         if way == "MAVLink":

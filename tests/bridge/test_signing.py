@@ -1,4 +1,4 @@
-"""Signing as an attacker meets it: whoever does not have the key changes nothing, and learns nothing new."""
+"""Signing as an attacker meets it: a program without the key changes nothing, and learns nothing new."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def what_it_is(fleet: Fleet) -> tuple[object, ...]:
 
 @contextmanager
 def stranger(fleet: Fleet) -> Iterator[Callable[[bytes], None]]:
-    """Somebody else who reaches the vehicle's port."""
+    """Another program that reaches the vehicle's port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         yield lambda data: sock.sendto(data, fleet.address(1))
 
@@ -173,7 +173,7 @@ def test_a_vehicle_that_does_not_sign_is_not_believed(fleet: Fleet) -> None:
 
 
 def test_whoever_plays_our_vehicle_is_not_believed(fleet: Fleet) -> None:
-    """Someone else claims to be vehicle 1, is nearer, and says that it is armed, in another mode, and refuses all."""
+    """Another program claims to be vehicle 1: it is nearer, claims to be armed, in another mode, and refuses all."""
 
     async def scene() -> None:
         async with opened(fleet, None) as ground:

@@ -42,7 +42,7 @@ TELEMETRY_HZ = {
 
 
 class Station:
-    """mavutil as anybody would use it."""
+    """mavutil as any program would use it."""
 
     def __init__(self, port: int) -> None:
         self.link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255)

@@ -14,7 +14,7 @@ from gcs.link.wire.message import Message, Station
 from gcs.mavlink import ParameterType
 
 REAL32 = int(ParameterType.REAL32)
-_RANGES: dict[int, tuple[int, int]] = {
+RANGES: dict[int, tuple[int, int]] = {
     ParameterType.UINT8: (0, 255),
     ParameterType.INT8: (-128, 127),
     ParameterType.UINT16: (0, 65_535),
@@ -62,7 +62,7 @@ def as_kind(name: str, value: int | float, kind: int) -> int | float:
             return float(_FLOAT.unpack(_FLOAT.pack(value))[0])
         except OverflowError:
             raise UsageError(f"{name} cannot be {value:g}: it exceeds the range of a 32 bit float.") from None
-    low, high = _RANGES.get(kind, (0, -1))
+    low, high = RANGES.get(kind, (0, -1))
     if value != round(value) or not low <= value <= high:
         raise UsageError(f"{name} cannot be {value}: on this vehicle it must be a whole number from {low} to {high}.")
     return round(value)

@@ -16,13 +16,12 @@ from gcs.link.microservices.timesync import TimeSample, TimeSync
 from gcs.link.session.routing import identity
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
-from gcs.mavlink import EkfFlag, MavState, MessageId
+from gcs.mavlink import PREARM_CHECK, EkfFlag, MavState, MessageId
 from gcs.mission.model import Home
 
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
-_PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 _GOOD_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_ABS | EkfFlag.POS_VERT_ABS
 _BAD_FLAGS = EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
 _UNKNOWN_mV = 0xFFFF
@@ -98,7 +97,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         mode=mode_name(session.autopilot, session.custom_mode),
         armed=session.armed,
         state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
-        prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & _PREARM),
+        prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK),
         estimate_ok=None if estimate is None else estimate_is_good(estimate),
         ailing=() if status is None else _unhealthy(status),
         home=_position(reported[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
@@ -177,7 +176,7 @@ def _state(status: int) -> str:
 
 def _unhealthy(status: Message) -> tuple[str, ...]:
     fields = status.fields
-    bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"] & ~_PREARM
+    bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"] & ~PREARM_CHECK
     return tuple(_SENSORS.get(bit, f"sensor {bit}") for bit in range(32) if bits >> bit & 1)
 
 

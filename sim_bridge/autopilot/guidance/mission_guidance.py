@@ -27,7 +27,7 @@ from sim_bridge.autopilot.guidance.piece import Mark, Piece, PiecePath, hold
 
 _DAY_S = 86400.0
 _NEAR_M = 1.0
-_FASTEST_MPS = max(known.speed_mps[1] for known in Autopilot)
+_FASTEST_MPS = max(known.speed_mps[1] for known in Autopilot)  # PX4's own limit is part of its navigator
 _MOVED_M = 0.05  # a target closer than this counts as reached
 _AHEAD = 5  # pieces of a navigator's flight that are computed at once
 _SETTLE_S = 8.0  # time to come to rest at the last waypoint of a mission that ends there

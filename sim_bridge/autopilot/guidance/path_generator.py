@@ -39,10 +39,10 @@ class PathGenerator:
     limits: MotionLimits
     origin: Origin
     home_ned_m: Array  # (3,), common local NED
-    speed_mps: float
-    land_mps: float
-    descend_mps: float
-    rtl_height_m: float
+    speed_mps: float = 1.0  # speeds and heights until parameters set them
+    land_mps: float = 1.0
+    descend_mps: float = 1.0
+    rtl_height_m: float = 1.0
     epoch_unix_s: float = 0.0  # GNSS time at simulated time 0
     climb_mps: float = math.inf
     takeoff_mps: float = math.inf

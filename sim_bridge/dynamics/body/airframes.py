@@ -118,7 +118,7 @@ class Airframes:
 
     @property
     def accuracy(self) -> Accuracy:
-        """Standard deviations of position, velocity and heading, as estimated by the filters."""
+        """Standard deviations of position and heading, as estimated by the filters."""
         return self.estimator.accuracy
 
     @property

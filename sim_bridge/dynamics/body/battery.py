@@ -41,10 +41,17 @@ class PowerTrain:
     def typical(cls, q: Quadrotor) -> PowerTrain:
         """Return the power train of an undescribed vehicle: propeller radius 0.508 times the arm, 15 min of hover."""
         cells = 3 if q.mass_kg < 1.0 else 4 if q.mass_kg < 3.0 else 6
-        unit = cls(0.508 * q.arm_m, 0.55, 3.0, cells, 1.0, 0.0)
+        unit = cls(
+            propeller_radius_m=0.508 * q.arm_m,
+            efficiency=0.55,
+            avionics_W=3.0,
+            cells=cells,
+            capacity_Ah=1.0,
+            resistance_ohm=0.0,
+        )
         current_A = unit.hover_power_W(q) / (3.8 * cells)
         capacity_Ah = _TYPICAL_HOVER_H * current_A
-        return cls(unit.propeller_radius_m, unit.efficiency, 3.0, cells, capacity_Ah, 0.02 * cells / capacity_Ah)
+        return replace(unit, capacity_Ah=capacity_Ah, resistance_ohm=0.02 * cells / capacity_Ah)
 
     def described(self, power: Power | None) -> PowerTrain:
         """Return the same with the battery and propellers of a scenario."""
@@ -92,11 +99,6 @@ class Battery:
     def empty(self) -> Mask:
         """Vehicles (V,) whose charge is used up; their motors stop."""
         return self.used_Ah >= self.train.capacity_Ah
-
-    @property
-    def used_mAh(self) -> Array:
-        """Charge drawn so far (V,)."""
-        return np.asarray(1000.0 * self.used_Ah)
 
     @property
     def open_circuit_V(self) -> Array:

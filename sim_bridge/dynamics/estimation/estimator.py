@@ -63,8 +63,6 @@ class Accuracy:
 
     position_horizontal_m: Array  # of the worse of two axes
     position_vertical_m: Array
-    velocity_horizontal_mps: Array
-    velocity_vertical_mps: Array
     yaw_rad: Array
 
 
@@ -112,9 +110,9 @@ class Estimator:
 
     @property
     def accuracy(self) -> Accuracy:
-        """Standard deviations of position, velocity and heading."""
+        """Standard deviations of position and heading."""
         sigma = np.sqrt(self._variance)
-        return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, 3:5].max(axis=1), sigma[:, 5], sigma[:, YAW])
+        return Accuracy(sigma[:, :2].max(axis=1), sigma[:, 2], sigma[:, YAW])
 
     @property
     def coasting(self) -> Mask:

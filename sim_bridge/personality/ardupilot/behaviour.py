@@ -7,7 +7,7 @@ ground station.
 from __future__ import annotations
 
 from gcs.autopilots.traits import Autopilot
-from gcs.mavlink import Capability, CopterMode, EkfFlag, MavResult, MavState, MessageId, ModeFlag, Severity
+from gcs.mavlink import Capability, CopterMode, EkfFlag, MavCommand, MavResult, MavState, MessageId, ModeFlag, Severity
 from sim_bridge.personality.ardupilot.missions import MISSIONS
 from sim_bridge.personality.ardupilot.params import LINK, PARAM_TRAITS, PARAMS
 from sim_bridge.personality.boot import Boot, Milestone, Stage
@@ -239,7 +239,14 @@ ARDUPILOT = Personality(
         counts_home=False,
         mode_elsewhere=0,
         counts_manoeuvres=False,
-        item_names={16: "WP", 20: "RTL", 21: "Land", 22: "Takeoff", 93: "Delay", 178: "ChangeSpeed"},
+        item_names={
+            MavCommand.NAV_WAYPOINT: "WP",
+            MavCommand.NAV_RETURN_TO_LAUNCH: "RTL",
+            MavCommand.NAV_LAND: "Land",
+            MavCommand.NAV_TAKEOFF: "Takeoff",
+            MavCommand.NAV_DELAY: "Delay",
+            MavCommand.DO_CHANGE_SPEED: "ChangeSpeed",
+        },
     ),
     replies=ReplyTraits(
         refused=MavResult.FAILED,
@@ -250,7 +257,7 @@ ARDUPILOT = Personality(
         formats=True,
         mode_acks=1,
         message_first=False,
-        set_mode_command=11,
+        set_mode_command=11,  # the message number of SET_MODE
         heartbeat_on_change=True,
         announces_home=True,
         any_component=True,

@@ -11,7 +11,6 @@ from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
 _FLOWN = (*Command, MavCommand.NAV_RETURN_TO_LAUNCH)
-_RALLY_POINT = 5100
 _ANY_FRAME = frozenset(map(int, Frame))
 _FILE_FRAMES = {int(frame): int(frame) for frame in Frame}
 
@@ -43,7 +42,7 @@ _STORAGE = {
     ),
     int(MissionType.RALLY): StorageTraits(
         capacity=50,
-        frames={_RALLY_POINT: _ANY_FRAME},
+        frames={int(FenceCommand.RALLY_POINT): _ANY_FRAME},
         read_back_frames=_FILE_FRAMES,
         name="Rally",
         total="RALLY_TOTAL",

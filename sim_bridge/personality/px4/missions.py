@@ -10,7 +10,6 @@ from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Se
 from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
-_RALLY_POINT = 5100
 _IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
 _WITHOUT_PLACE = frozenset({int(Frame.MISSION)})
 _FLOWN = {
@@ -40,7 +39,7 @@ _STORAGE = {
     ),
     int(MissionType.RALLY): StorageTraits(
         capacity=250,
-        frames={_RALLY_POINT: _IN_PLACE},
+        frames={int(FenceCommand.RALLY_POINT): _IN_PLACE},
         read_back_frames=_WIRE_FRAMES,
         name="Rally",
         checks_numbers=False,

@@ -5,11 +5,12 @@ The original has some 900 of them, in alphabetical order.
 
 from __future__ import annotations
 
+from gcs.mavlink import ParameterType as Kind
 from sim_bridge.personality.failsafe_settings import Setting
 from sim_bridge.personality.link_traits import LinkTraits, ParamTraits
 from sim_bridge.personality.table import Param
 
-_INT32, _REAL32 = 6, 9
+_INT32, _REAL32 = map(int, (Kind.INT32, Kind.REAL32))
 
 PARAM_TRAITS = ParamTraits(
     sysid="MAV_SYS_ID",

@@ -6,11 +6,10 @@ import math
 
 from gcs.frames import to_degE7
 from gcs.link.wire.message import Message
-from gcs.mavlink import MavState, MavType, MessageId, ModeFlag
+from gcs.mavlink import PREARM_CHECK, MavState, MavType, MessageId, ModeFlag
 from sim_bridge.personality import Intent, Milestone
 from sim_bridge.protocol.telemetry.sources import Builder, Sources
 
-_PREARM = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 _UNKNOWN = 0xFFFF
 _RTK_FIXED, _FIX_3D = 6, 3
 _SATELLITES = 18
@@ -60,7 +59,7 @@ def _sys_status(sources: Sources) -> Message:
     if not (sources.reached(Milestone.FIXED) and instruments.has_fix):
         healthy &= ~health.gnss
     if sources.autopilot.can_arm(instruments.t_s):
-        healthy |= _PREARM
+        healthy |= PREARM_CHECK
     volt, ampere, share, _ = instruments.battery
     counts = ("drop_rate_comm", "errors_comm", "errors_count1", "errors_count2", "errors_count3", "errors_count4")
     return Message(

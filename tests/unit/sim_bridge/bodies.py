@@ -28,7 +28,9 @@ class Body:
     """`told` is all that was said, `states` the landed states and `currents` the current items as they changed."""
 
     def __init__(self, personality: Personality = ARDUPILOT, *, ready: bool = True) -> None:
-        path_generator = PathGenerator(LIMITS, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0)
+        path_generator = PathGenerator(
+            LIMITS, ORIGIN, HOME, speed_mps=3.0, land_mps=0.5, descend_mps=1.5, rtl_height_m=15.0
+        )
         self.pilot = EmulatedAutopilot(personality, path_generator, YAW)
         self.settings = settings_of(personality)
         self.pilot.use(self.settings)

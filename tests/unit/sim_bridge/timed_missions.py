@@ -70,7 +70,7 @@ class Fleet:
         navigator = None if ideal else personality.identity.autopilot.navigator.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
-            path_generator = PathGenerator(LIMITS, ORIGIN, pad, 1.0, 1.0, 1.0, 1.0, navigator=navigator)
+            path_generator = PathGenerator(LIMITS, ORIGIN, pad, navigator=navigator)
             pilot = EmulatedAutopilot(personality, path_generator, 0.0)
             pilot.use(settings_of(personality))
             pilot.set_mission(items_of(orders, personality, pad))
@@ -95,7 +95,7 @@ class Fleet:
         self._steps += 1
 
     def fly(self, patience_s: float = 600.0) -> list[Flight]:
-        """Until everybody stands in the air with nothing left to do."""
+        """Until all vehicles hover with nothing left to do."""
         while not all(pilot.ready for pilot in self.pilots):
             self.step()
         for row, pilot in enumerate(self.pilots):

@@ -1,4 +1,4 @@
-"""The emulated MAVLink FTP server: what it serves, who is in whose way, and that hostile bytes change nothing."""
+"""The emulated MAVLink FTP server: what it serves, which requests conflict, and that hostile bytes change nothing."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_one_session_for_all():
 
 
 def test_a_whole_file_is_taken_even_if_somebody_else_closes_it():
-    """Why a writer sends the header last: what was left open is closed by whoever comes next."""
+    """Why a writer sends the header last: a file left open is closed by the next client."""
     first = Client()
     second = Client(first.air, OTHER)
     before = first.held

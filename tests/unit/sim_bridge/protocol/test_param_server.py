@@ -1,4 +1,4 @@
-"""Parameters in both manners: which names match, how integers travel, what is converted, refused, told unasked."""
+"""Parameters of both autopilots: which names match, how integers travel, what is converted, refused, told unasked."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_nan_is_refused_by_ardupilot_and_kept_by_px4():
     params = ParamServer(PX4, 3)
     assert math.isnan(told(write(params, "COM_OF_LOSS_T", math.nan))[1])
     assert math.isnan(told(read(params, "COM_OF_LOSS_T"))[1])
-    assert params.setting(Setting.STREAM_TIMEOUT_S) == 1.0  # and nobody flies by it
+    assert params.setting(Setting.STREAM_TIMEOUT_S) == 1.0  # and no vehicle flies by it
 
 
 @pytest.mark.parametrize("number", [0, 1, -1, 50, 4001, -2_147_483_648, 2_147_483_647])

@@ -33,7 +33,9 @@ ITEMS: tuple[MissionItem, ...] = (
 
 
 def path_generator(navigator: Navigator | None) -> PathGenerator:
-    return PathGenerator(STRONG, ORIGIN, HOME, 3.0, 0.5, 1.5, 15.0, navigator=navigator)
+    return PathGenerator(
+        STRONG, ORIGIN, HOME, speed_mps=3.0, land_mps=0.5, descend_mps=1.5, rtl_height_m=15.0, navigator=navigator
+    )
 
 
 def whole(course: PiecePath) -> tuple[list[Piece], list[Mark], PiecePath]:

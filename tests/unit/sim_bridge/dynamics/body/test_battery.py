@@ -66,7 +66,7 @@ def test_a_battery_that_hovers_long_enough_is_empty_and_its_voltage_has_fallen()
         left.append(battery.remaining[0])
         volts.append(battery.voltage_V[0])
     assert (np.diff(left) < 0.0).all() and (np.diff(volts) < 0.0).all()
-    assert left[-1] == 0.0 and battery.used_mAh[0] >= 1000.0 * preset.power.capacity_Ah
+    assert left[-1] == 0.0 and battery.used_Ah[0] >= preset.power.capacity_Ah
     assert volts[-1] < 0.8 * full_V
     assert 10.0 < 0.5 * len(volts) < 30.0  # minutes
 

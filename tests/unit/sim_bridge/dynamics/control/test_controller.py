@@ -196,7 +196,7 @@ def test_a_constant_push_is_observed_and_a_step_of_the_control_is_not(q):
 
 
 def test_what_a_limit_withholds_is_not_mistaken_for_a_push():
-    """Nothing winds up: the observer is told what the rotors gave, not what was wanted."""
+    """Nothing winds up: the observer receives what the rotors produced, not what was wanted."""
     pads = np.zeros((1, 3))
     airframes = stand(F150, F150_LIMITS, RTK, pads, seed=2)
     away = hold(np.array([[50.0, 0.0, -3.0]]), np.array([YAW_RAD]))

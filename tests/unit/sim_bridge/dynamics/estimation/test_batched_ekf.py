@@ -45,7 +45,7 @@ def test_every_vehicle_has_what_a_filter_of_its_own_would_have(sensors):
 
 
 def test_a_vehicle_is_not_touched_by_its_neighbours():
-    """Bit by bit: what a vehicle believes does not depend on who else is there, or takes a measurement."""
+    """Bit by bit: the estimate of a vehicle does not depend on other vehicles, or on their measurements."""
     rng = np.random.default_rng(2)
     p, f, h = covariances(rng), rng.standard_normal((VEHICLES, STATES, STATES)), np.eye(2, STATES)
     found = []

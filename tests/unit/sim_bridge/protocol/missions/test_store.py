@@ -643,7 +643,7 @@ def test_px4_ends_a_download_that_jumps_or_falls_silent():
     )
 )
 def test_no_conversation_confuses_it(traits, conversation):
-    """Whatever is said: answers go to who spoke or transfers, what is held is what some station sent."""
+    """After any messages, answers went to the sender or its transfer, and stored items came from a station."""
     bench = StoreBench(traits)
     for name, source, kind, number, what, pause_s in conversation:
         fields = item_to_message(what, number, ME, mission_type=kind).fields
