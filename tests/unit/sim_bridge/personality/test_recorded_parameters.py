@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.autopilots.navigation import calibration
+from gcs.autopilots.traits import Autopilot
 from sim_bridge.personality import by_name
 
 # parameter, field of the navigator, unit of the parameter in SI
@@ -31,4 +31,4 @@ SAME = [
 @pytest.mark.parametrize(("autopilot", "name", "field", "unit"), SAME)
 def test_the_navigator_has_the_recorded_parameter(autopilot: str, name: str, field: str, unit: float) -> None:
     values = {param.name: param.value for param in by_name(autopilot).params}
-    assert getattr(calibration.by_name(autopilot), field) == pytest.approx(values[name] * unit)
+    assert getattr(Autopilot.named(autopilot).navigator, field) == pytest.approx(values[name] * unit)
