@@ -23,7 +23,7 @@ import gcs
 from gcs.errors import GcsError, Infeasible
 from gcs.plan.nlp.mesh_refinement import optimise
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.routes import find_routes, survey
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
@@ -115,7 +115,7 @@ def attempt(number: int, seed: int) -> Outcome:
         kind, words = "failed", failure.message
     seconds = time.perf_counter() - began
     try:
-        optimise(problem, along(problem, straight_way(problem)))
+        optimise(problem, along(problem, straight_route(problem)))
         straight = True
     except GcsError:
         straight = False

@@ -1,7 +1,4 @@
-"""From a scenario to a plan: the optimised flight, and the phases that join it to the ground.
-
-Knows: which phases a flight has and in which order. Does not know: how one is optimised, whether it may be flown.
-"""
+"""From a scenario to a plan: the optimised flight, and the phases that join it to the ground."""
 
 from __future__ import annotations
 
@@ -22,8 +19,8 @@ from gcs.plan.formation.shape import joined as joined_shapes
 from gcs.plan.nlp.mesh_refinement import optimise
 from gcs.plan.ocp.objectives import ObjectiveTerm
 from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
-from gcs.plan.search.free_final_time import best_flight, fixed
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.free_final_time import best_flight, with_fixed_time
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
 from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory, joined
@@ -48,7 +45,7 @@ def make_plan(
     workers: int = 1,
     extra_objectives: tuple[ObjectiveTerm, ...] = (),
 ) -> Plan:
-    """Plan the whole flight of a scenario. The result is not verified yet; raises PlanningError when there is none.
+    """The plan of the whole flight of a scenario, not verified yet. Raises PlanningError where there is none.
 
     `every_way` optimises all routes that the search finds, not only those that can still win. With more than one
     `workers`, processes optimise routes in parallel where that is quicker; the plan is the same. A program that asks
@@ -58,8 +55,8 @@ def make_plan(
     began = time.perf_counter()
     _check_landing(scenario)
     problem = flight_problem(scenario, extra_objectives)
-    best, alternatives = best_flight(problem, on_round, every_way=every_way, workers=workers)
-    scenario = fixed(scenario, best.trajectory.end_s)
+    best, alternatives = best_flight(problem, on_round, all_routes=every_way, workers=workers)
+    scenario = with_fixed_time(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
     run_up = _run_up(scenario, on_round)
@@ -72,7 +69,8 @@ def make_plan(
         np.radians(scenario.end.roll_pitch_yaw_deg[2]),
     )
     hover, end = hover_start_ned_m(scenario)[leader], np.array(scenario.end.position_m) * NED_FROM_UP
-    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]  # his place never moves
+    # Changes of the shape do not move the leader's landing point.
+    pad, ground = pads_ned_m(scenario)[leader], landing_points_ned_m(scenario)[leader]
     span = {p.name: (p.start_s, p.end_s) for p in phases}
     parts = [vertical(*span["takeoff"], pad, hover[2], yaw_start, vehicle)]
     if "hover" in span:
@@ -97,9 +95,9 @@ def make_plan(
 
 
 def _check_landing(scenario: Scenario) -> None:
-    """Raises Infeasible where the last shape of the schedule cannot land: who knows it only when changes are made."""
+    """Raises Infeasible where the last shape of the schedule cannot land."""
     if scenario.formation.ends_in_start_shape:
-        return  # known without a plan
+        return  # then `gcs check` has tested it
     limits, ids = scenario.limits, scenario.formation.sysids
     last = stops_ned_m(scenario)[-1]
     ground = landing_points_ned_m(scenario, last)
@@ -108,20 +106,20 @@ def _check_landing(scenario: Scenario) -> None:
         raise Infeasible(
             f"no plan: vehicles {ids[i]} and {ids[j]} end above each other and would land {gap_m:.2f} m apart; "
             f"separation_min_m is {limits.separation_min_m:g} m",
-            hint="end in a shape that is wider as seen from above: one more [[formation.change]]",
+            hint="add a [[formation.change]] that ends in a shape that is wider, seen from above",
         )
     fall_m = float((ground - last)[:, 2].max() + scenario.end.position_m[2])
     needed_s = ground_step_peaks(scenario)[0] * fall_m / limits.speed_ned_mps[2]
     if scenario.ground_phases.landing_s < needed_s:
         raise Infeasible(
-            f"no plan: landing_s = {scenario.ground_phases.landing_s:g} is too short for the {fall_m:.1f} m that the "
-            f"highest vehicle has to come down at {limits.speed_ned_mps[2]:g} m/s",
+            f"no plan: landing_s = {scenario.ground_phases.landing_s:g} is too short: the highest vehicle descends "
+            f"{fall_m:.1f} m at {limits.speed_ned_mps[2]:g} m/s at most, which takes {needed_s:.1f} s",
             hint=f"set [ground_phases] landing_s to {np.ceil(needed_s):g} or more",
         )
 
 
 def _phases(scenario: Scenario) -> tuple[Phase, ...]:
-    """Phases in order, laid outwards from the mission so that they meet to the last bit; none of no length."""
+    """The phases in order. They meet to the last bit; phases of no length are left out."""
     ground = scenario.ground_phases
     run_up_s = ground.run_up_s if any(scenario.start.velocity_mps) else 0.0
     phases = [Phase("mission", 0.0, scenario.time.flight_s)]
@@ -135,11 +133,11 @@ def _phases(scenario: Scenario) -> tuple[Phase, ...]:
 
 
 def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajectory | None:
-    """From the hover to the state of Eq. 15 by the same method, asked to hold height and heading."""
+    """The flight from the hover to the state of Eq. 15 by the same method, with height and heading as references."""
     if not any(scenario.start.velocity_mps):
         return None
     problem = run_up_problem(scenario, hover_start_ned_m(scenario)[leader_index(scenario)])
-    return optimise(_holding_height(problem), along(problem, straight_way(problem)), on_round).trajectory
+    return optimise(_holding_height(problem), along(problem, straight_route(problem)), on_round).trajectory
 
 
 def _holding_height(problem: Problem) -> Problem:
@@ -154,7 +152,7 @@ def _holding_height(problem: Problem) -> Problem:
 
 
 def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -> Shape:
-    """Offsets from the ground to the ground: as the flight has them, rigid before and after, each on its own ground."""
+    """Offsets from ground to ground: those of the flight, rigid before and after, and onto uneven ground."""
     begin, end = flight.at(flight.start_s), flight.at(np.nextafter(flight.end_s, -np.inf))
     takeoff, landing = phases[0], phases[-1]
     parts = [_from_ground(takeoff.start_s, takeoff.end_s, pads_ned_m(scenario), begin, scenario)]
@@ -169,15 +167,15 @@ def _whole_shape(scenario: Scenario, flight: Shape, phases: tuple[Phase, ...]) -
 
 
 def _from_ground(ground_s: float, air_s: float, ground_ned_m: Array, offsets: Array, scenario: Scenario) -> Shape:
-    """A fleet that leaves, or reaches, uneven ground: everybody's height over the leader's changes on the way."""
+    """Offsets between uneven ground and the air: each vehicle's height over the leader's changes in between."""
     leader = leader_index(scenario)
-    lift = np.zeros_like(offsets)
-    lift[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
-    if not lift.any():
+    difference = np.zeros_like(offsets)
+    difference[:, 2] = ground_ned_m[:, 2] - ground_ned_m[leader, 2] - offsets[:, 2]
+    if not difference.any():
         return rigid(offsets, min(ground_s, air_s), max(ground_s, air_s))
     values = (1.0, 0.0) if ground_s < air_s else (0.0, 1.0)
     step = smooth_step(min(ground_s, air_s), max(ground_s, air_s), *values, steady_wind(scenario))
     functions = np.zeros((len(step.c), 1, 2))
     functions[-1, 0, 0] = 1.0
     functions[:, 0, 1] = step.c[:, 0]
-    return Shape(PPoly(functions, step.x), np.stack([offsets, lift]))
+    return Shape(PPoly(functions, step.x), np.stack([offsets, difference]))

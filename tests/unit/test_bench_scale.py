@@ -11,7 +11,7 @@ import pytest
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from tools.bench.memory import peak_mb
 from tools.bench_scale import scenario
 
@@ -19,7 +19,7 @@ from tools.bench_scale import scenario
 def program(vehicles: int) -> Program:
     problem = flight_problem(scenario(vehicles))
     mesh = end_refined(problem.start_s, problem.end_s, 9.0, 1.0, 5)
-    return transcribe(problem, mesh, along(problem, straight_way(problem)))
+    return transcribe(problem, mesh, along(problem, straight_route(problem)))
 
 
 def test_the_program_does_not_grow_with_the_fleet() -> None:

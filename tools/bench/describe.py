@@ -17,7 +17,7 @@ from gcs.plan.nlp.variables import NU
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ENVELOPE_ROUNDING_M, ripple_peak_m
 from gcs.scenario.load import load_scenario
@@ -42,7 +42,7 @@ def alone(scenario: Scenario) -> Scenario:
 
 def straight(problem: Problem) -> Trajectory:
     """The guess of every contender: a straight track that ignores the map, lifted over the ground."""
-    return along(problem, straight_way(problem))
+    return along(problem, straight_route(problem))
 
 
 def uniform(problem: Problem) -> Mesh:

@@ -1,7 +1,4 @@
-"""Legendre-Gauss collocation on [-1, 1]: nodes, weights, differentiation and interpolation (Eqs. 37-46).
-
-Knows: polynomials. Does not know: vehicles, time, optimisation.
-"""
+"""Legendre-Gauss collocation on [-1, 1]: nodes, weights, differentiation and interpolation (Eqs. 37-46)."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from gcs.physics.quadrotor import Array
 
 @dataclass(frozen=True)
 class GaussRule:
-    """One degree K: everything a collocated interval needs, computed once."""
+    """Constants of a collocated interval of degree K."""
 
     degree: int
     nodes: Array  # (K,) roots of the Legendre polynomial P_K (Eq. 39)
@@ -37,7 +34,7 @@ class GaussRule:
 def gauss_rule(degree: int) -> GaussRule:
     """The Legendre-Gauss rule with `degree` nodes; exact for polynomials up to degree 2 K - 1."""
     if degree < 1:
-        raise ValueError(f"a Gauss rule needs at least one node, not {degree}")
+        raise ValueError(f"a Gauss rule needs at least one node; got {degree}")
     nodes, weights = np.polynomial.legendre.leggauss(degree)
     support = np.concatenate([[-1.0], nodes])
     barycentric = barycentric_weights(support)
@@ -55,7 +52,7 @@ def barycentric_weights(support: Array) -> Array:
 def lagrange_matrix(support: Array, barycentric: Array, points: Array) -> Array:
     """Lagrange basis at `points`: (T, S), by the second barycentric formula."""
     gaps = np.atleast_1d(points)[:, None] - support[None, :]
-    hit = np.abs(gaps) < 1e-300  # nearer than that, one divided by it is no number
+    hit = np.abs(gaps) < 1e-300  # the reciprocal of a smaller gap is not finite
     gaps[hit] = 1.0
     terms = barycentric / gaps
     on_node = hit.any(axis=1)

@@ -1,7 +1,4 @@
-"""One nonlinear program handed to IPOPT, and its failures said in words.
-
-Knows: IPOPT's options and statuses. Does not know: what the unknowns mean beyond the names of their constraints.
-"""
+"""IPOPT on one nonlinear program: options, and messages for its failures."""
 
 from __future__ import annotations
 
@@ -23,16 +20,16 @@ OPTIONS = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-6,
-    "ipopt.max_iter": 250,  # what succeeds takes 20 to 100
+    "ipopt.max_iter": 250,  # solves that succeed take 20 to 100
     # MUMPS' own scaling only costs time here: the program is scaled where it is made.
     "ipopt.mumps_permuting_scaling": 0,
     "ipopt.mumps_scaling": 0,
     # Approximate minimum fill: half the time of MUMPS' own choice on long flights, the same on short ones.
     "ipopt.mumps_pivot_order": 2,
 }
-# With a shape that moves by itself blocks are larger, and approximate minimum degree takes two thirds of the time.
+# With coordinates of the shape, blocks are larger, and approximate minimum degree takes two thirds of the time.
 _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
-# With the time unknown, limits are ridden and change hands; a barrier that may grow again finds its way sooner.
+# With a free time, the active limits change often; a barrier parameter that may grow again converges sooner.
 _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
 WARM_OPTIONS = {
     "ipopt.warm_start_init_point": "yes",
@@ -43,19 +40,19 @@ WARM_OPTIONS = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.mu_init": 1e-6,
 }
-# CasADi ends a solve at Ctrl-C, keeps the exception to itself and reports this, and nothing else so.
+# CasADi ends a solve at Ctrl-C, suppresses the exception and reports this status; nothing else causes it.
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
 _IN_WORDS = {
-    "Infeasible_Problem_Detected": "no motion satisfies all constraints near the one it tried",
-    "Maximum_Iterations_Exceeded": "it ran out of iterations",
-    "Restoration_Failed": "it could not get closer to satisfying the constraints",
+    "Infeasible_Problem_Detected": "no flight near the initial guess satisfies all constraints",
+    "Maximum_Iterations_Exceeded": "the iteration limit was reached",
+    "Restoration_Failed": "the solver could not reduce the violation of the constraints",
     "Invalid_Number_Detected": "a function returned a number that is not finite",
 }
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Unknowns that satisfy the program to the solver's tolerance, and what they cost."""
+    """Unknowns that satisfy the program to the solver's tolerance, and their cost."""
 
     y: Array
     y_multipliers: Array  # of the bounds of y
@@ -66,9 +63,9 @@ class Solution:
 
 
 def solve(program: Program, start: Array, before: Solution | None = None) -> Solution:
-    """Minimise from `start`, warm where there is a solution on the mesh `before`.
+    """The solution from `start`; a warm start where there is a solution `before`, on the previous mesh.
 
-    Raises Infeasible or PlanningError with the solver's status, the worst constraint and what stands against it;
+    Raises Infeasible or PlanningError with the solver's status, the worst constraint and the limits that oppose it;
     KeyboardInterrupt at Ctrl-C.
     """
     began = time.perf_counter()
@@ -88,12 +85,12 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
 
 
 def solver(nlp: ca.Function, derivatives: dict[str, ca.Function], options: dict[str, Any]) -> ca.Function:
-    """IPOPT for one program, whatever its parameters and bounds are."""
+    """IPOPT for one program, for any parameters and bounds."""
     return ca.nlpsol("solver", "ipopt", nlp, {**derivatives, **options})
 
 
 def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solution:
-    """One solve from a guess (x0, and where known lam_x0, lam_g0); raises as `solve` does."""
+    """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
     result = solver(p=program.parameters, **bounds, **guess)
@@ -118,18 +115,19 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
     excess = np.nan_to_num(np.maximum(g - program.g_high, program.g_low - g), nan=np.inf)
     worst = int(np.argmax(excess))
     name, t_s = program.g_names[worst]
-    reason = _IN_WORDS.get(status, "the solver gave up")
+    reason = _IN_WORDS.get(status, "the solver stopped without a solution")
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
-    against = _in_the_way(program, y_multipliers, g_multipliers)
+    against = _opposing(program, y_multipliers, g_multipliers)
     return kind(
-        f"no plan: {reason} (IPOPT: {status}); furthest from being held is {name} at t = {t_s:.1f} s"
+        f"no plan: {reason} (IPOPT: {status}); the largest violation is of {name} at t = {t_s:.1f} s"
         + (f", against the {against}" if against else ""),
-        hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m) or a smaller clearance",
+        hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m), "
+        "or less clearance ([limits] clearance_min_m)",
     )
 
 
-def _in_the_way(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
-    """The limit and the obstacle that the equations push against hardest, by multipliers summed over the flight."""
+def _opposing(program: Program, y_multipliers: Array, g_multipliers: Array) -> str:
+    """The limit and the obstacle with the largest multipliers, summed over the flight."""
     limits: dict[str, float] = defaultdict(float)
     obstacles: dict[str, float] = defaultdict(float)
     for i in np.flatnonzero(program.y_low < program.y_high):

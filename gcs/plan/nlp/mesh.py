@@ -1,7 +1,4 @@
-"""Where the intervals of the transcription lie, and where its constraints are looked at between nodes.
-
-Knows: instants and degrees. Does not know: states, constraints, solvers.
-"""
+"""The mesh of the transcription: intervals, their degrees, and extra instants at which constraints are enforced."""
 
 from __future__ import annotations
 
@@ -14,11 +11,11 @@ from gcs.physics.quadrotor import Array
 
 @dataclass(frozen=True)
 class Mesh:
-    """Intervals that join end to end, each with its own number of Gauss nodes."""
+    """Consecutive intervals, each with its own number of Gauss nodes."""
 
     joints_s: Array  # (M+1,) increasing
     degrees: tuple[int, ...]  # (M,)
-    watch_s: Array = field(default_factory=lambda: np.zeros(0))  # (W,) extra instants between the nodes
+    extra_s: Array = field(default_factory=lambda: np.zeros(0))  # (W,) instants between the nodes
 
     def __post_init__(self) -> None:
         if len(self.joints_s) != len(self.degrees) + 1 or np.any(np.diff(self.joints_s) <= 0):
@@ -30,7 +27,7 @@ class Mesh:
         return len(self.degrees)
 
     def split(self, intervals: set[int]) -> Mesh:
-        """The same mesh with each named interval halved."""
+        """The same mesh with these intervals halved."""
         joints = [self.joints_s[0]]
         degrees: list[int] = []
         for i, degree in enumerate(self.degrees):
@@ -46,18 +43,19 @@ class Mesh:
             return self
         start_s = self.joints_s[0]
         return replace(
-            self, joints_s=start_s + by * (self.joints_s - start_s), watch_s=start_s + by * (self.watch_s - start_s)
+            self, joints_s=start_s + by * (self.joints_s - start_s), extra_s=start_s + by * (self.extra_s - start_s)
         )
 
-    def watching(self, instants_s: Array) -> Mesh:
-        """The same mesh with path constraints enforced at these instants too."""
-        return replace(self, watch_s=np.union1d(self.watch_s, instants_s))
+    def enforcing_at(self, instants_s: Array) -> Mesh:
+        """The same mesh with path constraints enforced at these instants as well."""
+        return replace(self, extra_s=np.union1d(self.extra_s, instants_s))
 
 
 def end_refined(start_s: float, end_s: float, longest_s: float, shortest_s: float, degree: int) -> Mesh:
-    """Short intervals where the vehicle starts and stops, growing by half each towards the middle.
+    """A mesh with short intervals at both ends, each half as long again as the one before, towards the middle.
 
-    Energy-optimal flight is lively only at its ends: there the step is `shortest_s`, in the middle at most `longest_s`.
+    An energy-optimal flight changes quickly only at its ends. There the step is `shortest_s`; in the middle it is at
+    most `longest_s`.
     """
     half = 0.5 * (end_s - start_s)
     steps: list[float] = []
@@ -76,7 +74,7 @@ def end_refined(start_s: float, end_s: float, longest_s: float, shortest_s: floa
 
 
 def counted(start_s: float, end_s: float, intervals: int, shortest_s: float, degree: int) -> Mesh:
-    """The same growth towards the middle in an even number of intervals, whatever the time; none where it is short."""
+    """A mesh of an even number of intervals that grow towards the middle; all equal where the time is short."""
     half, count = 0.5 * (end_s - start_s), intervals // 2
     growing = shortest_s * 1.5 ** np.arange(count)
     lengths = np.full(count, half / count)

@@ -1,7 +1,7 @@
-"""Solve, look between the nodes, add what was missed, solve again from there: until nothing is missed.
+"""Mesh refinement: solve, verify between the nodes, refine the mesh, and repeat until nothing is violated.
 
-Knows: where to look and what to change in the mesh. Does not know: phases of a flight, files, verdicts.
-Constraints broken between nodes are enforced where they are broken most; intervals over which Eq. 1 drifts are halved.
+A constraint that is violated between nodes is enforced where it is violated most. Intervals over which Eq. 1 drifts are
+halved.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
-from gcs.plan.nlp.violations import broken
+from gcs.plan.nlp.violations import check_between_nodes
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -30,17 +30,17 @@ from gcs.scenario.environment.terrain import ground_envelope_m
 DEGREE = 5
 LONGEST_S, SHORTEST_S = 9.0, 1.0
 MAX_ROUNDS = 8
-# Shapes that move by themselves do so within a few intervals.
+# Coordinates of the shape move within a few intervals.
 LONGEST_MOVING_S = 6.0
 _SETTLED = 1e-2  # of the time, where that is free
-WINDOW_TOLERANCE_M = 5e-3  # half of what the verifier tolerates
-# Kept from the ground at the nodes: what the smooth ground does between them is then rarely worth another solve.
+WINDOW_TOLERANCE_M = 5e-3  # half of the verifier's tolerance
+# Added to the clearance at the nodes: then the ground between them rarely needs another solve.
 CLEARANCE_RESERVE_M = 0.03
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A trajectory that holds between its nodes, what it costs and how it was found."""
+    """A trajectory that is verified between its nodes, its cost and its refinement history."""
 
     trajectory: Trajectory  # of the leader
     shape: Shape
@@ -50,7 +50,7 @@ class Optimum:
 
 
 def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None) -> Optimum:
-    """The best trajectory near a guess; raises PlanningError when no mesh holds between its nodes."""
+    """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes."""
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_MOVING_S if problem.coordinates else LONGEST_S
     mesh = end_refined(problem.start_s, problem.end_s, longest_s, SHORTEST_S, DEGREE)
@@ -63,15 +63,15 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         trajectory = program.trajectory(solution.y)
         stretch = program.stretch(solution.y)
         mesh = mesh.stretched(stretch)
-        problem = lasting(problem, trajectory.end_s)
+        problem = with_end(problem, trajectory.end_s)
         shape = flown_shape(problem, trajectory)
-        missed, complaints = broken(problem, trajectory, shape)
+        missed, complaints = check_between_nodes(problem, trajectory, shape)
         drifting, drift = drifting_intervals(problem, trajectory, shape)
         history.append(
             MeshRound(
                 mesh.intervals,
                 program.layout.size,
-                len(mesh.watch_s),
+                len(mesh.extra_s),
                 solution.iterations,
                 solution.seconds,
                 solution.objective,
@@ -79,25 +79,25 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
             )
         )
         on_round(history[-1])
-        # Q of Eq. 33 weighs the end of the flight: where that has moved, it has to be laid anew.
+        # Q of Eq. 33 depends on the end of the flight: where the end has moved, solve once more.
         if not complaints and not drift and abs(stretch - 1.0) < _SETTLED:
             return Optimum(trajectory, shape, solution.objective, tuple(history))
-        mesh = mesh.split(drifting).watching(missed)
+        mesh = mesh.split(drifting).enforcing_at(missed)
     raise PlanningError(
-        f"no plan: after {MAX_ROUNDS} refinements of the mesh there is still {'; '.join(history[-1].complaints)}",
-        hint="loosen the constraint named above a little, or give the flight more time",
+        f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}",
+        hint="relax this limit a little, or give the flight more time ([time] flight_s)",
     )
 
 
-def lasting(problem: Problem, end_s: float) -> Problem:
-    """The same problem with another guess of its end; the shape's changes keep their shares of the time."""
+def with_end(problem: Problem, end_s: float) -> Problem:
+    """The same problem with another end; changes of the shape keep their shares of the time."""
     if end_s == problem.end_s:
         return problem
     return replace(problem, end_s=end_s, shape=stretched(problem.shape, problem.start_s, end_s))
 
 
 def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:
-    """The scheduled shape, as the coordinates in the solution bend it."""
+    """The scheduled shape, transformed by the coordinates in the solution."""
     if not problem.coordinates:
         return problem.shape
     names = [c.name for c in problem.coordinates]
@@ -105,7 +105,7 @@ def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:
 
 
 def clearance_reserve_m(problem: Problem, most_m: float = CLEARANCE_RESERVE_M) -> float:
-    """`most_m`, or less where a vehicle starts or ends nearer to its limit than that."""
+    """`most_m`, or less where a vehicle starts or ends closer to the least clearance than that."""
     scenario = problem.scenario
     leader = np.stack([problem.start_state, problem.end_state])[:, None, :3]
     ends = leader + np.stack([problem.shape.at(problem.start_s), problem.shape.at(problem.end_s)])
@@ -117,9 +117,9 @@ def clearance_reserve_m(problem: Problem, most_m: float = CLEARANCE_RESERVE_M) -
 def drifting_intervals(
     problem: Problem, trajectory: Trajectory, shape: Shape, *, quick: bool = False
 ) -> tuple[set[int], tuple[str, ...]]:
-    """Intervals in which a window that drifts too far has its start, and the complaint in words.
+    """Intervals that overlap a 5 s window with too much drift, and a description of the largest drift.
 
-    `quick` takes steps twice as long.
+    `quick` integrates with steps twice as long.
     """
     step_s = 2.0 * STEP_S if quick else STEP_S
     trajectory = trajectory.vehicle
@@ -127,7 +127,7 @@ def drifting_intervals(
     end = problem.end_state
     thrust, *lean = hover_trim(-float(end[2]), float(end[8]), problem.quadrotor)
     hover = np.array([thrust, 0.0, 0.0, 0.0])
-    # An end at rest goes on as a hover, in which an error of the last second's speed adds up.
+    # After an end at rest the vehicle hovers; there an error of its final speed accumulates.
     stops = not end[VELOCITY].any() and not end[RATES].any() and np.allclose(end[6:8], lean, rtol=0.0, atol=1e-9)
     windows = window_errors(
         lambda t: trajectory.state(np.minimum(t, end_s))[None],
@@ -152,11 +152,10 @@ def drifting_intervals(
     bad = starts_s[error_m > WINDOW_TOLERANCE_M]
     intervals = {i for start in bad for i in _overlapping(joints, start, start + WINDOW_S)}
     longest = max(np.diff(joints)[list(intervals)])
-    # The long ones are to blame; halving the short ones beside them would only cost time.
+    # The long intervals cause the drift; halving the short ones beside them would only cost time.
     intervals = {i for i in intervals if joints[i + 1] - joints[i] > 0.5 * longest}
-    return intervals, (
-        f"Eq. 1 drifts {error_m.max() * 1e3:.1f} mm in {WINDOW_S:g} s from {starts_s[error_m.argmax()]:.1f} s",
-    )
+    worst_s = starts_s[error_m.argmax()]
+    return intervals, (f"Eq. 1 drifts by {error_m.max() * 1e3:.1f} mm in the {WINDOW_S:g} s from t = {worst_s:.1f} s",)
 
 
 def _motion(trajectory: Trajectory, shape: Shape, problem: Problem, t_s: Array, rows: Rows) -> tuple[Array, Array]:

@@ -1,14 +1,13 @@
 """The Gauss pseudospectral method on several intervals: from a Problem and a Mesh to a nonlinear program (Eqs. 36-50).
 
-Knows: CasADi, and that everything but the vehicle itself is linear. Dynamics, objective and path constraints are small
-functions of one instant's 16 numbers z = (state, control); sampling matrices S take the unknowns w to all instants,
-and constant matrices A, B assemble collocation (Eq. 44) and joints (Eq. 46): g = A w - B f(S w). First and second
-derivatives are assembled the same way (S' H S), which is why the program is built in milliseconds and solved with
-exact Hessians. Does not know: how the program is solved, whether its solution is any good between the instants.
+Everything but the vehicle itself is linear. Dynamics, objective and path constraints are small functions of one
+instant's 16 numbers z = (state, control). Sampling matrices S map the unknowns w to all instants. Constant matrices A
+and B assemble collocation (Eq. 44) and joints (Eq. 46): g = A w - B f(S w). First and second derivatives are assembled
+in the same way (S' H S). Therefore the program is built in milliseconds and solved with exact Hessians.
 
-Control is piecewise linear and continuous, its unknowns the values at the joints. The paper's Eq. 41 extrapolates from
-inner nodes and leaves the control box at the ends of an interval; a line between two points of a box cannot. Eq. 41 is
-there to compare with.
+Control is piecewise linear and continuous; its unknowns are the values at the joints. The paper's Eq. 41 extrapolates
+from inner nodes and can leave the control box at the ends of an interval; a line between two points of a box cannot.
+Eq. 41 is available for comparison.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 
-# One unit of each number in the program: of the size it has in flight, so that IPOPT sees values near one.
+# Unit of each state in the program: its typical size in flight, so that IPOPT works with values near one.
 STATE_UNIT = np.array([100.0, 100.0, 10.0, 5.0, 5.0, 1.0, 0.1, 0.1, 1.0, 0.05, 0.05, 0.05])
 
 
 def dm(matrix: sparse.spmatrix) -> ca.DM:
-    """A SciPy matrix as CasADi's, which wants rows in order."""
+    """A SciPy matrix as a CasADi matrix, with sorted row indices."""
     ordered = sparse.csc_matrix(matrix)
     ordered.sort_indices()
     rows, columns = ordered.shape
@@ -57,14 +56,14 @@ class Program:
     y_high: Array
     g_low: Array
     g_high: Array
-    y_names: tuple[str, ...]  # what limits each unknown
-    g_names: tuple[tuple[str, float], ...]  # what each row of g is, and when: no two alike
+    y_names: tuple[str, ...]  # name of each unknown's limit
+    g_names: tuple[tuple[str, float], ...]  # name and time of each row of g; unique
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
-    parameters: Array  # (p,) that nlp and derivatives take beside y
+    parameters: Array  # (p,) second argument of nlp and derivatives
 
     def scaled(self, trajectory: Trajectory) -> Array:
-        """Unknowns y that sample an existing trajectory: the warm start."""
+        """Unknowns y sampled from an existing trajectory: the warm start."""
         layout = self.layout
         states = trajectory.state(layout.point_times_s())
         w = np.concatenate([states.ravel(), trajectory.control(layout.control_times_s()).ravel()])
@@ -72,11 +71,11 @@ class Program:
         return np.clip(y, self.y_low, self.y_high)
 
     def stretch(self, y: Array) -> float:
-        """How much longer the flight is than the mesh; 1 where its time is given."""
+        """Time of flight over that of the mesh; 1 where the time is given."""
         return float(y[-1]) if len(y) > self.layout.size else 1.0
 
     def trajectory(self, y: Array) -> Trajectory:
-        """Polynomials through the solution: states of degree K, control as its form has it."""
+        """Polynomials through the solution: states of degree K, control by its form."""
         layout = self.layout
         mesh = layout.mesh.stretched(self.stretch(y))
         w = y[: layout.size] * self.unit + self.shift
@@ -101,13 +100,13 @@ class Program:
 def transcribe(
     problem: Problem, mesh: Mesh, last: Trajectory, control_form: ControlForm = ControlForm.LINEAR
 ) -> Program:
-    """Build the program for one problem on one mesh; where the leader was `last` says which vehicles to watch when."""
+    """The program of one problem on one mesh. The leader's `last` trajectory decides which vehicles are active when."""
     layout = VariableLayout(mesh, control_form, tuple(c.name for c in problem.coordinates))
     nx = layout.nx
     unit, shift = scales(problem, layout)
     state_unit = unit[:nx]
     node_times = layout.node_times_s()
-    times = np.concatenate([node_times, mesh.watch_s])
+    times = np.concatenate([node_times, mesh.extra_s])
     chosen = active_vehicles(problem, times, last.state(times))
     sampling = layout.sampling(times)
     a, b = layout.collocation()
@@ -117,11 +116,11 @@ def transcribe(
     shares = np.vstack([quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight)])
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = stage_functions.functions(problem, *counts)
-    nlp, derivatives = assemble(
+    functions = assemble(
         parts,
         Constants(
             nodes=layout.nodes,
-            watched=len(mesh.watch_s),
+            extra=len(mesh.extra_s),
             sampling=dm(sampling @ sparse.diags(unit)),
             offset=ca.DM(sampling @ shift),
             a=dm(row_unit @ a @ sparse.diags(unit)),
@@ -133,39 +132,40 @@ def transcribe(
             time_cost=None if problem.free_time is None else duration_cost(problem),
         ),
     )
-    return framed(problem, layout, chosen, nlp, derivatives)
+    return bounded_program(problem, layout, chosen, functions)
 
 
-def framed(
+def bounded_program(
     problem: Problem,
     layout: VariableLayout,
     chosen: ActiveVehicles,
-    nlp: ca.Function,
-    derivatives: dict[str, ca.Function],
+    functions: tuple[ca.Function, dict[str, ca.Function]],
+    *,
     parameters: Array | None = None,
     unused: NDArray[np.bool_] | None = None,
 ) -> Program:
-    """The functions of a program with the bounds of this problem, and the names of all rows.
+    """The program made of `functions` (nlp, derivatives), the bounds of this problem and the names of all rows.
 
-    `unused` (T, P) rows of the path bind nothing.
+    `unused` (T, P): mask of rows of the path without effect.
     """
+    nlp, derivatives = functions
     mesh, (unit, shift) = layout.mesh, scales(problem, layout)
     state_unit = unit[: layout.nx]
     y_low, y_high = bounds(problem, layout)
-    box_low, box_high = leader_state_bounds(problem, mesh.watch_s)
+    box_low, box_high = leader_state_bounds(problem, mesh.extra_s)
     dynamics = np.zeros(layout.nx * (layout.nodes + mesh.intervals))
     free = stage_functions.path_is_free(problem, chosen)
     if unused is not None:
         free = free | unused
     words = layout.state_words
-    times = np.concatenate([layout.node_times_s(), mesh.watch_s])
+    times = np.concatenate([layout.node_times_s(), mesh.extra_s])
     names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
     names += [
         (name, float(t))
         for t, row in zip(times, stage_functions.path_names(problem, chosen), strict=True)
         for name in row
     ]
-    names += [(f"limit of {name}", float(t)) for t in mesh.watch_s for name in words]
+    names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
     y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
     if (time := problem.free_time) is not None:
         y_low = np.append(y_low, time.earliest_s / problem.duration_s)
@@ -189,10 +189,10 @@ def framed(
 
 @dataclass(frozen=True)
 class Constants:
-    """Everything of a program that its unknowns do not change: numbers, or functions of its parameters."""
+    """The parts of a program that do not depend on its unknowns: numbers, or functions of its parameters."""
 
     nodes: int
-    watched: int
+    extra: int  # instants between the nodes
     sampling: ca.DM
     offset: ca.DM
     a: ca.DM
@@ -203,13 +203,13 @@ class Constants:
     state_unit: Array  # (nx,)
     lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
     parameters: ca.MX | None = None  # (p,) symbols
-    time_cost: float | None = None  # of the flight's time, where that is the last unknown, in units of itself
+    time_cost: float | None = None  # cost of the time of flight, where its stretch is the last unknown
 
 
 def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
-    """Program and exact derivatives as CasADi functions of y and p."""
+    """The program and its exact derivatives as CasADi functions of y and p."""
     nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
-    nodes, points = k.nodes, k.nodes + k.watched
+    nodes, points = k.nodes, k.nodes + k.extra
     sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
     unknowns = ca.MX.sym("y", sampling.size2() + (k.time_cost is not None))
     y, stretch = unknowns[: sampling.size2()], unknowns[sampling.size2() :]
@@ -221,20 +221,20 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
     s_nodes, s_watch = sampling[: nz * nodes, :], sampling[nz * nodes :, :]
-    state_rows = [nz * i + j for i in range(k.watched) for j in range(nx)]
-    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.watched))
-    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.watched else ca.DM(0, sampling.size2())
-    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.watched else ca.DM(0, 1)
+    state_rows = [nz * i + j for i in range(k.extra) for j in range(nx)]
+    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.extra))
+    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.extra else ca.DM(0, sampling.size2())
+    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.extra else ca.DM(0, 1)
 
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))
     moved = parts.motion.map(nodes)(zn)
     g = ca.vertcat(
-        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_lasting(moved, lengths))),
+        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_times_lengths(moved, lengths))),
         ca.vec(parts.path.map(points)(z, k.slots)),
         ca.mtimes(box, y) + box_shift,
     )
 
-    # IPOPT's interface copies gradients as they are stored: a sparse one would leave the gaps unset.
+    # IPOPT's interface copies only stored entries: a sparse gradient would leave the others unset.
     gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
     motion_blocks = _block_diagonal(parts.motion_jacobian, nodes, zn)
     jacobian = ca.vertcat(
@@ -244,14 +244,14 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     )
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
     pull = ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes)
-    costate = _lasting(pull, lengths)
+    costate = _times_lengths(pull, lengths)
     path_count = parts.path.size1_out(0)
     lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
     curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
     if k.time_cost is not None:
-        # The program is linear in the stretch of time: of the cost's mean over time, and of the motion.
+        # The program is linear in the stretch of time, in the mean cost and in the motion.
         over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes))
         f += k.time_cost * stretch
         cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
@@ -275,7 +275,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     }
 
 
-def _lasting(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
+def _times_lengths(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
     """Columns (n, nodes) times the length of each node's interval."""
     return rows if lengths is None else rows * ca.repmat(lengths, rows.size1(), 1)
 
@@ -283,7 +283,7 @@ def _lasting(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
 def _block_diagonal(
     function: ca.Function, count: int, *arguments: ca.MX | ca.DM, lengths: ca.MX | None = None
 ) -> ca.MX:
-    """Evaluate `function` at every instant and set its (sparse) results on a diagonal of blocks.
+    """The block-diagonal matrix of the (sparse) results of `function` at all instants.
 
     Side by side and on the diagonal, blocks store their nonzeros in the same column-major order.
     """
@@ -308,18 +308,18 @@ def scales(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
 
 
 def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
-    """Eq. 51 on every unknown, Eqs. 15 and 16 at the ends as bounds that coincide."""
+    """Eq. 51 on every unknown; Eq. 15 and Eq. 16 at the ends as equal bounds."""
     state_low, state_high = leader_state_bounds(problem, layout.point_times_s())
     control_low, control_high = leader_control_bounds(problem, layout.control_times_s())
     first, last = 0, layout.mesh.intervals
     start, end_low, end_high = boundary_values(problem)
     state_low[first] = state_high[first] = start
     state_low[last], state_high[last] = end_low, end_high
-    if problem.leans_apart and layout.control_form is ControlForm.LINEAR:
-        # Thrust must not jump where phases join: who leans more than the leader would have to lean at once.
+    if problem.winds_differ and layout.control_form is ControlForm.LINEAR:
+        # Thrust must not jump where phases join: a vehicle with more tilt than the leader would have to tilt at once.
         for end, state in ((first, start), (last, end_low)):
             control_low[end, 0] = control_high[end, 0] = level_flight_thrust_N(state, problem.quadrotor)
-    # At rest in every derivative, so that the ground phases join without a jump.
+    # Coordinates rest in every derivative, so that the ground phases join without a jump.
     chains = layout.nu - len(problem.control_low)
     if chains and layout.control_form is ControlForm.LINEAR:
         for end in (first, last):

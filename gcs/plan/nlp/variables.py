@@ -1,7 +1,6 @@
-"""Where the unknowns of the transcription stand, and the constant matrices that act on them (Eqs. 37-47).
+"""The indices of the transcription's unknowns, and the constant matrices that act on them (Eqs. 37-47).
 
-Knows: meshes, Lagrange polynomials, sparse matrices; that states and controls at any instant are linear in unknowns.
-Does not know: CasADi, vehicles, bounds.
+States and controls at any instant are linear in the unknowns.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from gcs.plan.nlp.gauss import barycentric_weights, gauss_rule, lagrange_matrix
 from gcs.plan.nlp.mesh import Mesh
 
 NX, NU = 12, 4  # of the vehicle alone
-# What people call each number.
+# Names in messages.
 STATE_WORDS = (
     *("north position", "east position", "height", "north speed", "east speed", "vertical speed"),
     *("roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
@@ -31,7 +30,7 @@ CHAIN_WORDS = ("", "'s rate", "'s acceleration", "'s jerk")
 
 
 class ControlForm(Enum):
-    """What the control is between its unknowns."""
+    """How the control is interpolated between its unknowns."""
 
     LINEAR = "piecewise linear through the joints"
     LAGRANGE = "on each interval the polynomial through its nodes (Eq. 41)"
@@ -39,7 +38,7 @@ class ControlForm(Enum):
 
 @dataclass(frozen=True)
 class VariableLayout:
-    """Where each unknown stands in w, and instants on the mesh."""
+    """The index of each unknown in w, and the instants of the mesh."""
 
     mesh: Mesh
     control_form: ControlForm = ControlForm.LINEAR
@@ -62,12 +61,12 @@ class VariableLayout:
 
     @cached_property
     def state_words(self) -> tuple[str, ...]:
-        """What people call each state component."""
+        """Name of each state component."""
         return (*STATE_WORDS, *(f"{name}{word}" for name in self.coordinates for word in CHAIN_WORDS))
 
     @cached_property
     def control_words(self) -> tuple[str, ...]:
-        """What people call each control component."""
+        """Name of each control component."""
         return (*CONTROL_WORDS, *(f"{name}'s snap" for name in self.coordinates))
 
     @cached_property
@@ -108,7 +107,7 @@ class VariableLayout:
         return self.nx * self.state_points + self.nu * point
 
     def control_support(self, i: int) -> tuple[range, Array]:
-        """Control points (S) that interval i's control runs through, and where on [-1, 1] they stand, (S,)."""
+        """Control points (S) of interval i, and their positions (S,) on [-1, 1]."""
         if self.control_form is ControlForm.LAGRANGE:
             return range(self.first_node[i], self.first_node[i + 1]), gauss_rule(self.mesh.degrees[i]).nodes
         return range(i, i + 2), np.array([-1.0, 1.0])
@@ -118,7 +117,7 @@ class VariableLayout:
         return self.node_times_s() if self.control_form is ControlForm.LAGRANGE else self.mesh.joints_s
 
     def names(self) -> tuple[str, ...]:
-        """What limits each unknown, in words."""
+        """Name of each unknown's limit."""
         states, controls = (
             tuple(f"limit of {name}" for name in words) for words in (self.state_words, self.control_words)
         )

@@ -1,8 +1,8 @@
-"""Which vehicles the optimiser watches at which instant: those that can bind there, however many fly along.
+"""The active vehicles at each instant: the few whose constraints can bind there.
 
-Knows: how near every vehicle is to ground and zones where the leader was last seen, and a little beside it. Does not
-know: solvers. A thousand vehicles cost no more constraints than a few; what this choice misses, the look at every
-vehicle between solves finds, and the next choice has it.
+They are chosen by their distance to ground and zones, with the leader at its last known place and a little beside it.
+So a thousand vehicles cost no more constraints than a few. `violations` checks all vehicles after each solve; the next
+choice then includes what this one missed.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gcs.scenario.environment.no_fly import Piece, displacement_m, pieces
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import NoFlyZone
 
-NEAR_GROUND, NEAR_ZONE = 6, 3  # vehicles watched at one instant, of each kind
-# Numbers that describe one watched vehicle: base offset, its rate, its acceleration, where it blends to; and how far
-# the zone that it is watched for has moved. Of a spare disk: where its centre is, and its radius.
+NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
+# Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3), and
+# the displacement (2) of its no-fly zone. For a spare disk: the position of its centre (2) and its radius.
 SLOT = 15
 MOVED, RADIUS = slice(12, 14), 14
-_ASIDE_M = 8.0  # the next solution passes that far from the last one
+_ASIDE_M = 8.0  # the next solution may pass so far from the last one
 _DIRECTIONS = 4
 
 Rows = NDArray[np.intp]
@@ -32,17 +32,17 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class ActiveVehicles:
-    """Rows of the watched vehicles at T instants, and their motion in the shape."""
+    """Rows of the active vehicles at T instants, and their motion in the shape."""
 
     ground: Rows  # (T, G)
     zones: tuple[Rows, ...]  # one (T, D) for every piece of a no-fly zone
     moving: Rows  # (T, M)
-    moving_used: NDArray[np.bool_]  # (T, M): false where another row says the same
+    moving_used: NDArray[np.bool_]  # (T, M): false where another row is the same constraint
     parameters: Array  # (T, (G + sum D + M) * SLOT)
 
 
 def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVehicles:
-    """Choose for `times_s` (T,), given the last known states (T, nx) there."""
+    """The active vehicles at `times_s` (T,), for the last known states (T, nx) there."""
     base = problem.shape.offsets(times_s)
     places = offsets_at(problem, base, states)
     ground = _near_ground(problem, places, states)
@@ -64,12 +64,12 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
 
 
 def zone_pieces(problem: Problem) -> list[tuple[NoFlyZone, Piece]]:
-    """Every piece of every no-fly zone, with its zone."""
+    """All pieces of all no-fly zones, each with its zone."""
     return [(zone, piece) for zone in problem.scenario.no_fly for piece in pieces(zone)]
 
 
 def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
-    """Offsets (V, T, 3) that the coordinates in `states` (T, nx) make of the scheduled ones (V, T, 3)."""
+    """Offsets (V, T, 3): the scheduled ones (V, T, 3), transformed by the coordinates in `states` (T, nx)."""
     if not problem.coordinates:
         return base
     values = {c.name: states[:, 12 + 4 * i] for i, c in enumerate(problem.coordinates)}
@@ -79,7 +79,7 @@ def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
 
 def _near_ground(problem: Problem, places: Array, states: Array) -> Rows:
     if problem.vehicles <= NEAR_GROUND:
-        return _everyone(problem, len(states))
+        return _all_rows(problem, len(states))
     terrain = problem.scenario.terrain
     spare = []
     for aside in _ASIDE_M * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]):
@@ -98,7 +98,7 @@ def _near_piece(places: Array, states: Array, piece: Piece, moved_m: Array) -> R
 
 
 def _most_urgent(spare: Array, count: int) -> Rows:
-    """Rows (T, count) by `spare` (S, V, T): the worst of each of S possibilities, then the next worst of the first."""
+    """Rows (T, count) by `spare` (S, V, T): the least of each of S positions, then the next of the first position."""
     worst = spare.argmin(axis=1)  # (S, T)
     ranked = np.argsort(spare[0], axis=0)[: count + len(spare)]  # (>= count, T)
     chosen = np.empty((spare.shape[2], count), dtype=np.intp)
@@ -109,24 +109,24 @@ def _most_urgent(spare: Array, count: int) -> Rows:
 
 
 def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArray[np.bool_]]:
-    """Vehicles whose own motion differs most from the leader's; the leader first, the only one in a rigid formation."""
+    """Rows whose motion differs most from the leader's, after the leader; in a rigid formation the leader alone."""
     shape = problem.shape
     if not problem.coordinates and not shape.moving_s:
         leader = np.full((len(times_s), 1), problem.leader, dtype=np.intp)
         return leader, np.ones_like(leader, dtype=bool)
     angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ways = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle])
-    if problem.coordinates and problem.has_heights:  # else the leader's bounds know who is highest
-        ways = np.hstack([ways, [[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]]])
-    count = min(1 + ways.shape[1], problem.vehicles)
-    # Where the shape moves by itself, what is far out moves most.
+    directions = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    if problem.coordinates and problem.has_heights:  # else these are bounds of the leader
+        directions = np.hstack([directions, [[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]]])
+    count = min(1 + directions.shape[1], problem.vehicles)
+    # Coordinates move the outermost vehicles most.
     criterion = base if problem.coordinates else shape.offsets(times_s, 2) + shape.offsets(times_s, 1)
-    reach = np.einsum("vtk,kd->dvt", criterion, ways)
+    reach = np.einsum("vtk,kd->dvt", criterion, directions)
     worst = reach.argmax(axis=1)  # (directions, T)
     chosen = np.empty((len(times_s), count), dtype=np.intp)
-    everyone = range(problem.vehicles)
+    every_row = range(problem.vehicles)
     for t in range(len(times_s)):
-        order = dict.fromkeys([problem.leader, *worst[:, t].tolist(), *everyone[: 2 * count]])
+        order = dict.fromkeys([problem.leader, *worst[:, t].tolist(), *every_row[: 2 * count]])
         chosen[t] = list(order)[:count]
     used = np.ones_like(chosen, dtype=bool)
     if not problem.coordinates:
@@ -135,5 +135,5 @@ def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArra
     return chosen, used
 
 
-def _everyone(problem: Problem, instants: int) -> Rows:
+def _all_rows(problem: Problem, instants: int) -> Rows:
     return np.tile(np.arange(problem.vehicles, dtype=np.intp), (instants, 1))

@@ -1,8 +1,7 @@
-"""What every vehicle may do at an instant, as bounds of the leader alone (Eqs. 22-29, 51).
+"""Limits of all vehicles at an instant, as bounds of the leader's state and control (Eqs. 22-29, Eq. 51).
 
-Knows: limits, and the formation's shape and its motion at any time. Does not know: transcription, solvers.
-By schedule the shape is a function of time, so the followers' limits become bounds of the leader that move with time
-and cost no constraint at all. What depends on coordinates the optimiser chooses is left to constraints.
+A scheduled shape is a function of time. Then the followers' limits are bounds of the leader that change with time, and
+add no constraint. Limits that depend on coordinates of the shape are constraints (`stage_functions`).
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from gcs.plan.ocp.problem import Problem
 
 _TILT = slice(6, 8)
 _TILT_RATES = slice(9, 11)
-# Tilt and its rates follow from acceleration and jerk over g where thrust equals weight; it may be a little less.
+# Tilt and its rates follow from acceleration and jerk over g where thrust equals weight. Thrust may be a little less.
 _LIGHT = 1.2
 
 
 def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
-    """Bounds (T, nx), (T, nx) of the leader and of the shape's coordinates.
+    """Bounds (T, nx), (T, nx) of the leader's state (Eq. 51, with Eq. 22 for followers) and the shape's coordinates.
 
-    Raises Infeasible where the vehicles' places differ by more than a limit allows, as in lanes under a low ceiling.
+    Raises Infeasible where offsets differ by more than a limit allows, as in altitude lanes under a low ceiling.
     """
     low = np.tile(problem.state_low, (len(times_s), 1))
     high = np.tile(problem.state_high, (len(times_s), 1))
@@ -47,10 +46,10 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
 
 
 def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]:
-    """Bounds (T, nu), (T, nu) of the leader's control and of the coordinates' snaps.
+    """Bounds (T, nu), (T, nu) of the leader's control (Eq. 51) and of the coordinates' snaps.
 
-    What the shape's own motion takes comes off the full limits, and the control margin stays where it is larger.
-    Raises Infeasible where it takes everything.
+    The control that the shape's own motion needs is subtracted from the full limits; the control margin stays where it
+    is larger. Raises Infeasible where nothing is left.
     """
     low = np.tile(problem.control_low, (len(times_s), 1))
     high = np.tile(problem.control_high, (len(times_s), 1))
@@ -65,7 +64,7 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
 
 
 def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, ...]) -> None:
-    """Raises Infeasible where bounds (T, n) leave the leader nothing."""
+    """Raises Infeasible where a lower bound (T, n) is above its upper bound."""
     crossed = np.argwhere(low > high)
     if not len(crossed):
         return
@@ -73,15 +72,23 @@ def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, .
     apart = words[number] in STATE_WORDS[POSITION]
     raise Infeasible(
         f"no plan: at t = {times_s[t]:.1f} s the formation {'is larger' if apart else 'changes faster'} than the limit "
-        f"of {words[number]} allows",
+        f"of {words[number]} allows{_excess(low[t, number] - high[t, number], words[number])}",
         hint="widen [limits] height_m, north_m or east_m, or give the shapes less spacing"
         if apart
         else "make [formation] change_speed_mps or change_accel_mps2 smaller, or widen [limits]",
     )
 
 
+def _excess(by: float, word: str) -> str:
+    """By how much a state's bounds cross, in words; nothing for a control."""
+    if word not in STATE_WORDS:
+        return ""
+    unit = ("m", "m/s", "deg", "deg/s")[STATE_WORDS.index(word) // 3]
+    return f", by {np.degrees(by) if 'deg' in unit else by:.3g} {unit}"
+
+
 def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> None:
-    """Draw control bounds (T, 4) in by what the shape's motion takes of the full limits."""
+    """Reduce control bounds (T, 4) by the control that the shape's motion needs."""
     q = problem.quadrotor
     least, most = _offset_range(problem, times_s, 2)
     rate_least, rate_most = _offset_range(problem, times_s, 1)
@@ -99,7 +106,7 @@ def _leave_room(problem: Problem, times_s: Array, low: Array, high: Array) -> No
 
 
 def boundary_values(problem: Problem) -> tuple[Array, Array, Array]:
-    """States (nx,) at the start and, low and high (nx,), at the end: Eqs. 15, 16 and a shape at rest."""
+    """States (nx,) at the start (Eq. 15) and, low and high (nx,), at the end (Eq. 16), with the shape at rest."""
     start = [problem.start_state]
     low, high = [problem.end_state], [problem.end_state]
     for c in problem.coordinates:
@@ -117,7 +124,7 @@ def _chain(problem: Problem, number: int) -> tuple[Array, Array]:
 
 
 def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, Array]:
-    """Least and largest offset (T, 3), or derivative, of any vehicle; with coordinates only the leader's is certain."""
+    """Least and largest offset (T, 3), or derivative, of any vehicle; zero (the leader) where coordinates decide it."""
     if problem.coordinates or (order > 0 and not problem.shape.moving_s):
         return np.zeros((len(times_s), 3)), np.zeros((len(times_s), 3))
     offsets = problem.shape.offsets(times_s, order)
@@ -125,7 +132,7 @@ def _offset_range(problem: Problem, times_s: Array, order: int) -> tuple[Array, 
 
 
 def _push(problem: Problem, times_s: Array, order: int) -> Array:
-    """Largest horizontal derivative (T,) of what thrust has to do for the shape: its acceleration and its drag."""
+    """Largest horizontal derivative (T,) of the specific thrust that the shape needs, for acceleration and drag."""
     if not problem.coordinates and not problem.shape.moving_s:
         return np.zeros(len(times_s))
     q = problem.quadrotor

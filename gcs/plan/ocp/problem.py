@@ -1,7 +1,4 @@
-"""The leader's optimal control problem in numbers: bounds, ends, objective and what the followers add (Eqs. 15-35, 51).
-
-Knows: one flight between two states, in SI and NED. Does not know: how it is discretised or solved.
-"""
+"""The leader's optimal control problem in numbers (Eqs. 15-35, Eq. 51): one flight between two states, SI and NED."""
 
 from __future__ import annotations
 
@@ -21,9 +18,9 @@ from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrot
 
 @dataclass(frozen=True)
 class Problem:
-    """Fly the leader from one state to another in a given time; the followers ride along in a shape that may change.
+    """The leader's flight from one state to another. The followers keep their offsets in a shape that may change.
 
-    State and control bounds are those of any one vehicle; `gcs.plan.ocp.bounds` folds the followers' into the leader's.
+    State and control bounds are those of each single vehicle; `gcs.plan.ocp.bounds` combines them for the leader.
     """
 
     scenario: Scenario
@@ -36,13 +33,13 @@ class Problem:
     state_high: Array  # (12,)
     control_low: Array  # (4,)
     control_high: Array  # (4,)
-    shape: Shape  # offsets by schedule; where there are coordinates, before these scale, turn and blend it
+    shape: Shape  # scheduled offsets, before coordinates scale, turn and blend them
     objective: Objective
     extra_objectives: tuple[ObjectiveTerm, ...] = ()  # rows beside those of `objectives.TERMS`
     coordinates: tuple[Coordinate, ...] = ()
-    clearance_reserve_m: float = 0.0  # beyond the least clearance, asked for at the nodes
-    free_time: FreeTime | None = None  # then end_s is a guess
-    spare_disks: int = 0  # the last so many zones are disks of which only parameters say where they are
+    clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
+    free_time: FreeTime | None = None  # where given, end_s is a guess
+    spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
 
     @property
     def duration_s(self) -> float:
@@ -61,12 +58,12 @@ class Problem:
 
     @cached_property
     def change_budget(self) -> Budget:
-        """What the shape's own motion may use."""
+        """Speed, acceleration, jerk and snap that the shape's own motion may use."""
         return budget(self.scenario)
 
     @cached_property
     def target_ned_m(self) -> Array:
-        """Shape (V, 3) that a blend leads to."""
+        """Shape (V, 3) that a blend ends in."""
         return target_ned_m(self.scenario)
 
     @cached_property
@@ -75,8 +72,8 @@ class Problem:
         return bool(self.shape.basis_ned_m[..., 2].any() or self.target_ned_m[:, 2].any())
 
     @property
-    def leans_apart(self) -> bool:
-        """Whether vehicles at different heights meet different winds."""
+    def winds_differ(self) -> bool:
+        """Whether vehicles at different heights fly in different winds."""
         return self.quadrotor.wind.has_shear and self.has_heights
 
     @property
@@ -92,7 +89,7 @@ class Problem:
 
     @property
     def has_box(self) -> bool:
-        """Whether the x-y box of Eq. 51 holds."""
+        """Whether the x-y box of Eq. 51 applies."""
         return bool(np.all(np.isfinite(self.state_low)))
 
     @property
@@ -146,7 +143,7 @@ def state_bounds(scenario: Scenario) -> tuple[Array, Array]:
 
 
 def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Array]:
-    """Eq. 51's control limits (4,), (4,), drawn towards hover by `margin` of their distance to it."""
+    """Eq. 51's control limits (4,), (4,), moved towards hover by `margin` of their distance to it."""
     limits = scenario.limits
     hover = np.array([quadrotor(scenario).weight_N, 0.0, 0.0, 0.0])
     torque = np.array(limits.torque)

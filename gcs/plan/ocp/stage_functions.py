@@ -1,7 +1,7 @@
-"""Everything the optimiser asks of one instant z = (state, control): motion, cost rate and path constraints.
+"""The functions of one instant z = (state, control): motion (Eq. 1), cost rate (Eq. 35), path constraints.
 
-Knows: Eq. 1, Eq. 35's integrands, Eqs. 17-29 in the leader's variables, and their exact derivatives (CasADi).
-Does not know: meshes, time, other instants.
+Path constraints are those of the active vehicles in the leader's variables: turning radius (Eq. 18, Eq. 25), clearance
+(Eq. 20, Eq. 23), no-fly zones (Eq. 21, Eq. 24), limits (Eq. 51). CasADi makes exact derivatives.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from gcs.plan.verification.margins import REST_SPEED_MPS
 from gcs.scenario.environment.no_fly import Disk, Piece, pieces
 from gcs.scenario.environment.terrain import ground_envelope_m
 
-# Keeps the load factor smooth at rest, and so small that no speed, to 0.05 %, is granted more than the verifier grants.
+# Smooths the load factor at rest. At no speed does it let the optimiser exceed the verifier's limit by over 0.05 %.
 REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
-# So slow a vehicle may fly in any direction before the formation must face it.
+# Below this speed a vehicle may fly in any direction; above it the formation must face along its course.
 COURSE_FLOOR_MPS = 0.3
-# Edges of a polygon count as so much farther out, so that its corners can be rounded.
+# Edges of a polygon are moved outwards by this, so that its corners can be rounded.
 CORNER_M = 0.3
 
 
 @dataclass(frozen=True)
 class StageFunctions:
-    """CasADi functions of z (nz), for the cost of two quadrature shares (plain, and weighted by Q), and for the path of
-    what is watched there (`gcs.plan.ocp.active_vehicles`)."""
+    """CasADi functions of z (nz). The cost also takes two quadrature shares (plain, and weighted by Q); the path takes
+    the numbers of the active vehicles (`gcs.plan.ocp.active_vehicles`)."""
 
     motion: ca.Function  # z -> (nx)
     motion_jacobian: ca.Function  # z -> (nx, nz)
@@ -50,7 +50,7 @@ class StageFunctions:
 
 
 def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving: int = 1) -> StageFunctions:
-    """Build the functions of one problem, for so many watched vehicles of each kind; the leader alone by default."""
+    """The functions of one problem, for so many active vehicles of each kind; by default for the leader alone."""
     chains = len(problem.coordinates)
     nx = NX + 4 * chains
     z = ca.SX.sym("z", nx + NU + chains)
@@ -86,20 +86,20 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
 def _path_functions(
     problem: Problem, z: ca.SX, motion: ca.SX, slots: ca.SX, near_ground: int, near_zone: int
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """The path with its first and second derivatives."""
+    """The path constraints with their first and second derivatives."""
     terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
     places = [(x[0] + n, x[1] + e) for n, e, _ in (_place(problem, x, slot) for slot in each[:near_ground])]
     if terrain.relief is None:
         heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
         return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_zone)))
-    # A spline takes no scalar symbols: around it the path is a function of matrices.
+    # A spline takes no scalar symbols (SX): here the path is a function of matrix symbols (MX).
     ground = ca.SX.sym("ground", near_ground)
     values = ca.vertcat(*_path(problem, z, motion, each, ca.vertsplit(ground), near_zone))
-    held = ca.Function("held", [z, slots, ground], [values])
-    where = ca.Function("where", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
-    at, watched = ca.MX.sym("z", z.size1()), ca.MX.sym("slots", slots.size1())
-    under = spline(terrain.relief.envelope)(where(at, watched))
-    return _with_derivatives(at, watched, held(at, watched, under.T))
+    with_ground = ca.Function("with_ground", [z, slots, ground], [values])
+    below = ca.Function("below", [z, slots], [ca.horzcat(*(ca.vertcat(*place) for place in places))])
+    at, active = ca.MX.sym("z", z.size1()), ca.MX.sym("slots", slots.size1())
+    heights_m = spline(terrain.relief.envelope)(below(at, active))
+    return _with_derivatives(at, active, with_ground(at, active, heights_m.T))
 
 
 def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
@@ -112,7 +112,7 @@ def _with_derivatives(z: Any, slots: Any, path: Any) -> tuple[ca.Function, ca.Fu
 
 
 def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
-    """What each row of the path is, at each instant: (T, P)."""
+    """Names (T, P) of the rows of the path at each instant."""
     ids = problem.scenario.formation.sysids
     rows = []
     for t in range(len(chosen.ground)):
@@ -127,7 +127,7 @@ def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
 
 
 def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
-    """Rows (T, P) of the path that bind nothing, because another row says the same."""
+    """Mask (T, P) of rows of the path without effect, because another row is the same constraint."""
     before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
     spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
@@ -136,25 +136,27 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
 def _path(
     problem: Problem, z: ca.SX, motion: ca.SX, slots: list[ca.SX], ground: list[ca.SX], near_zone: int
 ) -> list[ca.SX]:
-    """Eqs. 17-25 for the watched vehicles, written in the leader's variables; each value >= 0 when held."""
+    """Path constraints of the active vehicles in the leader's variables: each value must be >= 0."""
     scenario = problem.scenario
     x = ca.vertsplit(z)
-    waiting = iter(slots)
+    remaining = iter(slots)
     values: list[ca.SX] = []
+    # Clearance: Eq. 20 for the leader, Eq. 23 for a follower.
     for height in ground:
-        _, _, down = _place(problem, x, next(waiting))
+        _, _, down = _place(problem, x, next(remaining))
         values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
+    # No-fly zones: Eq. 21 for the leader, Eq. 24 for a follower.
     zones = zone_pieces(problem)
     for number, (_, piece) in enumerate(zones):
         for _ in range(near_zone):
-            slot = next(waiting)
+            slot = next(remaining)
             offset_north, offset_east, _ = _place(problem, x, slot)
             north, east = x[0] + offset_north - slot[MOVED][0], x[1] + offset_east - slot[MOVED][1]
             if number < len(zones) - problem.spare_disks:
                 values.append(_outside(piece, north, east))
             else:
                 values.append((north**2 + east**2 - slot[RADIUS] ** 2) / (2.0 * slot[RADIUS]))
-    for slot in waiting:
+    for slot in remaining:
         values += _own_motion(problem, z, motion, slot)
     if problem.follows_course:
         lateral, ahead = speed_across_and_along(problem, x)
@@ -168,7 +170,7 @@ def _path(
 
 
 def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
-    """How far outside, smoothly, and nowhere more than it is: Eq. 21 squared, or a rounded largest edge distance."""
+    """Smooth distance outside, never more than the true one: Eq. 21 squared, or the rounded largest edge distance."""
     if isinstance(piece, Disk):
         squared = (north - piece.centre_m[0]) ** 2 + (east - piece.centre_m[1]) ** 2
         return (squared - piece.radius_m**2) / (2.0 * piece.radius_m)
@@ -184,7 +186,7 @@ def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
 
 
 def _zone_names(problem: Problem) -> list[str]:
-    """What every piece of a zone is called."""
+    """The name of each piece of each zone."""
     names = []
     for number, zone in enumerate(problem.scenario.no_fly, start=1):
         count = len(pieces(zone))
@@ -208,7 +210,7 @@ def _moving_names(problem: Problem) -> tuple[str, ...]:
 
 
 def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[ca.SX]:
-    """Turning (Eq. 25), acceleration, and, where the shape is not known before, the box and the speeds of Eq. 51."""
+    """Turning radius (Eq. 18; Eq. 25 of a follower), acceleration and, with coordinates, the limits of Eq. 51."""
     scenario = problem.scenario
     place, speed, acceleration = _motion_of(problem, z, slot)
     v = z[3:6] + speed
@@ -230,7 +232,7 @@ def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[
 
 
 def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """A watched vehicle's offset, and its first two derivatives by the chain rule."""
+    """The offset of an active vehicle, and its first two derivatives by the chain rule."""
     base, rate, acceleration = slot[0:3], slot[3:6], slot[6:9]
     if not problem.coordinates:
         return base, rate, acceleration

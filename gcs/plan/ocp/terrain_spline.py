@@ -1,7 +1,6 @@
-"""The envelope of a relief as a CasADi function.
+"""The smooth envelope of a height map as a CasADi function: a B-spline, which takes MX symbols only.
 
-Knows: B-splines in CasADi, and that they are symbols of another kind (MX) than formulas (SX). Does not know: how the
-envelope was made (`gcs.scenario.environment.heightmap`), who is over it.
+`gcs.scenario.environment.heightmap` makes the envelope.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ _DEGREE = 3
 
 
 def spline(envelope: Envelope) -> ca.Function:
-    """Places (2, K), north and east in m -> heights (1, K) in m; beyond its table the envelope goes on level."""
+    """The function places (2, K), north and east in m -> heights (1, K) in m; constant beyond the edge of its table."""
     count = envelope.coefficients_m.shape
-    # In units of the step coefficient i stands at i, and its basis function reaches from i - 2 to i + 2.
+    # In units of the step, coefficient i is at i, and its basis function reaches from i - 2 to i + 2.
     knots = [(np.arange(n + _DEGREE + 1) - 2.0).tolist() for n in count]
     coefficients = envelope.coefficients_m.ravel(order="F").tolist()
     surface = ca.Function.bspline("surface", knots, coefficients, [_DEGREE, _DEGREE], 1)

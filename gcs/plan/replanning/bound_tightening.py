@@ -1,7 +1,6 @@
-"""A program asked for a little more where its last solution broke something between the nodes.
+"""A program with tighter bounds beside each violation that its last solution had between the nodes.
 
-Knows: which bounds stand beside an instant, and which of them a broken constraint means. Does not know: how a program
-is solved. The program keeps its structure: only bounds change, which costs nothing but a few iterations.
+Only bounds change. The structure of the program stays, so the next solve takes a few iterations.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from gcs.plan.nlp.transcription import Program
 from gcs.plan.nlp.violations import Violation
 from gcs.plan.trajectory.trajectory import Trajectory
 
-_SPARE = 1.25  # times what was missing: the polynomial between two nodes moves less than they do
+_EXCESS = 1.25  # times the violation: the polynomial between two nodes changes less than the nodes do
 _STATES = {
     **{"north position": 0, "east position": 1, "height": 2},
     **{"north speed": 3, "east speed": 4, "vertical speed": 5},
@@ -28,8 +27,8 @@ _PATHS = {
 }
 
 
-def tightened(program: Program, trajectory: Trajectory, misses: tuple[Violation, ...]) -> Program:
-    """The same program with bounds drawn in at the nodes and joints beside every miss."""
+def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violation, ...]) -> Program:
+    """The same program with tighter bounds at the nodes and joints beside each violation."""
     y_low, y_high, g_low = program.y_low.copy(), program.y_high.copy(), program.g_low.copy()
     layout = program.layout
     points = layout.point_times_s()
@@ -37,25 +36,29 @@ def tightened(program: Program, trajectory: Trajectory, misses: tuple[Violation,
     nodes = layout.node_times_s()
     rows = layout.nx * (layout.nodes + layout.mesh.intervals)
     per_node = (len(g_low) - rows) // len(nodes)
-    for miss in misses:
-        if miss.name in _STATES:
-            component = _STATES[miss.name]
-            above = bool(trajectory.state(miss.t_s)[component] > 0.0) if component != 2 else None
-            for point in order[_beside(points[order], miss.t_s)]:
+    for violation in violations:
+        if violation.name in _STATES:
+            component = _STATES[violation.name]
+            above = bool(trajectory.state(violation.t_s)[component] > 0.0) if component != 2 else None
+            for point in order[_beside(points[order], violation.t_s)]:
                 at = layout.nx * int(point) + component
-                by = min(_SPARE * miss.by_si / program.unit[at], 0.4 * (y_high[at] - y_low[at]))
+                by = min(_EXCESS * violation.by_si / program.unit[at], 0.4 * (y_high[at] - y_low[at]))
                 if above is not False:
                     y_high[at] -= by
                 if above is not True:
                     y_low[at] += by
         else:
-            wanted = _PATHS.get(miss.name, f"{miss.name} for")
-            by = _SPARE * (miss.by_si if miss.name not in ("turning load factor", "acceleration") else 2 * miss.share)
-            for node in _beside(nodes, miss.t_s):
+            prefix = _PATHS.get(violation.name, f"{violation.name} for")
+            by = _EXCESS * (
+                violation.by_si
+                if violation.name not in ("turning load factor", "acceleration")
+                else 2 * violation.share
+            )
+            for node in _beside(nodes, violation.t_s):
                 first = rows + per_node * int(node)
                 for at in range(first, first + per_node):
                     name = program.g_names[at][0]
-                    if name.startswith((wanted, f"{miss.name}, part")) and np.isfinite(g_low[at]):
+                    if name.startswith((prefix, f"{violation.name}, part")) and np.isfinite(g_low[at]):
                         g_low[at] += by
     return replace(program, y_low=y_low, y_high=y_high, g_low=g_low)
 

@@ -1,8 +1,7 @@
 """One nonlinear program for any start, any time and any lengths of its intervals: built once, solved often.
 
-Knows: which numbers of a program change with these, and makes them parameters of its functions: lengths of intervals,
-shares of the cost, where followers are, where spare no-fly disks are and how large. Bounds and guesses are arguments of
-a solve anyway. Does not know: where a guess comes from, what becomes of a solution.
+Its parameters are the lengths of intervals, the shares of the cost, the followers' offsets, and the positions and radii
+of spare no-fly disks. Bounds and guesses are arguments of each solve.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from scipy import sparse
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.transcription import Constants, Program, assemble, dm, framed, scales
+from gcs.plan.nlp.transcription import Constants, Program, assemble, bounded_program, dm, scales
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
@@ -25,14 +24,14 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 
-# Kept from the edge of a new disk at the nodes, whose way round is not known to be smooth.
+# Distance from the edge of a new disk at the nodes: the path around it may not be smooth.
 NEW_RESERVE_M = 0.5
-# From a solution near by: its multipliers say which constraints bind; where new ones do, mu has to grow again.
+# From a nearby solution: its multipliers show the active constraints. Where new ones become active, mu has to grow.
 _NEAR = 1e-5
 _AGAIN = {
     **{key: _NEAR if isinstance(value, float) else value for key, value in WARM_OPTIONS.items()},
     "ipopt.mu_strategy": "adaptive",
-    "ipopt.tol": 1e-5,  # of 100 m, or of the objective; what is broken is less than a tenth of that
+    "ipopt.tol": 1e-5,  # of 100 m, or of the objective; violations are less than a tenth of that
     "ipopt.constr_viol_tol": 1e-6,
     "ipopt.max_iter": 40,
 }
@@ -41,30 +40,30 @@ _AFRESH = {"ipopt.mu_strategy": "adaptive", "ipopt.max_iter": 100}
 
 @dataclass(frozen=True)
 class ParametricNlp:
-    """The functions of a program of M intervals, and IPOPT on them."""
+    """The functions of a program of M intervals, and IPOPT for them."""
 
-    whole: Problem  # the first flight: its limits, terrain, zones, and what its cost is measured by
-    waiting: tuple[NoFlyZone, ...]  # disks out of everybody's way
+    whole: Problem  # the first flight: its limits, terrain, zones and references of the cost
+    unused: tuple[NoFlyZone, ...]  # disks far from all vehicles
     intervals: int
     degree: int
     weight_s: float  # integral of Q over the whole flight
     nlp: ca.Function
     derivatives: dict[str, ca.Function]
-    again: ca.Function  # IPOPT from a solution near by, with its multipliers
+    again: ca.Function  # IPOPT from a nearby solution, with its multipliers
     afresh: ca.Function  # IPOPT from any guess
 
     def program(self, problem: Problem, mesh: Mesh, last: Trajectory) -> Program:
-        """The numbers of one flight whose zones are those of the first and some new disks; leader near `last`."""
+        """The program of one flight, with the zones of the first flight and new disks; `last` is near its solution."""
         layout = VariableLayout(mesh)
         times = layout.node_times_s()
         known = len(self.whole.scenario.no_fly)
         used = len(problem.scenario.no_fly) - known
-        zones = (*problem.scenario.no_fly, *self.waiting[used:])
-        problem = replace(problem, scenario=with_zones(problem.scenario, zones), spare_disks=len(self.waiting))
+        zones = (*problem.scenario.no_fly, *self.unused[used:])
+        problem = replace(problem, scenario=with_zones(problem.scenario, zones), spare_disks=len(self.unused))
         chosen = active_vehicles(problem, times, last.state(times))
         slots = chosen.parameters.reshape(len(times), -1, SLOT)
         free = np.zeros((len(times), len(stage_functions.path_names(problem, chosen)[0])), dtype=bool)
-        first = chosen.ground.shape[1] + sum(rows.shape[1] for rows in chosen.zones[: -len(self.waiting) or None])
+        first = chosen.ground.shape[1] + sum(rows.shape[1] for rows in chosen.zones[: -len(self.unused) or None])
         for number, zone in enumerate(zones[known:]):
             rows = slice(first, first + chosen.zones[-1].shape[1])
             slots[:, rows, MOVED] += np.array([zone.north_m, zone.east_m], dtype=np.float64)
@@ -76,15 +75,16 @@ class ParametricNlp:
         quadrature, weight = layout.quadrature(), _weight(self.whole, times)
         shares = np.vstack([quadrature / self.whole.duration_s, quadrature * weight / self.weight_s])
         parameters = np.concatenate([lengths, shares.ravel(order="F"), slots.ravel()])
-        return framed(problem, layout, chosen, self.nlp, self.derivatives, parameters, free)
+        functions = self.nlp, self.derivatives
+        return bounded_program(problem, layout, chosen, functions, parameters=parameters, unused=free)
 
 
 def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNlp:
-    """Build the program for as many intervals as `mesh` has, all of one degree."""
+    """The program for as many intervals as `mesh` has, all of one degree."""
     (degree,) = set(mesh.degrees)
     layout = VariableLayout(Mesh(np.arange(mesh.intervals + 1.0), mesh.degrees))
-    waiting = (_out_of_the_way(whole.scenario),) * spare_disks
-    zones = (*whole.scenario.no_fly, *waiting)
+    unused = (_far_away(whole.scenario),) * spare_disks
+    zones = (*whole.scenario.no_fly, *unused)
     problem = replace(whole, scenario=with_zones(whole.scenario, zones), spare_disks=spare_disks)
     real = VariableLayout(mesh)
     chosen = active_vehicles(problem, real.node_times_s(), np.zeros((real.nodes, layout.nx)))
@@ -100,7 +100,7 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
         stage_functions.functions(problem, *counts),
         Constants(
             nodes=nodes,
-            watched=0,
+            extra=0,
             sampling=dm(sampling @ sparse.diags(unit)),
             offset=ca.DM(sampling @ shift),
             a=dm(row_unit @ a @ sparse.diags(unit)),
@@ -115,7 +115,7 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
     )
     weight_s = float(real.quadrature() @ _weight(whole, real.node_times_s()))
     again, afresh = (solver(nlp, derivatives, {**OPTIONS, **options}) for options in (_AGAIN, _AFRESH))
-    return ParametricNlp(whole, waiting, mesh.intervals, degree, weight_s, nlp, derivatives, again, afresh)
+    return ParametricNlp(whole, unused, mesh.intervals, degree, weight_s, nlp, derivatives, again, afresh)
 
 
 def with_zones(scenario: Scenario, zones: tuple[NoFlyZone, ...]) -> Scenario:
@@ -127,6 +127,6 @@ def _weight(whole: Problem, times_s: Array) -> Array:
     return TERMINAL_WEIGHTS[whole.objective.terminal_weight](times_s, whole.end_s)
 
 
-def _out_of_the_way(scenario: Scenario) -> NoFlyZone:
+def _far_away(scenario: Scenario) -> NoFlyZone:
     limits = scenario.limits
     return NoFlyZone(north_m=limits.north_m[1] + 1000.0, east_m=limits.east_m[1] + 1000.0, radius_m=100.0)

@@ -1,7 +1,4 @@
-"""What is left of a plan: parts of its polynomials, and a plan that begins in the air and ends as the old one does.
-
-Knows: plans, polynomials cut at any instant. Does not know: why a plan is cut, how a flight is optimised.
-"""
+"""The rest of a plan: parts of its polynomials, and a plan that begins in the air and ends as the old one does."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 
 
-def flown_part(trajectory: Trajectory, start_s: float, end_s: float) -> Trajectory:
+def trajectory_part(trajectory: Trajectory, start_s: float, end_s: float) -> Trajectory:
     """The trajectory from one instant to another."""
     return Trajectory(_part(trajectory.state, start_s, end_s), _part(trajectory.control, start_s, end_s))
 
@@ -38,7 +35,7 @@ def _part(polynomials: PPoly, start_s: float, end_s: float) -> PPoly:
 
 
 def _moved(coefficients: Array, by: float) -> Array:
-    """A polynomial (K+1, ...), highest power first, seen from `by` later: Horner's scheme, again and again."""
+    """The polynomial (K+1, ...), highest power first, with its origin `by` later (repeated Horner's scheme)."""
     moved = coefficients.copy()
     for end in range(len(moved), 1, -1):
         for power in range(1, end):
@@ -46,20 +43,21 @@ def _moved(coefficients: Array, by: float) -> Array:
     return moved
 
 
-def begun_in_flight(
+def plan_from_flight(
     plan: Plan,
     problem: Problem,
-    flown: Trajectory,
+    trajectory: Trajectory,
+    *,
     objective: float,
     history: tuple[MeshRound, ...],
     timings_s: dict[str, float],
 ) -> Plan:
-    """The flight that `problem` asked for, and the old plan's hover and landing after it."""
+    """The plan of a trajectory that solves `problem`, and of the old plan's hover and landing after it."""
     end_s = plan.phase("mission").end_s
-    after = flown_part(plan.leader_trajectory, end_s, plan.t_end_s)
+    after = trajectory_part(plan.leader_trajectory, end_s, plan.t_end_s)
     return Plan(
-        _settled(problem.scenario, plan),
-        joined([flown, after]),
+        _with_times_of_gates(problem.scenario, plan),
+        joined([trajectory, after]),
         joined_shapes([problem.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
         (Phase("mission", problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
         objective,
@@ -71,8 +69,8 @@ def begun_in_flight(
     )
 
 
-def _settled(scenario: Scenario, plan: Plan) -> Scenario:
-    """Changes at gates begin when they were planned to: the way through a gate may be another now."""
+def _with_times_of_gates(scenario: Scenario, plan: Plan) -> Scenario:
+    """The scenario with changes at gates begun at their planned times: the track through a gate may differ now."""
     starts = iter(move.start_s for move in plan.moves if move.trigger != "auto")
     changes = []
     for change in scenario.formation.change:

@@ -1,9 +1,8 @@
-"""A plan that changes in flight: from any state, at any time of the mission, round disks that nobody knew of.
+"""Re-planning in flight: from any state, at any time of the mission, around new no-fly disks.
 
-Knows: programs that are built once for a plan, what of the plan stays as it is, and how a new one is put together from
-both. Does not know: where a state comes from, whether the new plan may be flown (the verifier does).
-The state is the leader's, because he carries the formation; followers that are off their places come back to them as
-they do from any disturbance. The shape keeps its schedule: what had been chosen to change, changes when it was to.
+Programs are built once for a plan and solved for each re-plan. The state is the leader's, because the formation is
+defined by it; followers return to their offsets as after any disturbance. The shape keeps its schedule. The verifier
+decides whether the new plan may be flown.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.replanning.bound_tightening import tightened
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, with_zones
-from gcs.plan.replanning.remaining_plan import begun_in_flight, flown_part, shape_part
+from gcs.plan.replanning.remaining_plan import plan_from_flight, shape_part, trajectory_part
 from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
@@ -38,21 +37,24 @@ from gcs.plan.verification.margins import box, clearance, height, no_fly, state_
 from gcs.scenario.schema.scenario import NoFlyZone
 
 SPARE_DISKS = 2
-LEAST_S = 5.0  # left of the mission: less is flown as it was planned
-_RUNGS = (1.4, 1.0, 0.7, 0.45, 0.3)  # shares of the intervals that the whole flight takes
+LEAST_S = 5.0  # least remaining time of the mission for a re-plan
+_MESHES = (1.4, 1.0, 0.7, 0.45, 0.3)  # numbers of intervals, as shares of that of the whole flight
 _FEWEST = 8
 _ROUNDS = 5
-# Kept at the nodes from what the first plan only just held, so that a second solve is seldom needed.
+# Reserves at the nodes to limits at which the first plan is active: then a second solve is seldom needed.
 CLEARANCE_RESERVE_M, ZONE_RESERVE_M, RATE_RESERVE = 0.06, 0.01, 0.04
 
 
 class Replanner:
-    """Re-plans one plan as often as asked. Building takes about a second, and nothing is built afterwards."""
+    """Re-plans one plan any number of times. Building its programs takes about a second; re-plans build nothing."""
 
     def __init__(
         self, plan: Plan, *, spare_disks: int = SPARE_DISKS, extra_objectives: tuple[ObjectiveTerm, ...] = ()
     ) -> None:
-        """Build the programs and solve the plan once more, for its multipliers. Raises PlanningError if that fails."""
+        """Build the programs, and solve the plan once for its multipliers. Raises PlanningError where that fails.
+
+        `extra_objectives` are those of `make_plan`.
+        """
         self.plan = plan
         self.spare_disks = spare_disks
         mission = plan.phase("mission")
@@ -65,16 +67,16 @@ class Replanner:
         )
         self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, CLEARANCE_RESERVE_M))
         most = end_refined(mission.start_s, mission.end_s, LONGEST_S, SHORTEST_S, DEGREE).intervals
-        counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _RUNGS})
-        self._rungs = {count: self._built(count) for count in counts}
-        self._old, self._prices = self._solved_once(self._rungs[counts[-1]])
+        counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _MESHES})
+        self._programs = {count: self._built(count) for count in counts}
+        self._old, self._multipliers = self._solved_once(self._programs[counts[-1]])
 
     def _built(self, count: int) -> ParametricNlp:
         mesh = counted(self._whole.start_s, self._whole.end_s, count, SHORTEST_S, DEGREE)
         return parametric_nlp(self._whole, mesh, self.spare_disks)
 
     def _solved_once(self, first: ParametricNlp) -> tuple[Trajectory, Multipliers]:
-        planned = flown_part(self.plan.leader_trajectory, self._whole.start_s, self._whole.end_s)
+        planned = trajectory_part(self.plan.leader_trajectory, self._whole.start_s, self._whole.end_s)
         mesh = counted(self._whole.start_s, self._whole.end_s, first.intervals, SHORTEST_S, DEGREE)
         program = first.program(self._whole, mesh, planned)
         solution = run(first.afresh, program, {"x0": program.scaled(planned)})
@@ -89,8 +91,8 @@ class Replanner:
     ) -> Plan:
         """The plan from the leader's `state` (12,), or the fleet's (V, 12), SI and NED, at `t_s`, to the ground.
 
-        `zones` are new disks, at most as many as there are spare ones. The result is not verified. Raises UsageError
-        for a time or state that nobody can plan from, Infeasible with the reason, PlanningError.
+        `zones` are new disks, at most `spare_disks` of them. The result is not verified. Raises UsageError for a time
+        outside the mission or an invalid state, Infeasible with the reason, PlanningError.
         """
         began = time.perf_counter()
         leader = self._leader(state)
@@ -105,20 +107,22 @@ class Replanner:
                 failures.append(failure)
                 continue
             took = {"re-plan": time.perf_counter() - began}
-            return begun_in_flight(self.plan, problem, flown, objective, tuple(history), took)
+            return plan_from_flight(
+                self.plan, problem, flown, objective=objective, history=tuple(history), timings_s=took
+            )
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
 
     def _guesses(
         self, problem: Problem, zones: tuple[NoFlyZone, ...]
     ) -> Iterator[tuple[Trajectory, Multipliers | None]]:
-        """The old way with a detour, on every side; then ways that a search finds in the whole map.
+        """Guesses: the old trajectory with a detour on each side of new disks; then routes through the whole map.
 
         Raises Infeasible where the map has none.
         """
-        for way in detours(problem, self._old, zones):
-            yield way, self._prices
+        for guess in detours(problem, self._old, zones):
+            yield guess, self._multipliers
         routes = find_routes(problem, survey(problem))
-        _refuse_too_long(problem, routes[0])
+        _check_length(problem, routes[0])
         for route in routes:
             yield along(problem, route), None
 
@@ -133,7 +137,7 @@ class Replanner:
         leader = state if state.ndim == 1 else state[self.plan.leader]
         if not np.isfinite(leader).all():
             raise UsageError(
-                "the leader's state has numbers that are not finite", hint="wait for an estimate of all 12"
+                "the leader's state has numbers that are not finite", hint="wait until all 12 numbers are estimated"
             )
         return leader
 
@@ -141,14 +145,14 @@ class Replanner:
         mission = self.plan.phase("mission")
         if not mission.start_s <= t_s <= mission.end_s - LEAST_S:
             raise UsageError(
-                f"t = {t_s:g} s is not within the mission, {mission.start_s:g} s to {mission.end_s:g} s, with "
-                f"{LEAST_S:g} s left",
-                hint="before and after it the vehicles go straight up and down, and run up, as planned",
+                f"t = {t_s:g} s is not within the mission: a re-plan may begin from {mission.start_s:g} s to "
+                f"{mission.end_s - LEAST_S:g} s",
+                hint="give a time within it; take-off, run-up and landing are flown as planned",
             )
         if len(zones) > self.spare_disks or any(zone.radius_m is None for zone in zones):
             raise UsageError(
-                f"{len(zones)} new zones, but there is room for {self.spare_disks}, and only for disks",
-                hint="put disks around them, or plan anew with `gcs plan`",
+                f"{len(zones)} new zones given; there is room for {self.spare_disks}, and only for disks",
+                hint="put disks around the zones, or plan again with `gcs plan`",
             )
         scenario = self.plan.scenario
         return replace(
@@ -163,13 +167,13 @@ class Replanner:
         self, problem: Problem, trajectory: Trajectory, known: Multipliers | None, on_round: Callable[[MeshRound], None]
     ) -> tuple[Trajectory, float, list[MeshRound]]:
         history: list[MeshRound] = []
-        for rung, mesh in self._meshes(problem):
-            program = _with_reserves(rung.program(problem, mesh, trajectory))
+        for parametric, mesh in self._meshes(problem):
+            program = _with_reserves(parametric.program(problem, mesh, trajectory))
             start = {"x0": program.scaled(trajectory)}
             if known is not None:
                 start["lam_x0"], start["lam_g0"] = known.on(program)
             for _ in range(_ROUNDS):
-                solution = run(rung.again if "lam_x0" in start else rung.afresh, program, start)
+                solution = run(parametric.again if "lam_x0" in start else parametric.afresh, program, start)
                 trajectory = program.trajectory(solution.y)
                 missed = find_violations(problem, trajectory, problem.shape)
                 drift = () if missed else drifting_intervals(problem, trajectory, problem.shape, quick=True)[1]
@@ -184,42 +188,45 @@ class Replanner:
                 start = {"x0": np.clip(solution.y, program.y_low, program.y_high), "lam_x0": solution.y_multipliers}
                 start["lam_g0"] = np.array(list(solution.g_multipliers.values()))
         raise PlanningError(
-            f"no plan: on the finest mesh there is still {'; '.join(history[-1].complaints)}",
-            hint="plan anew with `gcs plan`, or try from a later state",
+            f"no plan: the finest mesh was not enough: {'; '.join(history[-1].complaints)}",
+            hint="plan again with `gcs plan`, or re-plan from a later state",
         )
 
     def _meshes(self, problem: Problem) -> list[tuple[ParametricNlp, Mesh]]:
         """The coarsest mesh whose intervals are short enough, and the finest, with shorter ones at the ends."""
         start_s, end_s = problem.start_s, problem.end_s
-        meshes = [(rung, counted(start_s, end_s, count, SHORTEST_S, DEGREE)) for count, rung in self._rungs.items()]
+        meshes = [
+            (built, counted(start_s, end_s, count, SHORTEST_S, DEGREE)) for count, built in self._programs.items()
+        ]
         enough = [pair for pair in meshes[:-1] if np.diff(pair[1].joints_s).max() <= 1.01 * LONGEST_S]
-        finest = self._rungs[meshes[-1][0].intervals]
+        finest = self._programs[meshes[-1][0].intervals]
         finer = finest, counted(start_s, end_s, finest.intervals, 0.5 * SHORTEST_S, DEGREE)
         return [*enough[:1], finer]
 
 
-def _refuse_too_long(problem: Problem, route: Route) -> None:
-    """Raises Infeasible where even the shortest way is longer than the speed limits allow."""
+def _check_length(problem: Problem, route: Route) -> None:
+    """Raises Infeasible where the shortest route is longer than the speed limits allow."""
     speed_mps = float(np.hypot(*problem.state_high[3:5]))
-    if route.length_m > GRID_EXCESS * speed_mps * problem.duration_s:
+    reach_m = speed_mps * problem.duration_s
+    if route.length_m > GRID_EXCESS * reach_m:
         raise Infeasible(
-            f"no plan from t = {problem.start_s:g} s: the shortest way is {route.length_m:.0f} m long, and "
-            f"{problem.duration_s:.0f} s are left, for {speed_mps:.1f} m/s at most",
-            hint="land, return or hold (`gcs attach`): the old plan is what it was",
+            f"no plan from t = {problem.start_s:g} s: the shortest route is {route.length_m:.0f} m long, "
+            f"and at {speed_mps:.1f} m/s at most the remaining {problem.duration_s:.0f} s allow {reach_m:.0f} m",
+            hint="land, return or hold (`gcs attach`); the old plan has not changed",
         )
 
 
 def _in_words(problem: Problem, failure: PlanningError) -> PlanningError:
-    """The optimiser's reason, and what can be done about it in flight."""
+    """The optimiser's message, with what the operator can do in flight."""
     return type(failure)(
-        f"no plan from t = {problem.start_s:g} s in the {problem.duration_s:.0f} s that are left: "
+        f"no plan from t = {problem.start_s:g} s in the remaining {problem.duration_s:.0f} s: "
         + failure.message.removeprefix("no plan: "),
-        hint="land, return or hold (`gcs attach`): the old plan is what it was",
+        hint="land, return or hold (`gcs attach`); the old plan has not changed",
     )
 
 
 def _with_reserves(program: Program) -> Program:
-    """A little less of what the verifier allows: zones, and rates after the start."""
+    """The program with reserves to the verifier's limits: for no-fly zones, and for rates after the start."""
     layout = program.layout
     y_low, y_high, g_low = program.y_low.copy(), program.y_high.copy(), program.g_low.copy()
     rates = (np.arange(1, layout.state_points)[:, None] * layout.nx + np.arange(9, 12)).ravel()
@@ -239,7 +246,7 @@ def _round(program: Program, solution: Solution, found: tuple[str, ...]) -> Mesh
 
 
 def _check_start(problem: Problem) -> None:
-    """Raises Infeasible where the flight would begin outside of what is allowed."""
+    """Raises Infeasible where the first state violates a limit."""
     scenario = problem.scenario
     leader = problem.start_state[None, None]
     places = problem.start_state[POSITION] + problem.shape.at(problem.start_s)[:, None]
@@ -249,9 +256,9 @@ def _check_start(problem: Problem) -> None:
     for margin in found:
         if margin.value.min() < 0.0:
             vehicle = int(margin.value.min(axis=1).argmin())
-            who = f" for vehicle {scenario.formation.sysids[vehicle]}" if len(margin.value) > 1 else ""
+            of_vehicle = f" for vehicle {scenario.formation.sysids[vehicle]}" if len(margin.value) > 1 else ""
             raise Infeasible(
-                f"no plan: the state at t = {problem.start_s:g} s breaks {margin.name}{who} by "
+                f"no plan: the state at t = {problem.start_s:g} s violates {margin.name}{of_vehicle} by "
                 f"{-margin.value.min():.3g} {margin.unit}",
-                hint="bring the formation back inside first (hold or return), then plan again",
+                hint="bring the formation back within its limits (hold or return), then re-plan",
             )

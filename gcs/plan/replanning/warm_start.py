@@ -1,7 +1,7 @@
-"""What constraints cost, as functions of time: multipliers of one mesh for another.
+"""Multipliers as functions of time: those of one mesh, interpolated to another, for a warm start.
 
-Knows: that a row of collocation weighs the costate at its node (covector mapping of the Gauss method), that other
-multipliers are densities. Does not know: solvers.
+A row of collocation weights the costate at its node (covector mapping of the Gauss method); other multipliers are
+densities over time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Multipliers:
     t_s: Array  # (N + M,) nodes and joints after the first
     costate: Array  # (N + M, nx)
     node_s: Array  # (N,)
-    path: dict[str, Array]  # (N,) of every row that there is somewhere, per second
+    path: dict[str, Array]  # (N,) of each row of the path, by name, per second
     point_s: Array  # (S,) state points in order of time
     state: Array  # (S, nx), per second
     control_s: Array  # (C,)
@@ -53,7 +53,7 @@ class Multipliers:
 
 
 def multipliers(program: Program, solution: Solution) -> Multipliers:
-    """Multipliers of a solution without watched instants."""
+    """The multipliers of a solution on a mesh without extra instants."""
     layout = program.layout
     nx, nu, mesh = layout.nx, layout.nu, layout.mesh
     g = np.array(list(solution.g_multipliers.values()))
@@ -100,7 +100,7 @@ def _at(times_s: Array, known_s: Array, values: Array) -> Array:
 
 
 def _spans(times_s: Array) -> Array:
-    """How much time (N,) each of the instants (N,) stands for."""
+    """The time (N,) that each of the instants (N,) represents."""
     order = np.argsort(times_s)
     edges = np.concatenate([times_s[order][:1], 0.5 * (times_s[order][1:] + times_s[order][:-1]), times_s[order][-1:]])
     spans = np.empty(len(times_s))

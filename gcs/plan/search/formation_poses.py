@@ -1,8 +1,7 @@
-"""Poses: what the formation may look like at a place, before anybody knows when it will be there.
+"""Poses: the shapes that the formation may have at a place, on a coarse grid of its coordinates.
 
-Knows: the shapes of the schedule, a coarse grid of the coordinates, and a few vehicles that stand for all. Does not
-know: dynamics, solvers. Routes are looked for with the best pose everywhere, and the first guess takes the mildest one
-that passes.
+They do not depend on time. The search for routes uses the best pose at every place; the initial guess uses the cheapest
+one that is feasible there. A few representative vehicles stand for the whole formation.
 """
 
 from __future__ import annotations
@@ -21,26 +20,26 @@ from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_envelope_m
 
-STANDING_FOR_ALL = 24
+REPRESENTATIVES = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}
-_HEADINGS = 8  # of a formation that turns with its course
+_HEADINGS = 8  # of a formation that turns with the leader's course
 
 
 @dataclass(frozen=True)
 class Pose:
-    """One look of the formation."""
+    """One shape of the formation."""
 
     values: dict[Name, float]
-    offsets_ned_m: Array  # (R, 3) of those that stand for all
-    cost: float  # of flying like that, per share of the flight
+    offsets_ned_m: Array  # (R, 3) of the representatives
+    cost: float  # cost rate of this pose
 
 
 def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
-    """Every pose, the mildest first: at one instant, or for all shapes of the schedule."""
+    """All poses, the cheapest first: at one instant, or of all shapes of the schedule."""
     bases = stops_ned_m(problem.scenario) if t_s is None else (problem.shape.at(t_s),)
     made = []
     for base in bases:
-        rows = standing_for_all(base)
+        rows = representatives(base)
         for values in itertools.product(*(_grid(c) for c in problem.coordinates)):
             chosen: dict[Name, float] = {c.name: v for c, v in zip(problem.coordinates, values, strict=True)}
             cost = sum(departure_cost(c, v) for c, v in zip(problem.coordinates, values, strict=True))
@@ -49,14 +48,14 @@ def poses(problem: Problem, t_s: float | None = None) -> list[Pose]:
     return sorted(made, key=lambda pose: pose.cost)
 
 
-def standing_for_all(offsets_ned_m: Array) -> Rows:
-    """Rows of at most STANDING_FOR_ALL vehicles spread over the shape: each the farthest from those before it."""
+def representatives(offsets_ned_m: Array) -> Rows:
+    """Rows of at most REPRESENTATIVES vehicles spread over the shape: each is the farthest from those before it."""
     count = len(offsets_ned_m)
-    if count <= STANDING_FOR_ALL:
+    if count <= REPRESENTATIVES:
         return np.arange(count)
     rows = [int(np.linalg.norm(offsets_ned_m, axis=1).argmin())]
     distance = np.full(count, np.inf)
-    while len(rows) < STANDING_FOR_ALL:
+    while len(rows) < REPRESENTATIVES:
         distance = np.minimum(distance, np.linalg.norm(offsets_ned_m - offsets_ned_m[rows[-1]], axis=1))
         rows.append(int(distance.argmax()))
     return np.array(rows)
@@ -77,7 +76,7 @@ def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Arra
 
 
 def _passed_s(problem: Problem, north_m: Array, east_m: Array) -> Array:
-    """When the leader passes places (...) at constant speed, as far as anybody knows before there is a way."""
+    """Times (...) at which the leader passes places (...), estimated at constant speed before there is a route."""
     to_m = np.hypot(north_m - problem.start_state[0], east_m - problem.start_state[1])
     from_m = np.hypot(north_m - problem.end_state[0], east_m - problem.end_state[1])
     return np.asarray(problem.start_s + problem.duration_s * to_m / np.maximum(to_m + from_m, 1e-9))

@@ -1,7 +1,4 @@
-"""Why there is no plan, with the number that would make one.
-
-Knows: lower bounds, and how to ask the optimiser about other times of flight. Does not know: meshes, commands.
-"""
+"""Why a scenario has no plan, with the time of flight that would make it feasible."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ _LONGER = (1.01, 1.03, 1.07, 1.15, 1.3, 1.6, 2.0)
 
 
 def check_time(problem: Problem) -> None:
-    """Raises Infeasible when even the speed limits alone need more time than there is."""
+    """Raises Infeasible when the straight flight at the speed limits needs more time than there is."""
     times = _least_times_s(problem)
     latest_s = problem.duration_s if problem.free_time is None else problem.free_time.latest_s
     axis = int(np.argmax(times))
@@ -31,13 +28,13 @@ def check_time(problem: Problem) -> None:
     limit = problem.state_high[VELOCITY][axis]
     raise Infeasible(
         f"no plan: {latest_s:g} s are too short; {_AXES[axis]} alone needs t_f ≥ {np.ceil(times[axis]):g} s "
-        f"at |v| ≤ {limit:g} m/s, and starting and stopping some more",
+        f"at |v| ≤ {limit:g} m/s, and more to start and stop",
         hint=f"set [time] flight_s to {np.ceil(1.05 * times[axis]):g}, or raise [limits] speed_ned_mps",
     )
 
 
 def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningError]) -> PlanningError:
-    """The most telling of several failures; with the time of flight that would do, where more time is what it takes."""
+    """The most specific of several failures, with the time of flight that is enough, where more time helps."""
     needed_s = _needed_time_s(problem, route)
     last = next((f for f in failures if isinstance(f, Infeasible)), failures[-1])
     if needed_s is None:
@@ -50,9 +47,9 @@ def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningEr
 
 
 def _needed_time_s(problem: Problem, route: Route) -> float | None:
-    """A time of flight, in whole seconds, that has a plan along this route; None when twice the time has not."""
+    """A time of flight, in whole seconds, with a plan along this route; None where twice the time is not enough."""
     if problem.free_time is not None:
-        return None  # longer ones were looked at
+        return None  # longer times were tried already
     least_s = max(problem.duration_s, float(_least_times_s(problem).max()))
     for factor in _LONGER:
         longer = with_duration(problem, float(np.ceil(least_s * factor)))
@@ -65,7 +62,7 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
 
 
 def with_duration(problem: Problem, duration_s: float) -> Problem:
-    """The same problem with another time of flight; its objective's reference speed follows."""
+    """The same problem with another time of flight, and the reference speed for it."""
     speed = problem.objective.speed_ref_mps * problem.duration_s / duration_s
     end_s = problem.start_s + duration_s
     return replace(
@@ -77,11 +74,11 @@ def with_duration(problem: Problem, duration_s: float) -> Problem:
 
 
 def least_time_s(problem: Problem) -> float:
-    """Time that the speed limits alone need."""
+    """The time that a straight flight at the speed limits needs."""
     return float(_least_times_s(problem).max())
 
 
 def _least_times_s(problem: Problem) -> np.ndarray:
-    """Time (3,) each axis needs at its speed limit."""
-    way = np.abs((problem.end_state - problem.start_state)[POSITION])
-    return np.asarray(way / problem.state_high[VELOCITY])
+    """The time (3,) that each axis needs at its speed limit."""
+    distance_m = np.abs((problem.end_state - problem.start_state)[POSITION])
+    return np.asarray(distance_m / problem.state_high[VELOCITY])

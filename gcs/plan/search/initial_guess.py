@@ -1,7 +1,4 @@
-"""Where the optimiser starts from: a way through the map flown at constant speed, over what lies under it.
-
-Knows: routes and how to turn one into states. Does not know: whether the result can be flown; it need not be.
-"""
+"""The initial guess of the optimiser: a route at constant speed, above the ground below it. It need not be flyable."""
 
 from __future__ import annotations
 
@@ -21,19 +18,19 @@ from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 _POINTS = 201
-_HOPELESS_M = 1e3  # counts for a place that no height makes passable
-_SMOOTHING = 4.0  # points: rounds the corners of a route and the flanks of what it climbs over
+_IMPASSABLE_M = 1e3  # excess height of a place that is infeasible at every height
+_SMOOTHING = 4.0  # points: rounds the corners of a route and the slopes of its heights
 
 
-def straight_way(problem: Problem) -> Route:
-    """The way that ignores the map."""
+def straight_route(problem: Problem) -> Route:
+    """The straight route, whatever is in between."""
     return Route(np.array([problem.start_state[:2], problem.end_state[:2]]), ())
 
 
 def along(problem: Problem, route: Route) -> Trajectory:
-    """Constant speed along a route, level, twice the least clearance above every vehicle's ground.
+    """A flight along a route: constant speed, level attitude, twice the least clearance above all vehicles' ground.
 
-    A shape that moves by itself takes, everywhere, the mildest pose that passes under the ceiling.
+    Coordinates of the shape take, at every place, the cheapest pose that is feasible under the ceiling.
     """
     times = np.linspace(problem.start_s, problem.end_s, _POINTS)
     share = np.linspace(0.0, 1.0, _POINTS)
@@ -41,7 +38,7 @@ def along(problem: Problem, route: Route) -> Trajectory:
     states[:, :2] = _rounded(route.place(share))
     chains = _chains(problem, times, states)
     low, high = leader_state_bounds(problem, times)
-    states[:, 2] = np.minimum(states[:, 2], -lifted_m(problem, times, np.hstack([states, chains])))
+    states[:, 2] = np.minimum(states[:, 2], -height_over_ground_m(problem, times, np.hstack([states, chains])))
     states[:, 2] = np.clip(states[:, 2], low[:, 2], high[:, 2])
     states[:, 3:6] = np.gradient(states[:, :3], times, axis=0)
     states[:, 6:8] = 0.0
@@ -55,7 +52,7 @@ def _chains(problem: Problem, times: Array, states: Array) -> Array:
     """Values and first three derivatives (N, 4 A) of the shape's coordinates."""
     if not problem.coordinates:
         return np.zeros((len(times), 0))
-    values = _headings(problem, states) if problem.follows_course else _mildest(problem, times, states)
+    values = _headings(problem, states) if problem.follows_course else _cheapest(problem, times, states)
     columns = []
     for c, value in enumerate(values.T):
         smooth = gaussian_filter1d(value, _SMOOTHING, mode="nearest")
@@ -68,15 +65,15 @@ def _chains(problem: Problem, times: Array, states: Array) -> Array:
 
 
 def _headings(problem: Problem, states: Array) -> Array:
-    """Heading of the formation along the way (N, A), every other coordinate at rest."""
-    way = np.gradient(states[:, :2], axis=0)
-    turned = np.unwrap(np.arctan2(way[:, 1], way[:, 0]) - problem.course_at_start_rad)
+    """Coordinates (N, A): heading along the route, all others at rest."""
+    step = np.gradient(states[:, :2], axis=0)
+    turned = np.unwrap(np.arctan2(step[:, 1], step[:, 0]) - problem.course_at_start_rad)
     turned -= 2.0 * np.pi * np.round(turned[0] / (2.0 * np.pi))
-    return np.column_stack([turned if c.free_end else np.full(len(way), c.rest) for c in problem.coordinates])
+    return np.column_stack([turned if c.free_end else np.full(len(step), c.rest) for c in problem.coordinates])
 
 
-def _mildest(problem: Problem, times: Array, states: Array) -> Array:
-    """Coordinates (N, A) of the cheapest pose that passes at each place; where none does, of the nearest to it."""
+def _cheapest(problem: Problem, times: Array, states: Array) -> Array:
+    """Coordinates (N, A) of the cheapest pose that is feasible at each place; else of the least infeasible one."""
     values = np.empty((len(times), len(problem.coordinates)))
     ceiling_m = -leader_state_bounds(problem, times)[0][:, 2]
     stretches = np.concatenate([[problem.start_s], [end for _, end in problem.shape.moving_s], [problem.end_s]])
@@ -85,12 +82,12 @@ def _mildest(problem: Problem, times: Array, states: Array) -> Array:
         choices = poses(problem, start)
         north, east = states[inside, 0], states[inside, 1]
         floors = np.array([floor_m(problem, pose.offsets_ned_m, north, east) for pose in choices])
-        excess = np.minimum(np.maximum(floors - ceiling_m[inside], 0.0), _HOPELESS_M)
+        excess = np.minimum(np.maximum(floors - ceiling_m[inside], 0.0), _IMPASSABLE_M)
         price = np.array([pose.cost for pose in choices])[:, None] + excess
         best = price.argmin(axis=0)
         table = np.array([[pose.values[c.name] for c in problem.coordinates] for pose in choices])
         values[inside] = table[best]
-    # Narrow early, widen late: what passes in the gap must have changed before it.
+    # Shrink early and grow late: the shape must have changed before it enters a gap.
     away = np.array([[abs(v - c.rest) for v, c in zip(row, problem.coordinates, strict=True)] for row in values])
     for c in range(values.shape[1]):
         ahead = maximum_filter1d(np.arange(len(times)) * 0.0 + away[:, c], int(4 * _SMOOTHING))
@@ -100,13 +97,13 @@ def _mildest(problem: Problem, times: Array, states: Array) -> Array:
 
 
 def _rounded(points: Array) -> Array:
-    """The way with its corners rounded; its ends stay."""
+    """The route with rounded corners and the same ends."""
     line = np.linspace(points[0], points[-1], len(points))
     return np.asarray(line + gaussian_filter1d(points - line, _SMOOTHING, axis=0, mode="nearest"))
 
 
-def lifted_m(problem: Problem, times: Array, states: Array) -> Array:
-    """Height (N,) of the leader at which every vehicle clears its ground, rising before a flank."""
+def height_over_ground_m(problem: Problem, times: Array, states: Array) -> Array:
+    """Height (N,) of the leader at which all vehicles clear their ground; it rises before a slope begins."""
     scenario = problem.scenario
     places = offsets_at(problem, problem.shape.offsets(times), states)
     ground = ground_envelope_m(scenario.terrain, states[:, 0] + places[..., 0], states[:, 1] + places[..., 1])

@@ -1,7 +1,7 @@
-"""Ways through the map: shortest paths past high ground and no-fly zones, one for each side they can be passed on.
+"""Routes: shortest paths past high ground and no-fly zones, one for each side on which these can be passed.
 
-Knows: where the formation may be at all (ground envelope, ceiling, disks, box) on a grid, and shortest paths on it.
-Does not know: dynamics, time, the optimiser that starts from these paths.
+A grid holds the least height of the leader at each place (ground envelope, no-fly zones, box); Dijkstra's algorithm
+finds paths below the ceiling. The optimiser starts from these routes.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from gcs.plan.search.formation_poses import Pose, floor_m, poses
 CELLS = 120  # along the longer side of the map
 MAX_ROUTES = 4
 _TRIES = 8
-_AVOID = 1.6  # how much dearer the surroundings of a found way become, so that the next one differs
+_AVOID = 1.6  # cost factor near a route that is found, so that the next one differs
 _AVOID_CELLS = 3
-_SAME_WAY = 0.03  # of their length: how far two ways may be apart and still be one
-_INSTANTS = 201  # at which the bounds are asked for
+_SAME_ROUTE = 0.03  # of their length: routes closer than this are the same
+_INSTANTS = 201  # at which bounds are evaluated
 # Steps to the 16 nearest directions: 8 neighbours alone make paths up to 8 % too long.
 _STEPS = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 1]
 
 
 @dataclass(frozen=True)
 class Map:
-    """The leader's possible places: least height (A, B) over each cell, infinite where a disk or the box forbids."""
+    """The leader's feasible places: least height (A, B) in each cell, infinite in a no-fly zone."""
 
     north_m: Array  # (A,)
     east_m: Array  # (B,)
@@ -51,10 +51,10 @@ class Map:
 
 @dataclass(frozen=True)
 class Route:
-    """A way in the plane, pulled taut, and what it has to climb over."""
+    """A route in the plane without needless corners."""
 
     points_m: Array  # (P, 2) north, east
-    sides: tuple[int, ...]  # how it passes each obstacle: full turns about it relative to the straight line
+    sides: tuple[int, ...]  # homotopy class: turns about each obstacle, relative to the straight line
 
     @property
     def length_m(self) -> float:
@@ -71,19 +71,19 @@ class Route:
 
 
 def survey(problem: Problem, *, at_rest: bool = False) -> Map:
-    """Fold terrain, clearance and disks of every vehicle into the leader's map, in the pose that passes best.
+    """The leader's map: terrain, clearance and no-fly zones of all vehicles, in the best pose at each place.
 
-    `at_rest`: a shape that could move by itself does not; one that turns with the course passes in any heading.
+    `at_rest`: coordinates stay at rest; a formation that turns with the course must be feasible in all headings.
     """
     ends = np.array([problem.start_state[:2], problem.end_state[:2]])
     loosest = leader_state_bounds(problem, np.linspace(problem.start_s, problem.end_s, _INSTANTS))
     low, high = loosest[0].min(axis=0), loosest[1].max(axis=0)
     ceiling_m = float(-low[2])
     low, high = low[:2], high[:2]
-    # Without a box (the run-up) a margin around the straight way is map enough.
-    room = 0.25 * float(np.linalg.norm(ends[1] - ends[0])) + 10.0
-    low = np.where(np.isfinite(low), low, ends.min(axis=0) - room)
-    high = np.where(np.isfinite(high), high, ends.max(axis=0) + room)
+    # Without a box (the run-up) the map is a margin around the straight route.
+    margin_m = 0.25 * float(np.linalg.norm(ends[1] - ends[0])) + 10.0
+    low = np.where(np.isfinite(low), low, ends.min(axis=0) - margin_m)
+    high = np.where(np.isfinite(high), high, ends.max(axis=0) + margin_m)
     step = float((high - low).max()) / CELLS
     north, east = (np.linspace(a, b, max(int(np.ceil((b - a) / step)) + 1, 2)) for a, b in zip(low, high, strict=True))
     grid_n, grid_e = np.meshgrid(north, east, indexing="ij")
@@ -94,7 +94,7 @@ def survey(problem: Problem, *, at_rest: bool = False) -> Map:
 
 
 def _extremes(problem: Problem) -> list[Pose]:
-    """Poses with every coordinate at rest or at the end of its range: what lies between passes no better."""
+    """Poses with each coordinate at rest or at an end of its range: poses in between need no less room."""
 
     def is_extreme(pose: Pose) -> bool:
         return all(c.free_end or pose.values[c.name] in (c.low, c.rest, c.high) for c in problem.coordinates)
@@ -107,7 +107,7 @@ def _at_rest(problem: Problem) -> list[Pose]:
 
 
 def every_route(problem: Problem) -> tuple[Route, ...]:
-    """Ways for the formation as it is, and those that only open when it changes by itself; shortest first.
+    """Routes for the rigid formation, and routes that need a change of shape; shortest first.
 
     Raises Infeasible when there is none.
     """
@@ -120,31 +120,31 @@ def every_route(problem: Problem) -> tuple[Route, ...]:
         share = np.linspace(0.0, 1.0, _INSTANTS)
         for route in rigid:
             apart = [np.linalg.norm(route.place(share) - known.place(share), axis=1).max() for known in routes]
-            if min(apart) > _SAME_WAY * route.length_m:
+            if min(apart) > _SAME_ROUTE * route.length_m:
                 routes.append(route)
     return tuple(sorted(routes, key=lambda route: route.length_m))
 
 
 def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:
-    """Up to MAX_ROUTES ways, shortest first, that pass obstacles on different sides.
+    """Up to MAX_ROUTES routes, shortest first, that pass obstacles on different sides.
 
-    Raises Infeasible when there is none, with the ceiling that would open one.
+    Raises Infeasible when there is none, with the lowest ceiling that would allow one.
     """
     start, end = area.cell(problem.start_state[:2]), area.cell(problem.end_state[:2])
     free = area.free.copy()
-    free[start] = free[end] = True  # the ends are checked exactly elsewhere; a cell is coarse
+    free[start] = free[end] = True  # cells are coarse; the ends are checked exactly elsewhere
     labels, _ = ndimage.label(free, structure=np.ones((3, 3)))
     if labels[start] != labels[end]:
-        raise _no_way(area, start, end)
+        raise _no_route(area, start, end)
     obstacles = _centres(area, ~free)
     ends = (problem.start_state[:2], problem.end_state[:2])
-    dearness = np.ones_like(area.floor_m)
+    cost_factor = np.ones_like(area.floor_m)
     routes: dict[tuple[int, ...], Route] = {}
     for _ in range(_TRIES):
-        cells = _shortest(area, free, dearness, start, end)
+        cells = _shortest(area, free, cost_factor, start, end)
         if cells is None:
             break
-        points = _taut(area, free, cells)
+        points = _without_corners(area, free, cells)
         points[0], points[-1] = ends
         route = Route(points, _sides(points, obstacles))
         known = routes.get(route.sides)
@@ -154,12 +154,12 @@ def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:
             break
         near = np.zeros_like(free)
         near[tuple(cells.T)] = True
-        dearness[ndimage.binary_dilation(near, iterations=_AVOID_CELLS)] *= _AVOID
+        cost_factor[ndimage.binary_dilation(near, iterations=_AVOID_CELLS)] *= _AVOID
     return tuple(sorted(routes.values(), key=lambda r: r.length_m))
 
 
-def _no_way(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeasible:
-    """Say which ceiling would open a way: the lowest at which both ends lie in one piece."""
+def _no_route(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeasible:
+    """The error, with the lowest ceiling at which both ends are connected."""
     finite = area.floor_m[np.isfinite(area.floor_m)]
     low, high = area.ceiling_m, float(finite.max())
 
@@ -169,33 +169,33 @@ def _no_way(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeasib
 
     if not connected(high):
         return Infeasible(
-            "no plan: no-fly zones close every way from start to end",
+            "no plan: no-fly zones block all routes from start to end",
             hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m)",
         )
     while high - low > 0.05:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if connected(middle) else (middle, high)
     return Infeasible(
-        f"no plan: there is no way under the ceiling of {area.ceiling_m:g} m; the lowest pass needs {high:.1f} m",
+        f"no plan: there is no route under the ceiling of {area.ceiling_m:g} m; the lowest pass needs {high:.1f} m",
         hint=f"raise [limits] height_m to [.., {np.ceil(high):g}] or more",
     )
 
 
 def _shortest(
-    area: Map, free: NDArray[np.bool_], dearness: Array, start: tuple[int, int], end: tuple[int, int]
+    area: Map, free: NDArray[np.bool_], cost_factor: Array, start: tuple[int, int], end: tuple[int, int]
 ) -> NDArray[np.intp] | None:
-    """Cells (P, 2) of the cheapest way; climbing counts like flying the same height sideways ten times over."""
+    """Cells (P, 2) of the cheapest path, or None. A metre of climb or descent costs as much as a metre ahead."""
     shape = free.shape
     index = np.arange(free.size).reshape(shape)
-    height = np.where(np.isfinite(area.floor_m), np.maximum(area.floor_m, 0.0), 0.0)  # an end may lie in a disk
+    height = np.where(np.isfinite(area.floor_m), np.maximum(area.floor_m, 0.0), 0.0)  # an end may lie in a no-fly zone
     sources, targets, costs = [], [], []
     steps = np.array([area.north_m[1] - area.north_m[0], area.east_m[1] - area.east_m[0]])
     for a, b in _STEPS:
         here = (slice(max(0, -a), shape[0] - max(0, a)), slice(max(0, -b), shape[1] - max(0, b)))
         there = (slice(max(0, a), shape[0] - max(0, -a)), slice(max(0, b), shape[1] - max(0, -b)))
         passable = free[here] & free[there]
-        way = float(np.hypot(*(np.array([a, b]) * steps)))
-        cost = way * 0.5 * (dearness[here] + dearness[there]) + np.abs(height[there] - height[here])
+        step_m = float(np.hypot(*(np.array([a, b]) * steps)))
+        cost = step_m * 0.5 * (cost_factor[here] + cost_factor[there]) + np.abs(height[there] - height[here])
         sources.append(index[here][passable])
         targets.append(index[there][passable])
         costs.append(cost[passable])
@@ -212,8 +212,8 @@ def _shortest(
     return np.column_stack(np.unravel_index(path[::-1], shape))
 
 
-def _taut(area: Map, free: NDArray[np.bool_], cells: NDArray[np.intp]) -> Array:
-    """Points (P, 2) of the same way with every needless corner cut."""
+def _without_corners(area: Map, free: NDArray[np.bool_], cells: NDArray[np.intp]) -> Array:
+    """Points (P, 2) of the same path without needless corners."""
     kept = [0]
     while kept[-1] < len(cells) - 1:
         ahead = range(len(cells) - 1, kept[-1], -1)
@@ -230,7 +230,7 @@ def _sees(free: NDArray[np.bool_], a: NDArray[np.intp], b: NDArray[np.intp]) -> 
 
 
 def _centres(area: Map, blocked: NDArray[np.bool_]) -> Array:
-    """Centres (O, 2) of the separate obstacles, those at the rim left out: nothing passes behind them."""
+    """Centres (O, 2) of the separate obstacles, without those at the rim, behind which no route passes."""
     labels, count = ndimage.label(blocked, structure=np.ones((3, 3)))
     rim = set(np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])).tolist())
     inner = [i for i in range(1, count + 1) if i not in rim]
@@ -242,7 +242,7 @@ def _centres(area: Map, blocked: NDArray[np.bool_]) -> Array:
 
 
 def _sides(points: Array, obstacles: Array) -> tuple[int, ...]:
-    """For each obstacle, the turns about it by which the way differs from the straight line."""
+    """For each obstacle, the turns about it, relative to the straight line."""
     sides = []
     for centre in obstacles:
         bearing = np.unwrap(np.arctan2(*(points - centre).T[::-1]))

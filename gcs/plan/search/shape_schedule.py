@@ -1,7 +1,7 @@
-"""Changes of shape that begin at a time or at a gate, and the flight they belong to: each decides the other.
+"""The flight with its scheduled changes of shape, which begin at a time or at a gate.
 
-Knows: when gates are crossed on a trajectory, and how to plan until the shape fits the flight it was laid for. Does
-not know: how a change is made (`gcs.plan.formation.changes.timeline`), how a flight is optimised.
+The trajectory decides when a gate is crossed, and the change that begins there affects the trajectory. Both are
+iterated until they agree. `gcs.plan.formation.changes.timeline` makes the changes.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ import numpy as np
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.changes.automatic import automatic_moves
 from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
-from gcs.plan.nlp.mesh_refinement import Optimum, lasting, optimise
+from gcs.plan.nlp.mesh_refinement import Optimum, optimise, with_end
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import ChangeTable
 
-_LATE_S = 0.05  # a gate is crossed that near to the time the shape was laid for
+_LATE_S = 0.05  # tolerance between the crossing of a gate and the start of its change
 _TRIES = 8
 _EVERY_S = 0.1
-_GUESSED = 0.1  # of the flight: so well the first guess knows when a gate is crossed
+_GUESSED = 0.1  # of the flight: accuracy of the first guess of a crossing
 
 
 def optimise_on_schedule(
     problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None
 ) -> Optimum:
-    """The best flight near a guess with every change of shape where it belongs.
+    """The best flight near a guess, with all changes of shape at their times and gates.
 
-    Raises Infeasible for changes that do not fit, PlanningError where gates and flight do not settle.
+    Raises Infeasible for changes that do not fit, PlanningError where gates and flight do not converge.
     """
     scenario = problem.scenario
     changes = scheduled(scenario)
     history: tuple[MeshRound, ...] = ()
     starts = _starts_s(problem, changes, guess)
-    # Where the guess overlaps changes by a little, the flight need not.
+    # Small overlaps of changes in the guess may vanish in the flight.
     apart = in_turn(scenario, starts, problem.end_s)
     if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
         starts = apart
@@ -49,7 +49,7 @@ def optimise_on_schedule(
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
         if late <= _LATE_S:
             automatic = automatic_moves(
-                lasting(replace(problem, shape=timeline.shape), found.trajectory.end_s).shape,
+                with_end(replace(problem, shape=timeline.shape), found.trajectory.end_s).shape,
                 problem.target_ned_m,
                 problem.coordinates,
                 found.trajectory.coordinates,
@@ -59,7 +59,8 @@ def optimise_on_schedule(
             return replace(found, history=history, moves=tuple(sorted(moves, key=lambda move: move.start_s)))
         guess, starts = found.trajectory, crossed
     raise PlanningError(
-        f"no plan: after {_TRIES} tries the leader still crosses a gate {late:.2f} s from when its change began",
+        f"no plan: after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
+        f"the limit is {_LATE_S:g} s",
         hint="trigger the change by a time (at_s), or move its gate to where the leader flies straight",
     )
 
@@ -77,7 +78,7 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
         if crossing is None:
             (n1, e1), (n2, e2) = change.gate_m
             raise Infeasible(
-                f"the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
+                f"no plan: the leader never crosses the gate from ({n1:g}, {e1:g}) to ({n2:g}, {e2:g}) "
                 f"that begins the change of kind {change.kind}",
                 hint="move or widen the gate (gate_m), or trigger the change by a time (at_s)",
             )

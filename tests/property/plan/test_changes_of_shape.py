@@ -74,7 +74,7 @@ def spatial(random: Random, count: int) -> Array:
 
 GROUPS = {
     "flat": (80, (flat, flat), False),
-    "flat, everyone his own place": (40, (flat, flat), True),
+    "flat, each its own place": (40, (flat, flat), True),
     "flat and spatial": (40, (flat, spatial), False),
     "spatial": (40, (spatial, spatial), False),
 }
@@ -112,10 +112,10 @@ def timed(legs: tuple[Shape, ...]) -> Shape:
 
 
 def test_there_are_two_hundred_and_almost_all_can_be_flown(cases: list[Case]) -> None:
-    """Flat formations always can: above them there is room for everybody."""
+    """Flat formations always can: above them there is room for all vehicles."""
     assert len(cases) == 200
     refused = Counter(case.group for case in cases if case.made is None)
-    assert refused["flat"] == refused["flat, everyone his own place"] == 0
+    assert refused["flat"] == refused["flat, each its own place"] == 0
     assert refused.total() <= 2
 
 

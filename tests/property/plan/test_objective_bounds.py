@@ -18,8 +18,8 @@ from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.objective_sum import least_cost, lower_bound, refuse_false_bounds, term_cost, weighted
 from gcs.plan.ocp.objectives import TERMS, Flights, Inputs, ObjectiveTerm, Share, least_energy
 from gcs.plan.ocp.problem import Problem, flight_problem
-from gcs.plan.search.free_final_time import freed
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.free_final_time import with_free_time
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
@@ -27,7 +27,7 @@ from tests.unit.plan.problems import alone, meadow
 
 PROBLEMS: dict[str, Callable[[Scenario], Problem]] = {
     "given time": lambda s: flight_problem(meadow(alone(s))),
-    "free time": lambda s: freed(
+    "free time": lambda s: with_free_time(
         flight_problem(meadow(alone(s), time={"flight_s": 20.0, "free": True}, objective={"time_weight": 0.7}))
     ),
     "wind": lambda s: flight_problem(meadow(alone(s), wind={"speed_mps": 1.0, "from_deg": 200.0})),
@@ -53,7 +53,7 @@ def counts_in(problem: Problem, term: ObjectiveTerm) -> bool:
 @cache
 def optimised(name: str, scenario: str) -> tuple[Problem, Optimum]:
     problem = PROBLEMS[name](Scenario.model_validate_json(scenario))
-    return problem, optimise(problem, along(problem, straight_way(problem)))
+    return problem, optimise(problem, along(problem, straight_route(problem)))
 
 
 @st.composite

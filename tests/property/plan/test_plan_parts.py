@@ -87,9 +87,9 @@ def test_split_halves_the_named_intervals_and_nothing_else(mesh: Mesh, data: st.
 
 @given(meshes(), st.lists(st.floats(-50, 50), max_size=5), st.lists(st.floats(-50, 50), max_size=5))
 def test_watching_adds_instants_in_order_and_only_once(mesh: Mesh, first: list[float], second: list[float]) -> None:
-    watched = mesh.watching(np.array(first)).watching(np.array(second)).watching(np.array(first))
-    assert list(watched.watch_s) == sorted({*first, *second})
-    assert watched.split({0}).watch_s is watched.watch_s
+    watched = mesh.enforcing_at(np.array(first)).enforcing_at(np.array(second)).enforcing_at(np.array(first))
+    assert list(watched.extra_s) == sorted({*first, *second})
+    assert watched.split({0}).extra_s is watched.extra_s
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from gcs.plan.formation.changes.timeline import in_turn, lay, stops_ned_m
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search import shape_schedule
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.verification.verify import verify
@@ -87,7 +87,7 @@ def test_lanes_that_do_not_fit_under_the_ceiling_are_a_matter_of_height(simulati
     low: dict[str, Any] = {"limits": {"height_m": [4.5, 5.0]}, "start": {"position_m": [2.0, 1.0, 5.0]}}
     error = refusal(fleet(simulation1, 3, "a", (at(SWAP, 2.0),), SWAPPED, time={"flight_s": 60.0}, **low))
     assert isinstance(error, Infeasible)
-    assert "the formation is larger than the limit of height allows" in error.message
+    assert "the formation is larger than the limit of height allows, by " in error.message
     assert "[limits] height_m" in error.hint
     when_s = float(error.message.split("at t = ")[1].split(" s")[0])
     assert 2.0 < when_s < 60.0
@@ -99,7 +99,7 @@ def test_lanes_between_ceiling_and_ground_are_a_matter_of_height_and_clearance(s
     scenario = fleet(simulation1, 3, "a", (at(SWAP, 2.0),), SWAPPED, time={"flight_s": 45.0}, start=begin, **low)
     problem = flight_problem(scenario)
     with pytest.raises(Infeasible) as caught:
-        optimise_on_schedule(problem, along(problem, straight_way(problem)))
+        optimise_on_schedule(problem, along(problem, straight_route(problem)))
     assert "limit of height and the clearance of vehicle" in caught.value.message
     assert "a higher ceiling ([limits] height_m)" in caught.value.hint
 
@@ -110,7 +110,7 @@ def test_a_change_that_tilts_more_than_a_vehicle_may_is_a_matter_of_its_speed(si
     grow = at({"kind": "shrink", "scale": 10.0}, 2.0)
     error = refusal(fleet(simulation1, changes=(grow,), time={"flight_s": 40.0}, formation=fast, limits=flat))
     assert isinstance(error, Infeasible)
-    assert "changes faster than the limit of roll allows" in error.message
+    assert "changes faster than the limit of roll allows, by " in error.message
     assert "change_speed_mps or change_accel_mps2 smaller" in error.hint
 
 
@@ -140,7 +140,7 @@ def test_a_last_shape_of_vehicles_above_each_other_cannot_land(simulation1: Scen
     error = refusal(fleet(simulation1, 5, "row", (at(UPRIGHT, 3.0),), **HIGH))
     assert isinstance(error, Infeasible)
     assert "end above each other and would land 0.00 m apart; separation_min_m is 1 m" in error.message
-    assert "one more [[formation.change]]" in error.hint
+    assert "add a [[formation.change]]" in error.hint
 
 
 def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simulation1: Scenario) -> None:
@@ -148,7 +148,7 @@ def test_a_last_shape_too_high_to_come_down_in_time_says_how_long_it_takes(simul
     tilted = at({**UPRIGHT, "angle_deg": 45.0}, 3.0)
     short = HIGH["ground_phases"] | {"landing_s": 20.0}
     error = refusal(fleet(simulation1, 5, "row", (tilted,), **HIGH | {"ground_phases": short}))
-    assert "landing_s = 20 is too short for the 16.2 m" in error.message
+    assert "landing_s = 20 is too short: the highest vehicle descends 16.2 m" in error.message
     needed_s = float(error.hint.split("landing_s to ")[1].split()[0])
     assert needed_s == 21.0
     enough = HIGH["ground_phases"] | {"landing_s": needed_s}
@@ -159,8 +159,8 @@ def test_a_gate_that_never_settles_says_so(simulation1: Scenario, monkeypatch: p
     monkeypatch.setattr(shape_schedule, "_LATE_S", 0.0)
     monkeypatch.setattr(shape_schedule, "_TRIES", 2)
     problem = flight_problem(fleet(simulation1, changes=({**LITTLE, "gate_m": GATE},)))
-    with pytest.raises(PlanningError, match=r"after 2 tries the leader still crosses a gate \d\.\d\d s from") as caught:
-        optimise_on_schedule(problem, along(problem, straight_way(problem)))
+    with pytest.raises(PlanningError, match=r"after 2 iterations the leader crosses a gate \d\.\d\d s from") as caught:
+        optimise_on_schedule(problem, along(problem, straight_route(problem)))
     assert "trigger the change by a time (at_s)" in caught.value.hint
 
 
@@ -175,11 +175,11 @@ def test_changes_that_overlap_in_the_guess_alone_are_flown(simulation1: Scenario
 
 
 def test_a_scheduled_change_opens_the_way_that_it_is_there_for(simulation1: Scenario) -> None:
-    """Nobody refuses a gap because the formation does not pass it as it starts."""
+    """A gap is not refused because the formation does not pass it in its first shape."""
     narrow = gap(simulation1, 5.0, (at(SHRINK, 2.0),))
     assert find_routes(flight_problem(narrow), survey(flight_problem(narrow)))
     too_narrow = gap(simulation1, 2.5, (at(SHRINK, 2.0),))
-    with pytest.raises(Infeasible, match="no-fly zones close every way"):
+    with pytest.raises(Infeasible, match="no-fly zones block all routes"):
         make_plan(too_narrow)
 
 

@@ -179,7 +179,7 @@ def test_with_the_course_the_formation_faces_where_it_flies(planned: Planned, na
     plan, _ = planned(name)
     t = in_flight(plan, 0.02)
     v = plan.leader_trajectory.state(t)[:, 3:6]
-    # Its own turn: seen from the leader, what was behind him at the start. A free reshape hides who is where.
+    # Its own turn: the direction of vehicles that were behind the leader at the start. A free reshape exchanges places.
     start = offsets_ned_m(plan.scenario)[:, 0] + 1j * offsets_ned_m(plan.scenario)[:, 1]
     rigid = t < (10.0 if "schedule" in name else np.inf)
     seen = plan.offsets(t)[..., 0] + 1j * plan.offsets(t)[..., 1]
@@ -211,7 +211,7 @@ def test_an_automatic_shrink_is_there_in_the_gap_and_nowhere_else(planned: Plann
     assert size.max() <= 1.025 + 1e-6
     assert scales(plan, np.array([0.0, plan.flight_s - 1e-9])) == pytest.approx(1.0, abs=1e-6)
     assert np.abs(size[np.abs(north - 40.0) > 35.0] - 1.0).max() < 0.05
-    # No formation but a smaller or larger one: everyone in line with his place.
+    # No formation but a smaller or larger one: each vehicle in line with its place.
     start = offsets_ned_m(plan.scenario)
     np.testing.assert_allclose(plan.offsets(t), size[:, None] * start[:, None], atol=1e-6)
     (move,) = plan.moves
@@ -251,7 +251,7 @@ def test_a_rigid_formation_has_no_way_there(simulation1: Scenario, more: dict[st
 
 
 def test_a_rigid_formation_goes_round_where_it_can(simulation1: Scenario, planned: Planned) -> None:
-    """Room for everyone past one of two disks whose gap is too narrow for the row; it costs more than shrinking."""
+    """Room for all vehicles past one of two disks whose gap is too narrow for the row; it costs more than shrinking."""
     disks = [{"north_m": 40.0, "east_m": east, "radius_m": 11.0} for east in (-16.0, 16.0)]
     room = {"east_m": [-60.0, 60.0]}
     plan = make_plan(gap(simulation1, 5.0, (), no_fly=disks, limits=room, time={"flight_s": 50.0}))
@@ -263,7 +263,7 @@ def test_a_rigid_formation_goes_round_where_it_can(simulation1: Scenario, planne
 def test_what_the_rigid_formation_could_do_is_told_beside_it(simulation1: Scenario) -> None:
     plan = make_plan(fleet(simulation1, 5, "row", (auto(SHRINK),)), every_way=True)
     changing, rigid = plan.alternatives
-    assert rigid.verdict == f"rigid: {changing.verdict}" == "rigid: holds between nodes"
+    assert rigid.verdict == f"rigid: {changing.verdict}" == "rigid: verified between nodes"
     assert rigid.objective == pytest.approx(plan.objective, abs=1e-4)  # nothing is in the way of either
 
 

@@ -68,7 +68,7 @@ def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_
     assert isinstance(failure, Infeasible)
     assert failure.exit_code == 4
     assert "IPOPT: Infeasible_Problem_Detected" in failure.message
-    assert "furthest from being held is Eq. 1 for" in failure.message
+    assert "the largest violation is of Eq. 1 for" in failure.message
     assert f"against the {against}" in failure.message
     assert "flight_s" in failure.hint
 
@@ -77,7 +77,7 @@ def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monke
     monkeypatch.setitem(solve_module.OPTIONS, "ipopt.max_iter", 3)
     failure = attempt(meadow(alone(simulation1)))
     assert not isinstance(failure, Infeasible)
-    assert "it ran out of iterations (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
+    assert "the iteration limit was reached (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
 
 
 def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(simulation1: Scenario) -> None:
@@ -113,7 +113,7 @@ def test_a_mesh_that_is_never_good_enough_is_a_failure(simulation1: Scenario, mo
     monkeypatch.setattr(mesh_refinement, "MAX_ROUNDS", 1)
     disk = {"north_m": 20.0, "east_m": 8.0, "radius_m": 4.0}
     problem = flight_problem(meadow(alone(simulation1), no_fly=[disk]))
-    with pytest.raises(PlanningError, match=r"after 1 refinements .* no-fly zone 1 broken by .* m at .* s"):
+    with pytest.raises(PlanningError, match=r"1 refinements .* no-fly zone 1 violated by .* m at t = .* s"):
         mesh_refinement.optimise(problem, straight(problem))
 
 

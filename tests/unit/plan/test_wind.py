@@ -1,4 +1,4 @@
-"""Plans in wind: hovers lean against it, drag follows the air, and who cannot stand it is told before."""
+"""Plans in wind: hovers lean against it, drag follows the air, and wind that is too strong is refused before."""
 
 from __future__ import annotations
 

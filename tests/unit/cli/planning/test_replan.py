@@ -59,7 +59,7 @@ def test_as_planned_and_as_json(file: Path, tmp_path: Path, capsys: pytest.Captu
         (("--at", 5, "--state", "1,2,nan"), 2, "'1,2,nan' is not NORTH"),
         (("--at", 5, "--disk", "1,2,0"), 2, "the radius must be more than 0 m"),
         (("--at", 500), 2, "not within the mission"),
-        (("--at", 5, "--state", "14,6,60"), 4, "breaks height"),
+        (("--at", 5, "--state", "14,6,60"), 4, "violates height"),
     ],
 )
 def test_what_is_wrong_is_told(

@@ -16,7 +16,7 @@ from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
 from gcs.plan.ocp.problem import Problem, flight_problem
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.reintegration import window_errors
 from gcs.scenario.schema.scenario import Scenario
@@ -47,7 +47,9 @@ def rich(simulation1: Scenario) -> tuple[Problem, Mesh]:
     """Every kind of term: mountains, a disk, six vehicles, unequal degrees, watched instants."""
     disk = {"north_m": 600.0, "east_m": 450.0, "radius_m": 80.0}
     problem = flight_problem(changed(simulation1, no_fly=[disk]))
-    return problem, Mesh(np.array([0.0, 20.0, 120.0, 275.0]), (2, 4, 3)).watching(np.array([0.0, 60.0, 130.0, 275.0]))
+    return problem, Mesh(np.array([0.0, 20.0, 120.0, 275.0]), (2, 4, 3)).enforcing_at(
+        np.array([0.0, 60.0, 130.0, 275.0])
+    )
 
 
 def near(program: Program, problem: Problem, seed: int) -> Array:
@@ -60,7 +62,7 @@ def near(program: Program, problem: Problem, seed: int) -> Array:
 @pytest.mark.parametrize("watched", [True, False])
 def test_derivatives_are_casadis_own(rich: tuple[Problem, Mesh], watched: bool, form: ControlForm) -> None:
     problem, mesh = rich
-    program = transcribe(problem, mesh if watched else replace(mesh, watch_s=np.zeros(0)), straight(problem), form)
+    program = transcribe(problem, mesh if watched else replace(mesh, extra_s=np.zeros(0)), straight(problem), form)
     assert_casadis_own(program, near(program, problem, 1))
 
 
@@ -90,8 +92,8 @@ def test_derivatives_are_casadis_own_where_the_shape_moves(simulation1: Scenario
     problem = flight_problem(scenario)
     starts = tuple(float(c.at_s) for c in scenario.formation.change if c.at_s is not None)
     problem = replace(problem, shape=lay(scenario, starts, 0.0, 60.0).shape)
-    guess = along(problem, straight_way(problem))
-    mesh = Mesh(np.array([0.0, 8.0, 33.0, 60.0]), (2, 4, 3)).watching(np.array([5.0, 34.0, 40.0]))
+    guess = along(problem, straight_route(problem))
+    mesh = Mesh(np.array([0.0, 8.0, 33.0, 60.0]), (2, 4, 3)).enforcing_at(np.array([5.0, 34.0, 40.0]))
     program = transcribe(problem, mesh, guess)
     start = program.scaled(guess)
     assert_casadis_own(program, start + 0.1 * np.random.default_rng(3).normal(size=len(start)))

@@ -1,4 +1,4 @@
-"""A look between the nodes finds whatever any single vehicle breaks: as a look at everyone everywhere would."""
+"""The check between the nodes finds all violations that a check of all vehicles at all instants finds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.transforms import straight as straight_leg
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
-from gcs.plan.nlp.violations import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, broken
+from gcs.plan.nlp.violations import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, check_between_nodes
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification import margins
@@ -46,12 +46,12 @@ def crossing(scenario: Scenario, count: int, **tables: Any) -> Problem:
 def found(problem: Problem, shape: Shape | None = None, trajectory: Trajectory | None = None) -> dict[str, str]:
     """Complaints by the constraint they name."""
     shape = problem.shape if shape is None else shape
-    _, complaints = broken(problem, straight(problem) if trajectory is None else trajectory, shape)
-    return {text.split(" broken by")[0]: text for text in complaints}
+    _, complaints = check_between_nodes(problem, straight(problem) if trajectory is None else trajectory, shape)
+    return {text.split(" violated by")[0]: text for text in complaints}
 
 
 def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: float = 0.05) -> dict[str, float]:
-    """Least value of every constraint of every vehicle, and no way to leave anybody out."""
+    """Least value of every constraint of every vehicle, with no vehicle left out."""
     scenario = problem.scenario
     times = np.linspace(problem.start_s, problem.end_s, round(problem.duration_s / step_s) + 1)
     vehicle = trajectory.vehicle
@@ -77,7 +77,7 @@ def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: f
 @pytest.mark.parametrize("count", [5, 60])
 def test_where_nothing_is_broken_nothing_is_found(simulation1: Scenario, count: int) -> None:
     problem = crossing(simulation1, count)
-    instants, complaints = broken(problem, straight(problem), problem.shape)
+    instants, complaints = check_between_nodes(problem, straight(problem), problem.shape)
     assert complaints == ()
     assert len(instants) == 0
 
@@ -120,7 +120,7 @@ def test_a_single_vehicle_over_a_needle_is_found(simulation1: Scenario, count: i
 @pytest.mark.parametrize("vehicle", [0, 3, -1])
 @pytest.mark.parametrize("count", [5, 60])
 def test_a_disk_between_two_glances_is_found(simulation1: Scenario, count: int, vehicle: int, radius_m: float) -> None:
-    """As small as a mast, wherever between two glances somebody passes it."""
+    """A zone as small as a mast, wherever a vehicle passes it between two coarse instants."""
     for at_s in (12.0, 12.1, 12.2, 12.3, 12.4):
         at_all = track(crossing(simulation1, count), vehicle, at_s)
         mast = {"north_m": float(at_all[0]), "east_m": float(at_all[1]) + 0.5 * radius_m, "radius_m": radius_m}
@@ -153,7 +153,7 @@ def test_the_leaders_own_limits_are_found(simulation1: Scenario, count: int) -> 
 
 
 def one_goes_elsewhere(problem: Problem, vehicle: int, by_ned_m: tuple[float, float, float], seconds: float) -> Shape:
-    """Everyone rigid but one, who leaves his place from 10 s on."""
+    """All vehicles rigid but one, which leaves its place from 10 s on."""
     start = problem.shape.at(problem.start_s)
     there = start.copy()
     there[vehicle] += by_ned_m
@@ -176,7 +176,7 @@ WAYS = [(3.0, 3.0 * np.tan(np.pi / 8.0), 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, -3.0
 def test_one_who_moves_too_fast_in_the_shape_is_found(
     simulation1: Scenario, count: int, vehicle: int, way: tuple[float, float, float]
 ) -> None:
-    """While everyone else goes half as far in the other direction, or nowhere."""
+    """While all others move half as far in the other direction, or not at all."""
     problem = crossing(simulation1, count, limits={"accel_max_mps2": 30.0, "load_factor_max": 3.0})
     for others in (0.0, -0.5):
         shape = one_goes_elsewhere(problem, vehicle, way, 5.0)
@@ -234,16 +234,16 @@ def test_of_a_few_everything_is_found_that_a_look_at_everyone_finds(simulation1:
     assert set(complaints) == set(brute)
     assert len(brute) >= 3
     for name, least in brute.items():
-        assert float(complaints[name].split("broken by ")[1].split()[0]) == pytest.approx(-least, rel=6e-3)
+        assert float(complaints[name].split("violated by ")[1].split()[0]) == pytest.approx(-least, rel=6e-3)
 
 
 def test_the_worst_instant_of_every_stretch_is_named(simulation1: Scenario) -> None:
     """Two hills, one after the other: two instants, each over a summit."""
     problem = crossing(simulation1, 1, terrain={"ripple": None, "mountains": {**HILLS, "east_m": [0.0, 0.0]}})
-    instants, complaints = broken(problem, straight(problem), problem.shape)
+    instants, complaints = check_between_nodes(problem, straight(problem), problem.shape)
     np.testing.assert_allclose(instants, [10.0, 18.75], atol=0.06)
     assert len(complaints) == 1
-    assert "broken by 2 m at 10.0 s" in complaints[0]
+    assert "violated by 2 m at t = 10.0 s" in complaints[0]
 
 
 @pytest.mark.parametrize("count", [5, 60])

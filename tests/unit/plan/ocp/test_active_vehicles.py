@@ -1,4 +1,4 @@
-"""Of many vehicles the few that can bind are watched: against a look at every one of them."""
+"""Active vehicles: the few of many whose constraints can bind, against a check of every one of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.planner import make_plan
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
@@ -58,7 +58,7 @@ def problem(request: pytest.FixtureRequest, simulation1: Scenario) -> Problem:
 
 
 def places(problem: Problem, times: Array, states: Array) -> Array:
-    """Where everyone is (V, T, 3)."""
+    """Positions of all vehicles (V, T, 3)."""
     return states[:, :3] + offsets_at(problem, problem.shape.offsets(times), states)
 
 
@@ -242,7 +242,7 @@ def test_sixty_vehicles_clear_hills_that_a_few_are_watched_over(
 ) -> None:
     scenario = block(simulation1, changes)
     problem = flight_problem(scenario)
-    program = transcribe(problem, end_refined(0.0, 60.0, 9.0, 1.0, 5), along(problem, straight_way(problem)))
+    program = transcribe(problem, end_refined(0.0, 60.0, 9.0, 1.0, 5), along(problem, straight_route(problem)))
     per_instant: dict[float, set[str]] = {}
     for name, t_s in program.g_names:
         if name.startswith("clearance of"):

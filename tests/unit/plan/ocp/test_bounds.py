@@ -1,4 +1,4 @@
-"""The leader's bounds keep every follower within its limits, and take nothing more from him than that."""
+"""The leader's bounds keep all followers within their limits, and are no tighter than that."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_while_the_shape_is_rigid_only_places_matter(problem: Problem) -> None:
 
 
 def test_followers_of_a_level_leader_at_the_ends_of_his_controls_stay_within_theirs(problem: Problem) -> None:
-    """He flies straight on; tilt, rates, thrust and moments are what the shape asks of them."""
+    """The leader flies straight on; tilt, rates, thrust and moments are those that the shape needs."""
     low, high = leader_control_bounds(problem, TIMES)
     full_low, full_high = problem.control_limits
     offsets = [problem.shape.offsets(TIMES, order) for order in range(5)]

@@ -19,7 +19,7 @@ from gcs.plan.nlp.mesh import counted
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.parametric_nlp import parametric_nlp
-from gcs.plan.replanning.remaining_plan import flown_part, shape_part
+from gcs.plan.replanning.remaining_plan import shape_part, trajectory_part
 from gcs.plan.replanning.replanner import Replanner
 from gcs.plan.replanning.warm_start import multipliers
 from gcs.plan.trajectory.plan import Plan
@@ -166,12 +166,12 @@ def test_a_state_that_breaks_a_limit_is_told(
 ) -> None:
     state = planned(plan)
     state[number] += by
-    with pytest.raises(Infeasible, match=f"the state at t = 12 s breaks {words}.* by "):
+    with pytest.raises(Infeasible, match=f"the state at t = 12 s violates {words}.* by "):
         replanner.replan(state, AT_S)
 
 
 def test_who_is_inside_of_a_new_disk_is_told(plan: Plan, replanner: Replanner) -> None:
-    with pytest.raises(Infeasible, match=r"breaks no-fly zone 1 for vehicle \d by"):
+    with pytest.raises(Infeasible, match=r"violates no-fly zone 1 for vehicle \d by"):
         replanner.replan(planned(plan), AT_S, [ahead(plan, t_s=AT_S)])
 
 
@@ -181,7 +181,7 @@ def test_too_little_time_is_told(plan: Plan, replanner: Replanner) -> None:
 
 
 def test_no_way_in_the_time_that_is_left_is_told(plan: Plan, replanner: Replanner) -> None:
-    with pytest.raises(gcs.GcsError, match=r"no plan from t = 54 s in the 6 s that are left: .* furthest from being"):
+    with pytest.raises(gcs.GcsError, match=r"no plan from t = 54 s in the remaining 6 s: .* the largest violation"):
         replanner.replan(planned(plan, 54.0, (0.0, -22.0, 0.0)), 54.0)
 
 
@@ -218,7 +218,7 @@ def test_parts_of_polynomials_are_what_they_were() -> None:
     joints = np.array([0.0, 1.0, 2.5, 4.0])
     whole = Trajectory(PPoly(rng.normal(size=(6, 3, 12)), joints), PPoly(rng.normal(size=(2, 3, 4)), joints))
     for start_s, end_s in ((0.0, 4.0), (0.4, 3.1), (1.0, 2.5), (1.2, 1.9)):
-        part = flown_part(whole, start_s, end_s)
+        part = trajectory_part(whole, start_s, end_s)
         t_s = np.linspace(start_s, np.nextafter(end_s, 0.0), 17)
         np.testing.assert_allclose(part.state(t_s), whole.state(t_s), atol=1e-9)
         np.testing.assert_allclose(part.control(t_s), whole.control(t_s), atol=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from gcs.plan.ocp.problem import flight_problem
-from gcs.plan.search.formation_poses import STANDING_FOR_ALL, floor_m, poses, standing_for_all
+from gcs.plan.search.formation_poses import REPRESENTATIVES, floor_m, poses, representatives
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
@@ -38,8 +38,8 @@ def test_the_mildest_pose_comes_first_and_costs_nothing(simulation1: Scenario) -
 
 def test_a_few_stand_for_all_and_nobody_is_far_from_one_of_them(simulation1: Scenario) -> None:
     many = offsets_ned_m(block(simulation1))
-    rows = standing_for_all(many)
-    assert len(rows) == len(set(rows.tolist())) == STANDING_FOR_ALL
+    rows = representatives(many)
+    assert len(rows) == len(set(rows.tolist())) == REPRESENTATIVES
     assert rows[0] == 0  # the leader, in whose place the map is drawn
     apart = cdist(many[rows], many[rows])
     np.fill_diagonal(apart, np.inf)
@@ -47,7 +47,7 @@ def test_a_few_stand_for_all_and_nobody_is_far_from_one_of_them(simulation1: Sce
     for axis in (0, 1):  # the outermost are among them
         assert many[rows, axis].max() == many[:, axis].max()
         assert many[rows, axis].min() == many[:, axis].min()
-    np.testing.assert_array_equal(standing_for_all(many[:5]), np.arange(5))
+    np.testing.assert_array_equal(representatives(many[:5]), np.arange(5))
 
 
 def test_the_floor_is_that_of_the_vehicle_that_needs_most(simulation1: Scenario) -> None:
@@ -62,7 +62,7 @@ def test_the_floor_is_that_of_the_vehicle_that_needs_most(simulation1: Scenario)
         places = offsets + np.array([n, e, 0.0])
         inside = np.hypot(places[:, 0] - disk.north_m, places[:, 1] - disk.east_m) < disk.radius_m
         ground = ground_envelope_m(scenario.terrain, places[:, 0], places[:, 1])
-        needed = (ground + scenario.limits.clearance_min_m + offsets[:, 2]).max()  # who flies lower needs more
+        needed = (ground + scenario.limits.clearance_min_m + offsets[:, 2]).max()  # a lower vehicle needs more
         assert floor == (np.inf if inside.any() else needed)
     assert np.isinf(found).any()
     assert np.isfinite(found).any()

@@ -1,4 +1,4 @@
-"""A free time of flight: closed forms, bounds, what time costs against energy, and what has no other plan."""
+"""A free time of flight: closed forms, bounds, time against energy, and scenarios without a plan."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
-from gcs.plan.search.free_final_time import freed
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.free_final_time import with_free_time
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
@@ -107,8 +107,8 @@ def test_energy_alone_takes_all_the_time_it_may(simulation1: Scenario) -> None:
 
 def test_the_derivatives_are_those_of_the_program(simulation1: Scenario) -> None:
     """Columns of time beside all others, against differences of the gradient and of the constraints."""
-    problem = freed(flight_problem(free(simulation1, 2.0)))
-    guess = along(problem, straight_way(problem))
+    problem = with_free_time(flight_problem(free(simulation1, 2.0)))
+    guess = along(problem, straight_route(problem))
     mesh = end_refined(problem.start_s, problem.end_s, 9.0, 2.0, 3)
     program = transcribe(problem, mesh, guess)
     rng = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Ways optimised at once: the same plan as one after the other, no process left, none started where that is slower."""
+"""Routes optimised in parallel: the same plan as one after another, no process left, none started in vain."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gcs.errors import Infeasible
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search import parallel
 from gcs.plan.search.homotopy_classes import best_class
-from gcs.plan.search.parallel import each, pays
+from gcs.plan.search.parallel import is_faster, run_all
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.search.test_routes import DISK, beyond
@@ -29,20 +29,20 @@ def refuse(number: int) -> int:
 
 
 def test_workers_are_started_where_they_pay() -> None:
-    assert not pays(4, 1, 100.0)
-    assert not pays(1, 8, 100.0)
-    assert not pays(2, 2, 0.9 * parallel.START_S)
-    assert pays(2, 2, 1.1 * parallel.START_S)
-    assert pays(4, 2, 0.6 * parallel.START_S)
-    assert pays(3, 8, 0.6 * parallel.START_S)
+    assert not is_faster(4, 1, 100.0)
+    assert not is_faster(1, 8, 100.0)
+    assert not is_faster(2, 2, 0.9 * parallel.START_S)
+    assert is_faster(2, 2, 1.1 * parallel.START_S)
+    assert is_faster(4, 2, 0.6 * parallel.START_S)
+    assert is_faster(3, 8, 0.6 * parallel.START_S)
 
 
 def test_results_are_in_order_and_no_process_is_left() -> None:
-    found = each(double, [1, 2, 3], 2)
+    found = run_all(double, [1, 2, 3], 2)
     assert [result for result, _ in found] == [2, 4, 6]
     assert os.getpid() not in {pid for _, pid in found}
     with pytest.raises(Infeasible, match="no plan for 1") as failure:
-        each(refuse, [1, 2], 2)
+        run_all(refuse, [1, 2], 2)
     assert failure.value.hint == "another"
     assert multiprocessing.active_children() == []
 
@@ -51,10 +51,10 @@ def test_the_best_way_is_the_same(simulation1: Scenario, monkeypatch: pytest.Mon
     problem = flight_problem(beyond(simulation1, no_fly=[{**DISK, "east_m": 44.0}]))
     alone_told: list[MeshRound] = []
     together_told: list[MeshRound] = []
-    one, ways = best_class(problem, alone_told.append, every_way=True)
+    one, ways = best_class(problem, alone_told.append, all_routes=True)
     assert len(ways) > 1
     monkeypatch.setattr(parallel, "START_S", -1.0)
-    two, same = best_class(problem, together_told.append, every_way=True, workers=2)
+    two, same = best_class(problem, together_told.append, all_routes=True, workers=2)
     assert same == ways
     assert two.objective == one.objective
     np.testing.assert_array_equal(two.trajectory.state.c, one.trajectory.state.c)

@@ -1,4 +1,4 @@
-"""Ways through a map: around what cannot be crossed, on either side, or the number that would open one."""
+"""Routes: around obstacles on either side, or the number that would open one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gcs.plan.nlp.mesh_refinement import optimise
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.homotopy_classes import best_class, least_objective
 from gcs.plan.search.infeasibility import check_time, explain_infeasible, with_duration
-from gcs.plan.search.initial_guess import along, straight_way
+from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.search.routes import find_routes, survey
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
@@ -49,7 +49,7 @@ def wall(height_m: float) -> dict[str, Any]:
     }
 
 
-def test_nothing_in_the_way_is_one_straight_way(simulation1: Scenario) -> None:
+def test_nothing_in_the_way_is_one_straight_route(simulation1: Scenario) -> None:
     problem = flight_problem(beyond(simulation1))
     (route,) = find_routes(problem, survey(problem))
     assert route.length_m == pytest.approx(198.0)
@@ -83,7 +83,7 @@ def test_every_vehicle_is_folded_into_the_map(simulation1: Scenario) -> None:
     assert np.isfinite(area.floor_m[area.cell(np.array([100.0, 50.0 - 37.0]))])
 
 
-def test_no_way_says_which_ceiling_would_open_one(simulation1: Scenario) -> None:
+def test_no_route_says_which_ceiling_would_open_one(simulation1: Scenario) -> None:
     problem = flight_problem(beyond(simulation1, terrain=wall(30.0), limits={"height_m": [0.0, 12.0]}))
     with pytest.raises(Infeasible) as caught:
         find_routes(problem, survey(problem))
@@ -95,18 +95,18 @@ def test_no_way_says_which_ceiling_would_open_one(simulation1: Scenario) -> None
         find_routes(shut, survey(shut))
 
 
-def test_disks_can_close_every_way(simulation1: Scenario) -> None:
+def test_disks_can_close_all_routes(simulation1: Scenario) -> None:
     row = [{"north_m": 100.0, "east_m": e, "radius_m": 15.0} for e in np.arange(0.0, 101.0, 20.0).tolist()]
     problem = flight_problem(beyond(simulation1, no_fly=row))
-    with pytest.raises(Infeasible, match="zones close every way"):
+    with pytest.raises(Infeasible, match="zones block all routes"):
         find_routes(problem, survey(problem))
 
 
 def test_the_best_of_both_sides_wins_and_the_other_is_accounted_for(simulation1: Scenario) -> None:
     off_centre = {**DISK, "east_m": 44.0}
     problem = flight_problem(beyond(simulation1, no_fly=[off_centre]))
-    best, ways = best_class(problem, lambda _: None, every_way=True)
-    costs = [w.objective for w in ways if w.objective is not None]
+    best, tried = best_class(problem, lambda _: None, all_routes=True)
+    costs = [w.objective for w in tried if w.objective is not None]
     assert len(costs) >= 2
     assert best.objective == min(costs)
     track = best.trajectory.state(np.linspace(0.0, 90.0, 181))
@@ -127,7 +127,7 @@ def test_too_little_time_for_the_speed_limit_names_the_time(simulation1: Scenari
 
 
 @pytest.mark.slow
-def test_a_time_that_is_too_short_for_the_way_round_says_how_long_it_takes(simulation1: Scenario) -> None:
+def test_a_time_that_is_too_short_for_the_detour_says_how_long_it_takes(simulation1: Scenario) -> None:
     problem = flight_problem(beyond(simulation1, no_fly=[DISK], time={"flight_s": 44.0}))
     route = find_routes(problem, survey(problem))[0]
     with pytest.raises(PlanningError) as failed:
@@ -140,9 +140,9 @@ def test_a_time_that_is_too_short_for_the_way_round_says_how_long_it_takes(simul
     assert isinstance(best_class(enough, lambda _: None)[0].trajectory, Trajectory)
 
 
-def test_the_straight_way_is_straight(simulation1: Scenario) -> None:
+def test_the_straight_route_is_straight(simulation1: Scenario) -> None:
     problem: Problem = flight_problem(beyond(simulation1))
-    guess = along(problem, straight_way(problem))
+    guess = along(problem, straight_route(problem))
     states = guess.state(np.linspace(0.0, 90.0, 50))
     np.testing.assert_allclose(states[:, 1], 50.0, atol=1e-9)
     assert (-states[:, 2] >= 3.0 - 1e-9).all()
