@@ -92,7 +92,7 @@ def verdict_word(ok: bool) -> str:
 
 def solve_line(done: MeshRound) -> str:
     """The effort of one solve, and the first limit that it violates between the nodes."""
-    verdict = done.complaints[0] if done.complaints else "no violation between nodes"
+    verdict = done.complaints[0] if done.complaints else "verified between nodes"
     return f"{done.unknowns} unknowns, {done.iterations} iterations, {done.seconds:.2f} s: {verdict}"
 
 
