@@ -284,6 +284,9 @@ class FenceCommand(IntEnum):
     RALLY_POINT = 5100
 
 
+FENCE_COMMANDS = frozenset(FenceCommand) - {FenceCommand.RALLY_POINT}  # of items of type FENCE
+
+
 class ParameterType(IntEnum):
     """MAV_PARAM_TYPE: the 64 bit types are not used by any autopilot."""
 

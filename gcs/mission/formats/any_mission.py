@@ -11,13 +11,12 @@ from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
-from gcs.mavlink import FenceCommand
+from gcs.mavlink import FENCE_COMMANDS, FenceCommand
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_wpl import HEADER, read_fence, read_rally, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.geofence import Geofence, RallyPoint
 
-_FENCE = frozenset(int(c) for c in FenceCommand if c is not FenceCommand.RALLY_POINT)
 _LARGEST_BYTES = 64 * 1024 * 1024
 
 
@@ -65,7 +64,7 @@ def _extra(data: bytes, source: str) -> Geofence | tuple[RallyPoint, ...] | None
     if not _is_table(data):
         return None
     commands = {item.command for item in read_waypoints(data, source, home_first=False).items}
-    if commands & _FENCE:
+    if commands & FENCE_COMMANDS:
         return read_fence(data, source)
     return read_rally(data, source) if FenceCommand.RALLY_POINT in commands else None
 

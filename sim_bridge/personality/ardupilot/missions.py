@@ -6,7 +6,7 @@ one: after an interrupted transfer the new items are followed by old ones. A fen
 
 from __future__ import annotations
 
-from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Severity
+from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
@@ -29,7 +29,7 @@ _STORAGE = {
     ),
     int(MissionType.FENCE): StorageTraits(
         capacity=84,
-        frames={int(command): _ANY_FRAME for command in FenceCommand},
+        frames={int(command): _ANY_FRAME for command in FENCE_COMMANDS},
         read_back_frames=dict.fromkeys(_FILE_FRAMES, int(Frame.GLOBAL)),
         name="Fence",
         total="FENCE_TOTAL",

@@ -6,7 +6,7 @@ numbers are accepted unchecked: NaN altitudes and impossible positions are store
 
 from __future__ import annotations
 
-from gcs.mavlink import FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
+from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
@@ -29,7 +29,7 @@ _STORAGE = {
     ),
     int(MissionType.FENCE): StorageTraits(
         capacity=250,
-        frames=_FLOWN | dict.fromkeys(map(int, FenceCommand), _IN_PLACE),  # a waypoint is accepted in a fence
+        frames=_FLOWN | dict.fromkeys(map(int, FENCE_COMMANDS), _IN_PLACE),  # a waypoint is accepted in a fence
         read_back_frames=dict.fromkeys(_WIRE_FRAMES, int(WireFrame.GLOBAL_INT)),
         name="Fence",
         checks_numbers=False,

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.mavlink import FenceCommand, MissionType
 from gcs.mission.model import MissionItem
+from sim_bridge.personality import by_name
 from sim_bridge.protocol.missions.fence import count_shapes, shapes, what_is_wrong
 
 ORIGIN = Origin(47.0, 8.0, 400.0)
@@ -88,3 +90,10 @@ def test_what_makes_no_shape_keeps_nobody_in(items):
     assert shapes(items, ORIGIN) == ()
     assert what_is_wrong(items) is not None
     count_shapes(items)
+
+
+@pytest.mark.parametrize("name", ["ardupilot", "px4"])
+def test_a_rally_point_is_no_item_of_a_fence(name: str) -> None:
+    storage = by_name(name).missions.storage
+    assert int(FenceCommand.RALLY_POINT) in storage[int(MissionType.RALLY)].frames
+    assert int(FenceCommand.RALLY_POINT) not in storage[int(MissionType.FENCE)].frames
