@@ -1,15 +1,10 @@
-"""One flight with everything around it: its folder, its vehicles, its log, its verdict.
-
-Knows: what to open and close around a flight, what is left in its folder. Does not know: how it is flown (`fly`) or
-judged (`judge`), who watches (a `Watcher` is told), command lines.
-"""
+"""One flight from verification to verdict: export, vehicles, flight, folder, judgement."""
 
 from __future__ import annotations
 
 import asyncio
 import math
 import os
-from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -26,15 +21,15 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step, Watcher
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
-from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.build_loads import build_loads
+from gcs.flight.sequence.flight import FlightHooks, FlightSequence
+from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, put_back
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_session import VehicleSession
-from gcs.mission.model import SetpointStream, VehicleMission
+from gcs.mission.export.index import ExportIndex
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -47,7 +42,7 @@ SIM_LEAD_S = 0.2
 
 @dataclass(frozen=True)
 class Emulated:
-    """How vehicles are emulated, where none are out there: the options of `sim-bridge`."""
+    """How vehicles are emulated in a flight without a link: the options of `sim-bridge`."""
 
     speedup: str = "10"
     seed: int = 0
@@ -58,7 +53,7 @@ class Emulated:
 
 @dataclass(frozen=True)
 class FlightRun:
-    """Everything one flight needs to know."""
+    """What is flown, how, and with which vehicles."""
 
     plan: Plan
     report: Report
@@ -73,12 +68,12 @@ class FlightRun:
 
 @dataclass(frozen=True)
 class Flown:
-    """A flight that came to its end: what it left where, and how it was."""
+    """A completed flight: its folder, times and verdict."""
 
     folder: Path
     times: FlightTimes
-    late_s: dict[int, float]  # of each vehicle behind the plan, by its own clock
-    verdict: Verdict | None  # None where nobody knows the truth
+    late_s: dict[int, float]  # delay of each vehicle behind the plan, by its own clock
+    verdict: Verdict | None  # None without true states, as with a link
     data: dict[str, Any]  # report.json
 
 
@@ -93,19 +88,19 @@ def fly(
     to: Path | str = "flights",
     watcher: Watcher | None = None,
 ) -> Flown:
-    """Verify a plan, export it, upload it, read it back, fly it, and judge the flight where the truth is known.
+    """Verify a plan, export it, upload it, read it back, fly it, and judge the flight if true states are known.
 
-    Vehicles are emulated unless there is a `link`; then `confirmed` says that somebody wants them armed. `mode` is
-    stream (timed setpoints) or mission (the waypoints uploaded). The folder of the flight is made under `to`. Raises
-    `UsageError` without confirmation, `VerificationError` for a plan that does not hold, and the errors of links,
-    vehicles and flights. It runs an event loop of its own: call it in a thread where one runs already.
+    Without a `link` the vehicles are emulated. With one, `confirmed` is the operator's permission to arm them. `mode`
+    is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. Raises
+    `UsageError` without confirmation, `VerificationError` for a plan that failed verification, and the errors of links,
+    vehicles and flights. It runs its own event loop: call it in a thread where one runs already.
     """
     if link is not None and not confirmed:
-        raise UsageError("vehicles on a link are armed only when somebody says so", hint="pass confirmed=True")
+        raise UsageError("vehicles on a link are not armed without confirmation.", hint="pass confirmed=True")
     report = verify(plan)
     if not report.ok:
-        raise VerificationError("the plan does not hold, and is not flown.", hint="see gcs.verify(plan).failures")
-    sortie = FlightRun(
+        raise VerificationError("the plan failed verification and is not flown.", hint="see gcs.verify(plan).failures")
+    order = FlightRun(
         plan,
         report,
         TimeKeeping(FlightMode(mode), emulated=link is None),
@@ -114,20 +109,20 @@ def fly(
         Path(to),
         FlightOptions(follow=follow),
     )
-    return fly_run(sortie, watcher or Watcher())
+    return fly_run(order, watcher or Watcher())
 
 
-def fly_run(sortie: FlightRun, watcher: Watcher) -> Flown:
-    """Fly, judge from the truth where vehicles are emulated, and leave the folder. Raises as `fly`."""
-    plan = sortie.plan
-    folder = new_folder(sortie.root, plan.scenario.name, datetime.now())
-    save_plan(plan, sortie.report, folder / "plan.skein")
-    index, navigator = export_for_flight(plan, folder / "export", sortie.keeping, watcher.say)
+def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
+    """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
+    plan = order.plan
+    folder = new_folder(order.root, plan.scenario.name, datetime.now())
+    save_plan(plan, order.report, folder / "plan.skein")
+    index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
-    times, late_s = asyncio.run(_fly(sortie, watcher, folder, index.missions, navigator))
+    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator))
     watcher.lap("fly")
-    if sortie.link is not None:
+    if order.link is not None:
         data = {"folder": str(folder), "judged": False, **_skew(late_s)}
         return Flown(folder, times, late_s, None, data)
     truth = load_truth(folder / "truth.npz")
@@ -135,19 +130,17 @@ def fly_run(sortie: FlightRun, watcher: Watcher) -> Flown:
     watcher.lap("judge")
     _draw(plan, truth, times, folder)
     watcher.lap("pictures")
-    extra = {"mode": sortie.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s, **_skew(late_s)}
+    extra = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s, **_skew(late_s)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data)
 
 
 async def _fly(
-    sortie: FlightRun, watcher: Watcher, folder: Path, missions: tuple[VehicleMission, ...], navigator: str
+    order: FlightRun, watcher: Watcher, folder: Path, exported: ExportIndex, navigator: str
 ) -> tuple[FlightTimes, dict[int, float]]:
-    """Fly; returns when what happened, and how late each vehicle flew the plan."""
-    plan = sortie.plan
-    lead_s = SIM_LEAD_S if sortie.link is None else 0.0
-    options = replace(sortie.options, mode=sortie.keeping.mode, lead_s=lead_s)
+    """Return the times of the flight, and the delay of each vehicle behind the plan."""
+    plan, options = order.plan, order.options
     loop = asyncio.get_running_loop()
     fleet: LinkedFleet | None = None
 
@@ -159,34 +152,33 @@ async def _fly(
 
     async with AsyncExitStack() as stack:
         log = stack.enter_context(TelemetryLog(folder / "telemetry.tlog", vehicles_time_s))
-        known = sortie.link or Connection((SIM_LINK,))
+        known = order.link or Connection((SIM_LINK,))
         fleet = await stack.enter_async_context(known.open(on_frame=log.write))
-        if sortie.link is None:
-            simulated = _simulator_options(sortie, folder, fleet.local_address[1], navigator)
+        if order.link is None:
+            simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
             await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
-        stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         events = stack.enter_context(EventLog(folder / "events.jsonl"))
 
-        def tell(event: Event) -> None:
+        def on_event(event: Event) -> None:
             events.write(event)
             watcher.say(str(event))
 
-        def log_step(step: Step, t0_unix_s: float | None) -> None:
-            book = FlightState(
+        def on_step(step: Step, t0_unix_s: float | None) -> None:
+            state = FlightState(
                 mission=plan.scenario.name,
                 plan_hash=plan.hash,
-                links=() if sortie.link is None else sortie.link.links,
+                links=() if order.link is None else order.link.links,
                 systems=known.systems,
-                mode=sortie.keeping.mode.value,
+                mode=order.keeping.mode.value,
                 follow=options.follow,
                 step=step.value,
                 t0_unix_s=t0_unix_s,
                 pid=os.getpid(),
             )
-            write_flight_state(folder, book)
+            write_flight_state(folder, state)
 
-        flight = _flight(sortie, watcher, missions, stream, fleet, sessions, options, tell, log_step)
+        flight = _flight(order, watcher, exported, fleet, sessions, FlightHooks(on_event, on_step))
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()
@@ -199,50 +191,52 @@ async def _fly(
 
 
 def _flight(
-    sortie: FlightRun,
+    order: FlightRun,
     watcher: Watcher,
-    missions: tuple[VehicleMission, ...],
-    stream: SetpointStream,
+    exported: ExportIndex,
     fleet: LinkedFleet,
     sessions: dict[int, VehicleSession],
-    options: FlightOptions,
-    tell: Callable[[Event], None],
-    log_step: Callable[[Step, float | None], None],
+    hooks: FlightHooks,
 ) -> FlightSequence:
-    """Emulated vehicles get their missions; others everything that is exported, once they have been looked at."""
-    plan = sortie.plan
-    if sortie.link is None:
-        return FlightSequence(plan, missions, stream, sessions, options, tell, log_step)
-    autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
-    loads = build_loads(plan, autopilots, timed=False, safety=sortie.safety, warn=watcher.warn)
-    if sortie.keeping.mode is FlightMode.MISSION:
-        _refuse_others(plan, autopilots)
-        loads = tuple(replace(load, mission=mission) for load, mission in zip(loads, missions, strict=True))
+    """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
+    plan = order.plan
+    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    lead_s = SIM_LEAD_S if order.link is None else 0.0
+    options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s)
+    if order.link is None:
+        loads = missions_only(exported.missions)
+    else:
+        autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
+        if order.keeping.mode is FlightMode.MISSION:
+            _refuse_other_autopilots(plan, autopilots)
+        loads = build_loads(plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported)
 
-    async def look() -> None:
-        await go_or_no_go(fleet, sessions, plan, sortie.limits, watcher.checks)
-        await watcher.confirm()
+        async def check_and_confirm() -> None:
+            await go_or_no_go(fleet, sessions, plan, order.limits, watcher.checks)
+            await watcher.confirm()
 
-    held = [load.mission for load in loads]
-    return FlightSequence(plan, held, stream, sessions, options, tell, log_step, loads=loads, on_ready=look)
+        hooks = replace(hooks, on_ready=check_and_confirm)
+    same = all(session.autopilot == exported.firmware for session in sessions.values())
+    returns = exported.safety.returns if same else None
+    return FlightSequence(plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=hooks)
 
 
-def _refuse_others(plan: Plan, autopilots: dict[int, int]) -> None:
-    """Missions are timed for the scenario's autopilot. Raises `PeerError` where a vehicle has another."""
+def _refuse_other_autopilots(plan: Plan, autopilots: dict[int, int]) -> None:
+    """Raises `PeerError` for a vehicle without the scenario's autopilot: missions are timed for that one."""
     firmware = Autopilot.named(plan.scenario.mission.autopilot)
     for sysid, autopilot in autopilots.items():
         if autopilot != firmware:
             raise PeerError(
-                f"vehicle {sysid} does not run {firmware.title}, for which the missions were timed.",
-                hint="name its autopilot in the scenario (mission.autopilot), or fly the setpoint stream",
+                f"vehicle {sysid} does not run {firmware.title}, the autopilot that the missions are timed for.",
+                hint="set mission.autopilot to the autopilot of the vehicles, or fly with --mode stream",
             )
 
 
-def _simulator_options(sortie: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:
-    """The emulated vehicles get the scenario the plan was made from, not what the file says by now."""
+def _simulator_options(order: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:
+    """The emulated vehicles get the scenario that the plan was made from; its file may have changed since."""
     scenario = folder / "scenario.json"
-    scenario.write_text(sortie.plan.scenario.model_dump_json(indent=2))
-    emulated = sortie.emulated
+    scenario.write_text(order.plan.scenario.model_dump_json(indent=2))
+    emulated = order.emulated
     return SimulatorOptions(
         scenario,
         port,
@@ -258,7 +252,7 @@ def _simulator_options(sortie: FlightRun, folder: Path, port: int, navigator: st
 
 
 def _skew(late_s: dict[int, float]) -> dict[str, object]:
-    """How far apart in time they started, and how late each flew the plan, in seconds; null for who never flew it."""
+    """Return the spread of the delays and the delay of each vehicle, in seconds; null for one that never flew."""
     skew = skew_s(late_s.values())
     late = {str(sysid): late if math.isfinite(late) else None for sysid, late in late_s.items()}
     return {"skew_s": skew if math.isfinite(skew) else None, "late_s": late}

@@ -17,8 +17,8 @@ from gcs.errors import GcsError
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step
 from gcs.flight.recording.flight_folder import TelemetryLog
-from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.build_loads import build_loads
+from gcs.flight.sequence.flight import FlightHooks, FlightSequence
+from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
@@ -162,14 +162,16 @@ async def _fly(
         events: list[Event] = []
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
-        loads = build_loads(plan, autopilots, timed=False) if safety else None
+        loads = build_loads(plan, autopilots, timed=False) if safety else missions_only(build_missions(plan))
 
         def step(now: Step, t0_unix_s: float | None) -> None:
             if stop is not None and now is stop[0]:
                 for again_s in (0.0, 0.02, 0.2):  # people press Ctrl-C more than once
                     asyncio.get_running_loop().call_later(stop[1] + again_s, work.cancel)
 
-        flight = FlightSequence(plan, build_missions(plan), stream, sessions, options, events.append, step, loads=loads)
+        flight = FlightSequence(
+            plan, sessions, options, loads=loads, stream=stream, hooks=FlightHooks(events.append, step)
+        )
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
         try:

@@ -21,9 +21,10 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
-from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.sequence.flight import FlightHooks, FlightSequence
 from gcs.flight.sequence.resume import Resume, where_in_plan
-from gcs.flight.sequence.takeoff_landing import ask_for_telemetry
+from gcs.flight.sequence.takeoff_landing import request_telemetry
+from gcs.flight.setup.build_loads import missions_only
 from gcs.link.connection import Connection
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
@@ -93,19 +94,21 @@ async def _take_up(request: AttachRequest, book: FlightState, plan: Plan, known:
             )
 
         stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-        flight = FlightSequence(plan, build_missions(plan), stream, sessions, options, tell, log_step)
+        loads = missions_only(build_missions(plan))
+        hooks = FlightHooks(tell, log_step)
+        flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
         shown = await _show(flight, book, screen)
         if request.what is not Resume.SHOW:
-            await flight.take_up(request.what, book.t0_unix_s)
+            await flight.resume(request.what, book.t0_unix_s)
             screen.say("all vehicles have landed")
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 
 async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> list[dict[str, Any]]:
     """Show a table of the vehicles, and return its rows as data."""
-    stops = [flight.listen(crew) for crew in flight.crews.values()]
+    stops = [flight.listen(crew) for crew in flight.vehicles.values()]
     try:
-        await each(flight.crews.values(), ask_for_telemetry)
+        await each(flight.vehicles.values(), request_telemetry)
         views = flight.monitor.views
         await until(
             lambda: all(np.isfinite(v.position_ned_m).all() for v in views.values()),
@@ -118,7 +121,7 @@ async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> li
     where = where_in_plan(flight.plan, np.array([v.position_ned_m for v in views.values()]))
     table = Table("vehicle", "armed", "mode", "north", "east", "up", "speed", title=f"{book.mission}: was {book.step}")
     rows = []
-    for sysid, crew in flight.crews.items():
+    for sysid, crew in flight.vehicles.items():
         north_m, east_m, down_m = views[sysid].position_ned_m.tolist()
         mode = crew.behaviour.mode_name(crew.session.custom_mode)
         speed_mps = float(np.linalg.norm(views[sysid].velocity_ned_mps))

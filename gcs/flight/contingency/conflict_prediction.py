@@ -1,10 +1,8 @@
-"""Who will come too near to whom within the next seconds, by what vehicles tell of themselves.
+"""Predicts loss of separation between two vehicles within the next seconds, from their reports.
 
-Knows: places and velocities, the plan for those who fly it. Does not know: truth, what is then done (`rules`).
-
-Who flies the plan goes on along it, as far off as it is now: what is off drifts on with its velocity for about half a
-second, because its controller is at work. Whoever does not goes straight on. Relative motion of two who fly the plan
-is the formation's own, which was verified; only what they are off can bring them together.
+A vehicle on the plan continues along it with its present deviation, which drifts on for about half a second until its
+controller acts. A vehicle off the plan continues straight on. The relative motion of two vehicles on the plan was
+verified, so only their deviations bring them too close.
 """
 
 from __future__ import annotations
@@ -21,12 +19,12 @@ from gcs.plan.trajectory.plan import Plan
 
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5
-_LOOKS = 3  # in a row: one sample of noise is no conflict
+_LOOKS = 3  # checks in a row: one noisy sample is no conflict
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """Two vehicles that will be (or are) nearer than allowed."""
+    """Two vehicles that will be, or are, closer than the limit."""
 
     pair: tuple[int, int]  # system ids
     in_s: float
@@ -34,7 +32,7 @@ class Conflict:
 
 
 class SeparationWatch:
-    """Looks at all pairs; a conflict is told again in every look as long as it lasts."""
+    """Checks all pairs; it reports a conflict at every check while it lasts."""
 
     def __init__(self, plan: Plan, limit_m: float) -> None:
         self._plan = plan
@@ -50,7 +48,7 @@ class SeparationWatch:
         on_plan: Collection[int],
         aloft: Collection[int],
     ) -> list[Conflict]:
-        """Conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`."""
+        """Return the conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`."""
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
         if len(sysids) < 2:
             return []
@@ -60,7 +58,7 @@ class SeparationWatch:
             between = paths[a + 1 :] - paths[a]
             distances, _ = least_distance(
                 between[:, :-1], between[:, 1:]
-            )  # (rest, T - 1): fast ones meet between looks
+            )  # (rest, T - 1): fast vehicles meet between samples
             for b in np.flatnonzero((distances < self._limit_m).any(axis=1)).tolist():
                 first = int(np.argmax(distances[b] < self._limit_m))
                 pair = sysids[a], sysids[a + 1 + b]
@@ -69,7 +67,7 @@ class SeparationWatch:
         return [conflict for pair, conflict in found.items() if self._seen[pair] >= _LOOKS]
 
     def _paths(self, views: list[VehicleView], t_s: float, unix_s: float, planned: list[bool]) -> Array:
-        """Where they will be: (V, T, 3)."""
+        """Predicted positions (V, T, 3)."""
         plan, ahead = self._plan, self._ahead_s
         latest_s = float(np.nextafter(plan.t_end_s, -np.inf))
         rows = [plan.sysids.index(v.sysid) for v in views]
@@ -83,8 +81,8 @@ class SeparationWatch:
         paths = np.empty((len(views), len(ahead), 3))
         for n, view in enumerate(views):
             if planned[n]:
-                told = len(ahead) + n
-                off, off_rate = view.position_ned_m - places[n, told], view.velocity_ned_mps - rates[n, told]
+                reported = len(ahead) + n
+                off, off_rate = view.position_ned_m - places[n, reported], view.velocity_ned_mps - rates[n, reported]
                 paths[n] = places[n, : len(ahead)] + off + np.outer(drift_s, off_rate)
             else:
                 age_s = max(unix_s - view.unix_s, 0.0)

@@ -1,7 +1,6 @@
-"""What one vehicle's messages say of trouble: silence, no fix, an empty battery, a fence, a mode nobody asked for.
+"""Detects incidents in one vehicle's messages: silence, no fix, low battery, fence, a mode that was not ordered.
 
-Knows: messages and limits; time is an argument, in the fleet's common time, so that it passes as fast as the vehicles
-fly. Does not know: what is then done (`rules`), links.
+Time is an argument, in the fleet's common time, so that it passes as fast as emulated vehicles fly.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from gcs.link.wire.message import Message
 
 
 class IncidentKind(StrEnum):
-    """What can go wrong in flight, and right again."""
+    """The incidents of a flight."""
 
     LINK_LOST = "link lost"
     LINK_BACK = "link back"
@@ -32,7 +31,7 @@ class IncidentKind(StrEnum):
 
 @dataclass(frozen=True)
 class Incident:
-    """Something that happened to a vehicle at an instant of the fleet's time."""
+    """One incident of a vehicle at a time of the fleet."""
 
     kind: IncidentKind
     sysid: int
@@ -40,12 +39,12 @@ class Incident:
     detail: str = ""
     other: int | None = None  # of a conflict
     in_s: float = 0.0  # of a conflict
-    usable: bool = True  # of a link that is back: the vehicle still does as it is told, near its place
+    usable: bool = True  # of a link that is back: the vehicle is in its place, in the ordered mode
 
 
 @dataclass(frozen=True)
 class DetectionLimits:
-    """When trouble counts, in seconds of the vehicles' time and shares of a full battery."""
+    """When a condition becomes an incident, in seconds of the vehicles' time and percent of a full battery."""
 
     link_lost_s: float = 3.0
     vehicle_lost_s: float = 10.0
@@ -71,14 +70,14 @@ DETECTED = {  # how each incident is detected, for the documents
 
 
 class VehicleWatch:
-    """One vehicle. `obeys` are the modes it was told: any other one means that somebody else has taken over."""
+    """Watches one vehicle. `obeys` are the ordered modes; in any other one its autopilot or a pilot has taken over."""
 
     def __init__(
         self, sysid: int, behaviour: FlightBehaviour, limits: DetectionLimits, unix_s: float, obeys: frozenset[int]
     ) -> None:
         self.sysid = sysid
         self.obeys = obeys
-        self.usable = True  # for whoever knows where it should be
+        self.usable = True  # set from outside: whether it is near its planned position
         self._behaviour = behaviour
         self._limits = limits
         self._heard_s = unix_s
@@ -86,19 +85,19 @@ class VehicleWatch:
         self._placed_s = unix_s
         self._heard_since = self._placed_since = False
         self._no_fix_since_s = math.nan
-        self._no_fix_told = 0
+        self._no_fix_reported = 0
         self._battery_pct = 100
-        self._battery_told = 0
-        self._fence, self._fence_told = False, False
+        self._battery_reported = 0
+        self._fence, self._fence_reported = False, False
         self._mode: int | None = None
-        self._mode_told = False
+        self._mode_reported = False
 
     def begin(self, unix_s: float) -> None:
-        """Watching begins now: silence counts from here."""
+        """Begin to watch: silence counts from now."""
         self._heard_s = self._placed_s = unix_s
 
     def receive(self, message: Message, unix_s: float) -> None:
-        """Any message of the vehicle is a sign of life; some say more."""
+        """Take in a message of the vehicle; any message ends a silence."""
         self._heard_s = max(self._heard_s, unix_s)
         self._heard_since = True
         fields = message.fields
@@ -118,13 +117,13 @@ class VehicleWatch:
             case "FENCE_STATUS":
                 self._fence = bool(fields["breach_status"])
             case "STATUSTEXT" if "geofence violation" in str(fields["text"]).lower():
-                self._fence = True  # PX4 has no other word for it
+                self._fence = True  # PX4 reports a breach in no other way
 
     def look(self, unix_s: float) -> list[Incident]:
-        """What is new at `unix_s`; every thing is told once.
+        """Return the new incidents at `unix_s`; each is reported once.
 
-        What came since the last look is as new as the look: in a burst of messages time on board passes faster than
-        anybody notices.
+        A message since the last check counts as received now: in a burst of messages, time on board passes faster than
+        it is read.
         """
         if self._heard_since:
             self._heard_s = max(self._heard_s, unix_s)
@@ -142,26 +141,26 @@ class VehicleWatch:
             ),
             start=1,
         ):
-            if self._battery_pct <= limit and self._battery_told < level:
-                self._battery_told = level
+            if self._battery_pct <= limit and self._battery_reported < level:
+                self._battery_reported = level
                 found.append(Incident(kind, self.sysid, unix_s, f"{self._battery_pct} % left"))
-        if self._fence and not self._fence_told:
+        if self._fence and not self._fence_reported:
             found.append(Incident(IncidentKind.FENCE, self.sysid, unix_s))
-        self._fence_told = self._fence
+        self._fence_reported = self._fence
         if self._mode is not None and self._mode not in self.obeys:
-            if not self._mode_told:
+            if not self._mode_reported:
                 name = self._behaviour.mode_name(self._mode)
-                found.append(Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, f"it is in {name} now"))
-            self._mode_told = True
+                found.append(Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, f"now in {name}"))
+            self._mode_reported = True
         else:
-            self._mode_told = False
+            self._mode_reported = False
         return found
 
     def _silence(self, unix_s: float) -> list[Incident]:
         silent_s = unix_s - self._heard_s
         if silent_s <= self._limits.link_lost_s:
             if not (self._silent or self._lost) or unix_s - self._placed_s > self._limits.link_lost_s:
-                return []  # a link is back when it tells where the vehicle is
+                return []  # a link is back with the first position
             self._silent = self._lost = False
             usable = self.usable and (self._mode is None or self._mode in self.obeys)
             return [Incident(IncidentKind.LINK_BACK, self.sysid, unix_s, usable=usable)]
@@ -175,13 +174,13 @@ class VehicleWatch:
 
     def _fix(self, unix_s: float) -> list[Incident]:
         if math.isnan(self._no_fix_since_s):
-            told, self._no_fix_told = self._no_fix_told, 0
-            return [Incident(IncidentKind.GNSS_BACK, self.sysid, unix_s)] if told else []
-        if not self._no_fix_told:
-            self._no_fix_told = 1
+            reported, self._no_fix_reported = self._no_fix_reported, 0
+            return [Incident(IncidentKind.GNSS_BACK, self.sysid, unix_s)] if reported else []
+        if not self._no_fix_reported:
+            self._no_fix_reported = 1
             return [Incident(IncidentKind.GNSS_LOST, self.sysid, unix_s)]
         gone_s = unix_s - self._no_fix_since_s
-        if self._no_fix_told == 1 and gone_s > self._limits.gnss_gone_s:
-            self._no_fix_told = 2
+        if self._no_fix_reported == 1 and gone_s > self._limits.gnss_gone_s:
+            self._no_fix_reported = 2
             return [Incident(IncidentKind.GNSS_GONE, self.sysid, unix_s, f"no fix for {gone_s:.1f} s")]
         return []

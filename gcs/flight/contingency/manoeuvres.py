@@ -1,7 +1,6 @@
-"""Courses that leave the plan, and come back to it: braking, spreading, returning, rejoining.
+"""Reference trajectories of contingencies: hold, climb, return, rejoin; in plan time and the common local NED frame.
 
-Knows: motion by pieces with a bounded acceleration, in plan time and the common local NED frame. Does not know: who
-decides, links. All of them end at rest.
+Their acceleration is bounded, and all of them end at rest.
 """
 
 from __future__ import annotations
@@ -15,59 +14,59 @@ import numpy as np
 from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
 from gcs.physics.quadrotor import Array
 
-BRAKE_MPS2 = 1.5  # a fifth of what tilting by 60 degrees would give: any vehicle here can
+BRAKE_MPS2 = 1.5  # a fifth of what a tilt of 60 degrees gives: any multicopter is able to
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 
 @dataclass(frozen=True)
 class ReferenceLeg:
-    """Straight from `start` by `way` (3,) in `duration_s`: from rest to rest, or from `speed_mps` to rest."""
+    """A straight leg from `start` by `travel` (3,) in `duration_s`: from rest to rest, or braking to rest."""
 
     start: Array
-    way: Array
+    travel: Array
     duration_s: float
     rise_s: float  # of speed, and its fall
     braking: bool = False
 
     def at(self, t_s: float) -> tuple[Array, Array, Array]:
-        """Position, velocity, acceleration (3,) each, `t_s` after its start."""
-        length = float(np.linalg.norm(self.way))
+        """Return position, velocity and acceleration, (3,) each, `t_s` after the start."""
+        length = float(np.linalg.norm(self.travel))
         if length == 0.0 or self.duration_s == 0.0:
             return self.start, np.zeros(3), np.zeros(3)
-        along = self.way / length
+        along = self.travel / length
         t_s = min(max(t_s, 0.0), self.duration_s)
         left_s = self.duration_s - t_s
         if self.braking:
             a = 2.0 * length / self.duration_s**2
-            gone, speed, push = length - a * left_s**2 / 2, a * left_s, -a
+            passed, speed, push = length - a * left_s**2 / 2, a * left_s, -a
         else:
             top = length / (self.duration_s - self.rise_s)
             a = top / self.rise_s
             if t_s < self.rise_s:
-                gone, speed, push = a * t_s**2 / 2, a * t_s, a
+                passed, speed, push = a * t_s**2 / 2, a * t_s, a
             elif left_s < self.rise_s:
-                gone, speed, push = length - a * left_s**2 / 2, a * left_s, -a
+                passed, speed, push = length - a * left_s**2 / 2, a * left_s, -a
             else:
-                gone, speed, push = top * (t_s - self.rise_s / 2), top, 0.0
-        return self.start + gone * along, speed * along, push * along
+                passed, speed, push = top * (t_s - self.rise_s / 2), top, 0.0
+        return self.start + passed * along, speed * along, push * along
 
 
 def leg(start: Array, end: Array, speed_mps: float, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
-    """From rest to rest, no faster than told."""
-    way = np.asarray(end) - start
-    length = float(np.linalg.norm(way))
+    """Return a leg from rest to rest at `speed_mps` or less."""
+    travel = np.asarray(end) - start
+    length = float(np.linalg.norm(travel))
     top = min(speed_mps, math.sqrt(length * accel_mps2))
-    return ReferenceLeg(start, way, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
+    return ReferenceLeg(start, travel, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
 
 
 def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
-    """Straight on to a stop."""
+    """Return a leg that brakes straight on to a stop."""
     speed = float(np.linalg.norm(velocity))
     return ReferenceLeg(position, velocity * speed / (2.0 * accel_mps2), speed / accel_mps2, 0.0, braking=True)
 
 
 class LegsReference:
-    """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them from then on."""
+    """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them."""
 
     def __init__(
         self, legs: Sequence[ReferenceLeg], begin_s: float, yaw_ned_rad: float, beside: ReferenceLeg | None = None
@@ -81,7 +80,7 @@ class LegsReference:
         self._yaw_ned_rad = yaw_ned_rad
 
     def at(self, k: int, t_s: float) -> Values:
-        """Where the legs are at plan time `t_s`."""
+        """Return the setpoint of the legs at plan time `t_s`."""
         del k
         passed_s = t_s - self.begin_s
         for one in self._legs[:-1]:
@@ -94,22 +93,22 @@ class LegsReference:
         if t_s >= self._legs_end_s or t_s < self.begin_s:  # rest has no acceleration
             velocity, acceleration = (velocity, np.zeros(3)) if t_s < self.begin_s else (np.zeros(3), np.zeros(3))
         if self._beside is not None and t_s > self.begin_s:
-            way, rate, push = self._beside.at(t_s - self.begin_s)
+            moved, rate, push = self._beside.at(t_s - self.begin_s)
             still = t_s >= self.begin_s + self._beside.duration_s
-            position, velocity = position + way, velocity if still else velocity + rate
+            position, velocity = position + moved, velocity if still else velocity + rate
             acceleration = acceleration if still else acceleration + push
         return (*position.tolist(), *velocity.tolist(), *acceleration.tolist(), self._yaw_ned_rad)
 
 
 def hold_reference(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float) -> LegsReference:
-    """Brake, and stand there."""
+    """Return a reference that brakes and holds."""
     return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad)
 
 
 def spread_reference(
     position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float
 ) -> LegsReference:
-    """Brake, climb by `up_m` meanwhile, and stand there."""
+    """Return a reference that brakes, climbs by `up_m` meanwhile, and holds."""
     climb = leg(np.zeros(3), np.array([0.0, 0.0, -up_m]), SPREAD_MPS, SPREAD_MPS2)
     return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
 
@@ -120,18 +119,18 @@ def return_reference(
     yaw_ned_rad: float,
     begin_s: float,
     home_ned_m: Array,
-    level_m: float,
+    altitude_m: float,
     speeds_mps: tuple[float, float, float],
     end_above_m: float,
 ) -> LegsReference:
-    """Brake, climb to `level_m` above home, straight there, down to `end_above_m` over it: as returns are verified.
+    """Return a reference as returns are verified: brake, climb to `altitude_m` above home, fly there straight, descend.
 
-    Who is higher already stays as high as it is. `speeds_mps`: climb, cruise, sink.
+    A higher vehicle keeps its altitude. It ends `end_above_m` above home. `speeds_mps`: climb, cruise, sink.
     """
     climb, cruise, sink = speeds_mps
     stop = braking(position, velocity)
-    here = stop.start + stop.way
-    top = min(float(here[2]), float(home_ned_m[2]) - level_m)
+    here = stop.start + stop.travel
+    top = min(float(here[2]), float(home_ned_m[2]) - altitude_m)
     over_here, over_home = np.array([here[0], here[1], top]), np.array([home_ned_m[0], home_ned_m[1], top])
     low = np.array([home_ned_m[0], home_ned_m[1], max(float(home_ned_m[2]) - end_above_m, top)])
     legs = [stop, leg(here, over_here, climb), leg(over_here, over_home, cruise), leg(over_home, low, sink)]
@@ -139,18 +138,18 @@ def return_reference(
 
 
 class RejoinReference:
-    """Another course, joined from where the vehicle is: what is off fades in `fade_s`, velocity and all."""
+    """Another reference plus the vehicle's deviation from it, which fades in `fade_s`, its velocity too."""
 
     def __init__(self, base: ReferenceTrajectory, off_m: Array, off_mps: Array, begin_s: float, fade_s: float) -> None:
         self.base = base
         self._begin_s = begin_s
         self._fade_s = fade_s
-        # A quintic from (off, its rate, 0) to rest at zero, in s = t / fade.
+        # A quintic from (deviation, its rate, 0) to rest at zero, in s = t / fade.
         p, v = np.asarray(off_m), np.asarray(off_mps) * fade_s
         self._c = np.array([-6 * p - 3 * v, 15 * p + 8 * v, -10 * p - 6 * v, 0 * p, v, p])
 
     def at(self, k: int, t_s: float) -> Values | None:
-        """The other course's setpoint, moved by what is still off."""
+        """Return the other reference's setpoint plus the deviation that is left."""
         values = self.base.at(k, t_s)
         s = (t_s - self._begin_s) / self._fade_s
         if values is None or s >= 1.0:

@@ -1,11 +1,8 @@
-"""When which setpoint is due to whom: one grid of instants for all vehicles, absolute deadlines for each.
+"""Deadlines of setpoints: one grid of plan times for all vehicles, absolute deadlines for each. Time is an argument.
 
-Knows: the grid in plan time, T0, who was sent what. Does not know: clocks (time is an argument), what setpoints say,
-messages, sockets.
-
-Deadlines are k-th instants of the grid, never "the last one plus a period", so nothing drifts. Whoever comes late is
-told the newest point only: a stale setpoint is worse than none, a burst of them no better. Time that does not pass
-makes nothing due: where the clock of the plan stands, the stream stops.
+A deadline is the k-th time of the grid, never "the last one plus a period", so nothing drifts. After a delay only the
+newest setpoint is sent: a stale setpoint is worse than none, and a burst is no better. While a vehicle's clock stands,
+nothing is due to it.
 """
 
 from __future__ import annotations
@@ -20,25 +17,25 @@ from gcs.physics.quadrotor import Array
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants of plan time by number: those of a stream (0 <= k < N), going on before and after with its period."""
+    """Plan times by number: those of a stream (0 <= k < N), continued before and after with its period."""
 
     t_s: tuple[float, ...]
     period_s: float
 
     @classmethod
     def of(cls, t_s: Array, rate_hz: float) -> Grid:
-        """The grid of a stream's instants (N,)."""
+        """Return the grid of a stream's plan times (N,)."""
         return cls(tuple(t_s.tolist()), 1.0 / rate_hz)
 
     def at(self, k: int) -> float:
-        """Instant number `k`."""
+        """Return plan time number `k`."""
         last = len(self.t_s) - 1
         if k < 0:
             return self.t_s[0] + k * self.period_s
         return self.t_s[k] if k <= last else self.t_s[last] + (k - last) * self.period_s
 
     def ahead_of(self, t_s: float) -> int:
-        """Number of the first instant after `t_s`."""
+        """Return the number of the first grid time after `t_s`."""
         k = math.floor((t_s - self.t_s[0]) / self.period_s)
         while self.at(k) > t_s:
             k -= 1
@@ -49,26 +46,26 @@ class Grid:
 
 @dataclass
 class StreamProgress:
-    """How far one vehicle's stream has come. `late_s` are the last delays behind the deadline."""
+    """How far one vehicle's stream is. `late_s` are the last delays behind the deadline."""
 
     next: int
-    end: int | None  # first number that is not sent; None: on and on
+    end: int | None  # first number that is not sent; None: no end
     sent: int = 0
     skipped: int = 0
     late_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
     @property
     def finished(self) -> bool:
-        """Everything was sent, the point at rest included."""
+        """Whether everything was sent, including the last setpoint at rest."""
         return self.end is not None and self.next >= self.end
 
 
 class Scheduler:
-    """Says which numbers of the grid are due. Times are of the vehicle's own clock.
+    """Which setpoints of the grid are due to which vehicle. Times are of the vehicle's own clock.
 
-    `lead_s`: how far ahead of its instant a setpoint is sent; `lags_s`: how much earlier still, by system id.
-    `keep_s`: how long after its instant one is still worth sending beside newer ones: 0 for those who act on arrival,
-    more for those who go by the stamp.
+    `lead_s`: how far ahead of its time a setpoint is sent; `lags_s`: how much earlier still, by system id.
+    `keep_s`: how long after its time a setpoint is still sent beside newer ones: 0 for vehicles that act on arrival,
+    more for those that act at the stamp.
     """
 
     def __init__(
@@ -88,27 +85,27 @@ class Scheduler:
         self._keep_s = keep_s
 
     def start(self, sysid: int, first: int, end: int | None) -> None:
-        """From number `first` on; `end` as in `StreamProgress`."""
+        """Stream to a vehicle from number `first` on; `end` as in `StreamProgress`."""
         self.streams[sysid] = StreamProgress(first, end)
 
     def stop(self, sysid: int) -> None:
-        """Nothing is due to it any more."""
+        """Stop the stream to a vehicle."""
         self.streams.pop(sysid, None)
 
     @property
     def finished(self) -> bool:
-        """Whether everybody was sent everything."""
+        """Whether all streams are finished."""
         return all(stream.finished for stream in self.streams.values())
 
     def next_unix_s(self, sysid: int) -> float:
-        """When something is next due to a vehicle, by its own clock; inf for never."""
+        """Return the next deadline of a vehicle, by its own clock; inf for none."""
         stream = self.streams.get(sysid)
         if stream is None or stream.finished:
             return math.inf
         return self._deadline_s(sysid, stream.next)
 
     def due(self, sysid: int, vehicle_unix_s: float) -> list[int]:
-        """Numbers to send now, oldest first; each is due once."""
+        """Return the numbers to send now, oldest first; each is due once."""
         stream = self.streams.get(sysid)
         if stream is None:
             return []
@@ -127,7 +124,7 @@ class Scheduler:
         return kept
 
     def advance(self, sysid: int) -> int | None:
-        """The next number whether it is due or not, for those who keep it until its time; None after the last."""
+        """Return the next number, due or not, for vehicles that keep it until its stamp; None after the last."""
         stream = self.streams.get(sysid)
         if stream is None or stream.finished:
             return None
@@ -136,5 +133,5 @@ class Scheduler:
         return stream.next - 1
 
     def _deadline_s(self, sysid: int, k: int) -> float:
-        """The one expression for it: what `next_unix_s` says is due then, to the last bit."""
+        """The only expression of a deadline, so that `next_unix_s` and `due` agree to the last bit."""
         return self.t0_unix_s + self.grid.at(k) - (self._lead_s + self._lags_s.get(sysid, 0.0))

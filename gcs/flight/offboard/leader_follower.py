@@ -1,11 +1,9 @@
-"""Followers fly where their leader is, not where it should be: its telemetered state plus the formation's offsets.
+"""Leader-following setpoints: the leader's reported state plus the formation's offsets (Eq. 22).
 
-Knows: the leader's last report, the plan, smoothing. Does not know: links, who leads (it is told).
-
-A place beside the leader, plus what the leader is off its plan, is the leader's own place plus the offset; so a
-follower's setpoint is the planned one moved by the leader's deviation. That is predicted over the time from the
-report's stamp to the instant of the setpoint, and smoothed by a damped filter whose acceleration is soft, and bounded
-(`accel_bound_mps2`): a leader that is blown off takes its followers along, noise and jumps of its position do not.
+The planned position plus the leader's deviation from the plan equals the leader's position plus the offset. So a
+follower's setpoint is the planned one moved by the leader's deviation. The deviation is predicted from the stamp of the
+report to the time of the setpoint. A damped filter with bounded acceleration (`accel_bound_mps2`) smooths it: followers
+go with a leader that the wind moves, not with noise or jumps of its position.
 """
 
 from __future__ import annotations
@@ -22,17 +20,18 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 
 BANDWIDTH_RADPS = 0.5
-SOFT_S = 0.3  # acceleration goes through two lags of this: vehicles tilt for it, and some turn slowly
-IGNORED_M = 0.1  # estimates wander by so much: to follow that would shake the formation, not hold it
-LONGEST_S = 1.0  # a report older than this says nothing about velocity any more
+SOFT_S = 0.3  # acceleration passes two lags of this: vehicles tilt for it, and some tilt slowly
+IGNORED_M = 0.1  # estimates drift by this much: following that would shake the formation
+REPORT_MAX_S = 1.0  # the velocity of an older report is not used
 _STEP_S = 0.02
 
 
 def accel_bound_mps2(scenario: Scenario) -> float:
-    """The most that following may add to a vehicle's acceleration: that of a change of formation, or more if it can.
+    """The limit on acceleration added by following: that of a change of formation, or more if the vehicle is able.
 
-    More is half of what the plan's turns may take (n_max of Eq. 17), and what its rates and torques allow a change of
-    formation, for a step that goes through both lags: its jerk is 1 / (e SOFT_S) of it, its snap 1 / SOFT_S^2.
+    The larger limit is half of what the plan's turns may take (n_max of Eq. 17), within the jerk and snap that rates
+    and torques allow a change of formation. A step through both lags has a jerk of 1 / (e SOFT_S) and a snap of
+    1 / SOFT_S^2 of its size.
     """
     most = budget(scenario)
     turns_mps2 = 0.5 * scenario.limits.load_factor_max * scenario.vehicle.gravity_mps2
@@ -40,27 +39,27 @@ def accel_bound_mps2(scenario: Scenario) -> float:
 
 
 class LeaderDeviation:
-    """How far the leader is off its plan, smoothed, at rising plan times. `lead` may name another one at any time."""
+    """The smoothed deviation of the leader from the plan, at rising plan times. `lead` may change the leader."""
 
     def __init__(self, plan: Plan, t0_unix_s: float) -> None:
         self._plan = plan
         self._t0_unix_s = t0_unix_s
         self._view: VehicleView | None = None
         self._row = 0
-        self._told_s = math.nan
-        self._off, self._rate = np.zeros(3), np.zeros(3)  # as told, unsmoothed
+        self._reported_s = math.nan
+        self._off, self._rate = np.zeros(3), np.zeros(3)  # as reported, not smoothed
         self.position_m, self.velocity_mps, self.acceleration_mps2 = np.zeros(3), np.zeros(3), np.zeros(3)
         self._soft = np.zeros(3)
         self._accel_mps2 = accel_bound_mps2(plan.scenario)
         self._t_s = math.nan
 
     def lead(self, view: VehicleView) -> None:
-        """From now on this vehicle leads."""
-        self._view, self._row, self._told_s = view, self._plan.sysids.index(view.sysid), math.nan
+        """Make this vehicle the leader."""
+        self._view, self._row, self._reported_s = view, self._plan.sysids.index(view.sysid), math.nan
 
     def advance(self, t_s: float) -> None:
         """Bring position, velocity and acceleration of the deviation to plan time `t_s`."""
-        off, rate = self._told(t_s)
+        off, rate = self._reported(t_s)
         if math.isnan(self._t_s):
             self._t_s = t_s
         while self._t_s < t_s - 1e-9:
@@ -76,13 +75,13 @@ class LeaderDeviation:
             self.velocity_mps = self.velocity_mps + self.acceleration_mps2 * step_s
             self._t_s += step_s
 
-    def _told(self, t_s: float) -> tuple[Array, Array]:
-        """The deviation by the last report, predicted for `t_s`."""
+    def _reported(self, t_s: float) -> tuple[Array, Array]:
+        """The deviation of the last report, predicted for `t_s`."""
         view = self._view
         if view is None or math.isnan(view.unix_s):
             return np.zeros(3), np.zeros(3)
-        if view.unix_s != self._told_s:
-            self._told_s = view.unix_s
+        if view.unix_s != self._reported_s:
+            self._reported_s = view.unix_s
             plan, seen_s = self._plan, view.unix_s - self._t0_unix_s
             at = np.clip(np.array([seen_s]), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
             planned = plan.leader_trajectory.state(at)[0]
@@ -93,13 +92,13 @@ class LeaderDeviation:
             return np.zeros(3), np.zeros(3)
         share = 1.0 - IGNORED_M / size
         age_s = max(t_s - (view.unix_s - self._t0_unix_s), 0.0)
-        if age_s > LONGEST_S:
+        if age_s > REPORT_MAX_S:
             return share * self._off, np.zeros(3)
         return share * (self._off + self._rate * age_s), share * self._rate
 
 
 class FollowReference:
-    """One follower's share of the stream, moved along with its leader."""
+    """One follower's planned setpoints, moved by the leader's deviation."""
 
     def __init__(self, base: PlanReference, leader: LeaderDeviation, last: int) -> None:
         self._base = base
@@ -107,7 +106,7 @@ class FollowReference:
         self._last = last
 
     def at(self, k: int, t_s: float) -> Values:
-        """The planned setpoint plus the leader's deviation; from the plan's last one on it stands."""
+        """Return the planned setpoint plus the leader's deviation; at rest from the plan's last one on."""
         values = self._base.at(k, t_s)
         self._leader.advance(t_s)
         off = self._leader.position_m

@@ -1,7 +1,4 @@
-"""Setpoints on their way: what is due, as messages in each vehicle's own frame and clock.
-
-Knows: schedule, courses, pads (origin of each vehicle's frame), boot clocks. Does not know: sockets, event loops.
-"""
+"""Setpoints that are due, as MAVLink messages in each vehicle's own local frame and boot clock."""
 
 from __future__ import annotations
 
@@ -18,12 +15,12 @@ from gcs.physics.quadrotor import Array
 
 @dataclass
 class Streamed:
-    """One vehicle that is told where to fly. Its `course` may be exchanged at any time."""
+    """One vehicle that setpoints are streamed to. Its `reference` may be exchanged at any time."""
 
     station: Station
     clock: VehicleClock
     pad_ned_m: Array  # (3,) origin of its own local frame
-    course: ReferenceTrajectory
+    reference: ReferenceTrajectory
 
     @property
     def sysid(self) -> int:
@@ -32,7 +29,7 @@ class Streamed:
 
 
 def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[Message]:
-    """What this vehicle is to be sent at local time `now_s`."""
+    """Return the messages due to this vehicle at local time `now_s`."""
     vehicle_unix_s = vehicle.clock.now_unix_s(now_s)
     if vehicle_unix_s is None:
         return []
@@ -41,9 +38,9 @@ def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[
 
 
 def numbered_message(scheduler: Scheduler, vehicle: Streamed, k: int) -> Message | None:
-    """Setpoint number `k` of the grid; None where the vehicle's course has none."""
+    """Return setpoint number `k` of the grid; None where the vehicle's reference has none."""
     t_s = scheduler.grid.at(k)
-    values = vehicle.course.at(k, t_s)
+    values = vehicle.reference.at(k, t_s)
     if values is None:
         return None
     stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
@@ -53,14 +50,14 @@ def numbered_message(scheduler: Scheduler, vehicle: Streamed, k: int) -> Message
 def send_due(
     scheduler: Scheduler, vehicles: Iterable[Streamed], send: Callable[[int, Message], None], now_s: float
 ) -> None:
-    """Give everybody's messages of `now_s` to `send`, with the system id they are for."""
+    """Pass the messages due to all vehicles at `now_s` to `send`, each with its system id."""
     for vehicle in vehicles:
         for message in due_messages(scheduler, vehicle, now_s):
             send(vehicle.sysid, message)
 
 
 def wait_s(scheduler: Scheduler, vehicles: Iterable[Streamed], now_s: float, longest_s: float) -> float:
-    """Local seconds until something is next due to anybody, `longest_s` at most."""
+    """Return the local seconds until the next deadline of any vehicle, `longest_s` at most."""
     least_s = longest_s
     for vehicle in vehicles:
         unix_s = vehicle.clock.now_unix_s(now_s)

@@ -1,18 +1,16 @@
-"""One flight, from silent vehicles to landed ones: upload, read back, arm, take off, keep time together, land.
+"""The sequence of one flight: upload, read back, arm, take off, fly from a common T0, land.
 
-Knows: the order of things and what must be true before each. Does not know: sockets, screens, files, how vehicles
-are found (`gcs.link.session.linked_fleet`) or judged (`gcs.flight.assessment.judge`), how each step is done
-(`prologue`, `pilot`). Nothing arms before every vehicle holds its own mission of this plan, read back equal. Whatever
-ends the flight early, vehicles in the air are told to land.
+No vehicle is armed before all of them have their own mission of this plan, read back equal. If the flight ends early,
+for whatever reason, the vehicles in the air are ordered to land.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,7 +29,7 @@ from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
-    ask_for_telemetry,
+    request_telemetry,
     set_mode,
     start_mission,
     take_off,
@@ -39,7 +37,6 @@ from gcs.flight.sequence.takeoff_landing import (
     until_landed,
     until_ready,
 )
-from gcs.flight.setup.build_loads import missions_only
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.command import CommandSender
@@ -47,11 +44,24 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
-from gcs.mission.model import SetpointStream, VehicleMission
+from gcs.mission.model import SetpointStream
 from gcs.mission.waypoints.mission_items import starting_at
 from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
+
+
+def _ignore(*_: object) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class FlightHooks:
+    """What is called during a flight. `on_ready` may raise to stop it before the upload."""
+
+    on_event: Callable[[Event], None] = _ignore
+    on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
+    on_ready: Callable[[], Awaitable[None]] | None = None
 
 
 class FlightSequence:
@@ -60,27 +70,25 @@ class FlightSequence:
     def __init__(
         self,
         plan: Plan,
-        missions: Iterable[VehicleMission],
-        stream: SetpointStream,
         sessions: dict[int, VehicleSession],
         options: FlightOptions,
-        on_event: Callable[[Event], None] = lambda event: None,
-        on_step: Callable[[Step, float | None], None] = lambda step, t0_unix_s: None,
         *,
-        loads: Sequence[VehicleLoad] | None = None,
-        on_ready: Callable[[], Awaitable[None]] | None = None,
+        loads: Sequence[VehicleLoad],
+        stream: SetpointStream,
+        returns: ReturnPlan | None = None,
+        hooks: FlightHooks | None = None,
     ) -> None:
-        """`loads` bring fences, rally points and parameters along; `on_ready` may refuse to go on to the upload."""
+        """`returns`: those of the export for the vehicles' autopilot; None: they are planned before take-off."""
         self.plan = plan
-        self.missions = {m.sysid: m for m in missions}
-        self.loads = tuple(loads or missions_only(self.missions.values()))
+        self.loads = tuple(loads)
         self.held: Holdings | None = None
-        self._on_ready = on_ready
+        self._returns = returns
+        self._hooks = hooks or FlightHooks()
         self.sessions = sessions
         self.options = options
         self.monitor = Monitor(plan)
         self.step = Step.READY
-        self.crews = {
+        self.vehicles = {
             sysid: FlightVehicle(
                 sessions[sysid],
                 flight_behaviour(sysid, sessions[sysid].autopilot),
@@ -92,25 +100,23 @@ class FlightSequence:
             for row, sysid in enumerate(plan.sysids)
         }
         self.time = FleetTime(sessions)
-        self.pilot = Streamer(plan, stream, self.crews, self.time, options)
-        self._leaving_s = next(iter(self.missions.values())).leaves_s
+        self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
+        self._leaving_s = self.loads[0].mission.leaves_s
         self._start_unix_s = 0
-        self._on_event = on_event
-        self._on_step = on_step
 
     async def run(self) -> FlightTimes:
-        """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight); vehicles aloft are landed first."""
+        """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
         return await self._guarded(self._run())
 
-    async def take_up(self, what: Resume, t0_unix_s: float | None) -> float | None:
-        """Go on with a flight that another process began and left; returns T0. Raises as `run` does.
+    async def resume(self, what: Resume, t0_unix_s: float | None) -> float | None:
+        """Continue a flight that another process began and left; return T0. Raises as `run` does.
 
-        `t0_unix_s` is that of the process that began, None if it had none yet.
+        `t0_unix_s` is the T0 of that process, None if it had none yet.
         """
-        return await self._guarded(self._take_up(what, t0_unix_s))
+        return await self._guarded(self._resume(what, t0_unix_s))
 
     async def _guarded(self, flying: Coroutine[Any, Any, T]) -> T:
-        stops = [self.listen(crew) for crew in self.crews.values()]
+        stops = [self.listen(vehicle) for vehicle in self.vehicles.values()]
         watch = asyncio.ensure_future(self._watch_links())
         work = asyncio.ensure_future(flying)
         try:
@@ -120,7 +126,7 @@ class FlightSequence:
             return await work
         except (GcsError, asyncio.CancelledError):
             work.cancel()
-            self._say_land()  # before an impatient second Ctrl-C can come in between
+            self._send_land()  # before a second Ctrl-C can come in between
             await insisted(self._end_and_land(work))
             raise
         finally:
@@ -129,7 +135,7 @@ class FlightSequence:
                 stop()
 
     def snapshot(self) -> Snapshot:
-        """The flight now, for people to see."""
+        """Return how the flight stands now, for display."""
         t_s = self.monitor.plan_time_s
         span = self.plan.t_end_s - self.plan.t_start_s
         progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
@@ -146,16 +152,15 @@ class FlightSequence:
 
     async def _run(self) -> FlightTimes:
         self._check_mode()
-        await self._each(ask_for_telemetry)
+        await self._each(request_telemetry)
         self._enter(Step.READY)
         await self._each(until_ready)
-        if self._on_ready is not None:
-            await self._on_ready()
+        if self._hooks.on_ready is not None:
+            await self._hooks.on_ready()
         self._enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
             self._set_common_start()
-        loads = [replace(load, mission=self.missions[load.sysid]) for load in self.loads]
-        self.held = await upload_fleet(self.sessions, loads, self.plan.hash)
+        self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
         self.contingency = await self._contingency()
         self._enter(Step.TAKEOFF)
@@ -167,13 +172,13 @@ class FlightSequence:
         t0_unix_s = await fly()
         self._enter(Step.DONE)
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
-        self._tell_troubles()
+        self._raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
-    async def _take_up(self, what: Resume, t0_unix_s: float | None) -> float | None:
-        await self._each(ask_for_telemetry)
+    async def _resume(self, what: Resume, t0_unix_s: float | None) -> float | None:
+        await self._each(request_telemetry)
         await self._each(until_ready)
-        await until(self._everybody_told, self.options.find_timeout_s, "a position of every vehicle")
+        await until(self._all_positions_known, self.options.find_timeout_s, "a position of every vehicle")
         self.contingency = await self._contingency()
         if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in self.sessions.values())):
             self._enter(Step.LAND)
@@ -182,62 +187,72 @@ class FlightSequence:
             self._enter(Step.DONE)
             return t0_unix_s
         if what is Resume.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
-            self.pilot.stand_by(t0_unix_s)
-            go_on = [t0_unix_s]
+            self.streamer.stand_by(t0_unix_s)
+            t0_new_s = t0_unix_s
         else:
-            where = where_in_plan(self.plan, np.array([c.view.position_ned_m for c in self.crews.values()]))
+            where = where_in_plan(self.plan, np.array([v.view.position_ned_m for v in self.vehicles.values()]))
             if what is Resume.RESUME and where.off_m > NEAR_M:
                 raise FlightError(
-                    f"the formation is not where the plan ever has it: at its nearest, t = {where.t_s:.0f} s, somebody"
-                    f" is {where.off_m:.1f} m off.",
-                    hint="let it --land or --return",
+                    f"the vehicles are too far from the plan: at t = {where.t_s:.0f} s, the nearest instant, one is "
+                    f"{where.off_m:.1f} m off (limit {NEAR_M:g} m).",
+                    hint="attach with --land or --return",
                 )
-            go_on = [self.pilot.go_on(where.t_s, FADE_S if what is Resume.RESUME else None)]
-        async with alongside(self.pilot.run()):
+            t0_new_s = self.streamer.continue_plan(where.t_s, FADE_S if what is Resume.RESUME else None)
+        async with alongside(self.streamer.run()):
             if what is Resume.RESUME and self.options.mode is FlightMode.STREAM:
-                await self._each(self.pilot.obey)
+                await self._each(self.streamer.obey)
             self._enter(Step.FLY)
-            await self._watch_over(go_on[0], everybody_home=what is Resume.RETURN)
+            await self._watch_over(t0_new_s, return_all=what is Resume.RETURN)
         self._enter(Step.DONE)
         if what is Resume.RESUME:
-            self._tell_troubles()
-        return go_on[0]
+            self._raise_troubles()
+        return t0_new_s
 
-    def _everybody_told(self) -> bool:
-        return all(np.isfinite(c.view.position_ned_m).all() for c in self.crews.values())
+    def _all_positions_known(self) -> bool:
+        return all(np.isfinite(v.view.position_ned_m).all() for v in self.vehicles.values())
 
     def _enter(self, step: Step) -> None:
         self.step = step
-        self._on_step(step, self.monitor.t0_unix_s)
+        self._hooks.on_step(step, self.monitor.t0_unix_s)
 
     async def _contingency(self) -> ContingencyExecutor:
-        returns = await self._returns()
+        firmware = Autopilot(next(iter(self.vehicles.values())).session.autopilot)
+        returns = self._returns
+        if returns is None:
+            returns = await asyncio.to_thread(plan_returns, self.plan, firmware)
         return ContingencyExecutor(
-            self.plan, self.crews, self.monitor, self.pilot, self.time, returns, self.options, self._on_event
+            self.plan,
+            self.vehicles,
+            self.monitor,
+            self.streamer,
+            self.time,
+            returns,
+            self.options,
+            self._hooks.on_event,
         )
 
     def _check_mode(self) -> None:
-        late = [c.sysid for c in self.crews.values() if not c.behaviour.waits_for_time_of_day]
+        late = [v.sysid for v in self.vehicles.values() if not v.behaviour.waits_for_time_of_day]
         if self.options.mode is FlightMode.MISSION and late:
             raise PeerError(
-                f"missions on {autopilot_name(self.crews[late[0]].session.autopilot)} (vehicle {late[0]}) cannot start"
-                " together: it cannot wait until a time of day.",
+                f"missions on {autopilot_name(self.vehicles[late[0]].session.autopilot)} (vehicle {late[0]}) cannot "
+                "start together: it cannot wait until a time of day.",
                 hint="fly it with --mode stream",
             )
 
     async def _fly_stream(self) -> float:
-        """Send every vehicle its setpoints, all timed from one T0; returns T0."""
-        async with alongside(self.pilot.run()):
-            t0_unix_s = await self.pilot.begin()
+        """Stream setpoints to all vehicles from one T0; return T0."""
+        async with alongside(self.streamer.run()):
+            t0_unix_s = await self.streamer.begin()
             await self._watch_over(t0_unix_s)
         return t0_unix_s
 
-    async def _watch_over(self, t0_unix_s: float, *, everybody_home: bool = False) -> None:
-        """From T0 known to everybody down, with eyes open; the pilot goes on beside it."""
+    async def _watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
+        """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
         self.monitor.t0_unix_s = t0_unix_s
         self._enter(self.step)
         async with alongside(self.contingency.run()):
-            if everybody_home:
+            if return_all:
                 self.contingency.return_all()
             over = asyncio.ensure_future(self.contingency.over.wait())
             planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
@@ -248,110 +263,109 @@ class FlightSequence:
                 await ended(planned)
             self._enter(Step.LAND)
             self.contingency.landing()
-            landing = [c for c in self.crews.values() if self.contingency.policy.states[c.sysid] is State.FLYING]
+            landing = [v for v in self.vehicles.values() if self.contingency.policy.states[v.sysid] is State.FLYING]
             if self.options.mode is FlightMode.STREAM:
                 await each(landing, self._land)
             await each(landing, until_landed)
-            await self._until_all_are_down()
+            await self._until_all_landed()
 
-    async def _land(self, crew: FlightVehicle) -> None:
-        await set_mode(crew, crew.behaviour.land)
-        self.pilot.leave(crew.sysid)
+    async def _land(self, vehicle: FlightVehicle) -> None:
+        await set_mode(vehicle, vehicle.behaviour.land)
+        self.streamer.leave(vehicle.sysid)
 
-    async def _until_all_are_down(self) -> None:
-        """Wait for those who left the formation as well, as long as they are heard and a return may take."""
+    async def _until_all_landed(self) -> None:
+        """Wait for vehicles that left the formation too, while they are heard, at most for the longest return."""
         end_unix_s = self.time.sure_s() + self.contingency.longest_return_s()
         while any(
-            c.session.armed and self.contingency.policy.states[c.sysid] not in (State.LOST, State.SILENT)
-            for c in self.crews.values()
+            v.session.armed and self.contingency.policy.states[v.sysid] not in (State.LOST, State.SILENT)
+            for v in self.vehicles.values()
         ):
             if self.time.sure_s() > end_unix_s:
                 break
             await asyncio.sleep(LOOK_S)
 
-    def _tell_troubles(self) -> None:
-        """Raises FlightError when somebody did not fly the plan to its end."""
+    def _raise_troubles(self) -> None:
+        """Raises FlightError if a vehicle did not fly the plan to its end."""
         troubles = self.contingency.policy.troubles
         if troubles:
-            words = "; ".join(self.contingency.words(incident) for incident in troubles)
+            words = "; ".join(self.contingency.describe(incident) for incident in troubles)
             raise FlightError(
-                f"not everybody flew the plan to its end: {words}.",
-                hint="events.jsonl in the flight's folder says what was done",
+                f"the flight did not complete the plan: {words}.",
+                hint="see events.jsonl in the flight's folder for incidents and orders",
             )
 
     def _set_common_start(self) -> None:
-        """Missions leave the hover at one GNSS second, far enough ahead to upload, arm and take off before it."""
+        """Set the GNSS second at which missions leave the hover, late enough to upload, arm and take off before it."""
         takeoff = self.plan.phase("takeoff")
         ahead_s = self.options.start_after_takeoff_s + 2.0 * (takeoff.end_s - takeoff.start_s)
         self._start_unix_s = math.ceil(self.time.sure_s() + ahead_s)
-        self.missions = {i: starting_at(m, self._start_unix_s) for i, m in self.missions.items()}
+        self.loads = tuple(replace(x, mission=starting_at(x.mission, self._start_unix_s)) for x in self.loads)
 
     async def _fly_missions(self) -> float:
-        """Switch all to their missions, which wait in the hover for the common start; returns T0."""
+        """Switch all vehicles to their missions, which wait in the hover for the common start; return T0."""
         await self._each(start_mission)
         late_s = self.time.sure_s() - self._start_unix_s
         if late_s > 0:
             raise FlightError(
-                f"the common start was missed by {late_s:.1f} s: not everyone was in the air and ready in time.",
-                hint="start again; a slow link needs more time between upload and start",
+                f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
+                hint="fly again; a slow link needs more time between upload and start",
             )
         t0_unix_s = self._start_unix_s - self._leaving_s
-        self.pilot.stand_by(t0_unix_s)
-        async with alongside(self.pilot.run()):
+        self.streamer.stand_by(t0_unix_s)
+        async with alongside(self.streamer.run()):
             await self._watch_over(t0_unix_s)
         return t0_unix_s
 
-    async def _returns(self) -> ReturnPlan:
-        """How everybody would come home: the same heights that the export verified."""
-        firmware = Autopilot(next(iter(self.crews.values())).session.autopilot)
-        return await asyncio.to_thread(plan_returns, self.plan, firmware)
-
     async def _each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
-        await each(self.crews.values(), action)
+        await each(self.vehicles.values(), action)
 
-    def listen(self, crew: FlightVehicle) -> Callable[[], None]:
-        """Take in what a vehicle tells of its place, until the result is called."""
+    def listen(self, vehicle: FlightVehicle) -> Callable[[], None]:
+        """Monitor a vehicle's position reports until the returned function is called."""
 
         def receive(message: Message) -> None:
             if message.name == "LOCAL_POSITION_NED":
-                self.monitor.receive(crew.row, message, crew.session.clock)
-                self.pilot.wake()
+                self.monitor.receive(vehicle.row, message, vehicle.session.clock)
+                self.streamer.wake()
 
-        return crew.session.subscribe(receive)
+        return vehicle.session.subscribe(receive)
 
     async def _watch_links(self) -> None:
-        """Raises FlightError as soon as a vehicle, once the formation flies everybody, has been silent for too long."""
+        """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have."""
         while True:
             await asyncio.sleep(LOOK_S)
             silent = {s.sysid: s.heartbeat_age_s() for s in self.sessions.values()}
             lost = [sysid for sysid, silent_s in silent.items() if silent_s > self.options.lost_after_s]
             if self.step in (Step.FLY, Step.LAND) and len(lost) < len(silent):
-                continue  # that is for the rules
+                continue  # the contingency policy handles this
             if lost:
-                who = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
+                lost_words = (
+                    f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
+                )
                 raise FlightError(
-                    f"{who} lost ({self.step.value}): no heartbeat for {silent[lost[0]]:.1f} s.",
-                    hint="the others were told to land; look for it where the last telemetry puts it",
+                    f"{lost_words} lost ({self.step.value}): no heartbeat for {silent[lost[0]]:.1f} s.",
+                    hint="the others were ordered to land; search for it at its last reported position",
                 )
 
     def _perhaps_aloft(self) -> list[FlightVehicle]:
-        """Who is not heard may still hear; who was told to arm may be in the air before its heartbeat says so."""
-        return [c for c in self.crews.values() if c.session.armed or self.step is Step.TAKEOFF]
+        """Vehicles that may be airborne: a silent one may receive, one may fly before its HEARTBEAT says armed."""
+        return [v for v in self.vehicles.values() if v.session.armed or self.step is Step.TAKEOFF]
 
-    def _say_land(self) -> None:
-        """Once, at once, to everybody, without waiting for an answer."""
+    def _send_land(self) -> None:
+        """Send every vehicle the order to land once, without waiting for an acknowledgement."""
         now_s = asyncio.get_running_loop().time()
-        for crew in self._perhaps_aloft():
-            land = crew.behaviour.mode_parameters(crew.behaviour.land)
-            command = CommandSender(MavCommand.DO_SET_MODE, land, crew.session.station, me=crew.session.me)
+        for vehicle in self._perhaps_aloft():
+            land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
             for message in command.start(now_s):
-                crew.session.send(message)
+                vehicle.session.send(message)
 
     async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
         await ended(work)
 
-        async def land(crew: FlightVehicle) -> None:
+        async def land(vehicle: FlightVehicle) -> None:
             with suppress(GcsError):
-                await crew.session.command(MavCommand.DO_SET_MODE, *crew.behaviour.mode_parameters(crew.behaviour.land))
+                await vehicle.session.command(
+                    MavCommand.DO_SET_MODE, *vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
+                )
 
         await each(self._perhaps_aloft(), land)

@@ -48,20 +48,20 @@ class FlightVehicle:
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
 
 
-async def ask_for_telemetry(crew: FlightVehicle) -> None:
+async def request_telemetry(vehicle: FlightVehicle) -> None:
     """Positions often, everything that tells of trouble now and then."""
-    session = crew.session
-    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, crew.options.telemetry_rate_hz)
-    m = crew.behaviour
+    session = vehicle.session
+    await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
+    m = vehicle.behaviour
     for number in (m.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
         await session.set_message_interval(number, 2.0)
 
 
-async def until_ready(crew: FlightVehicle) -> None:
+async def until_ready(vehicle: FlightVehicle) -> None:
     """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
-    session, options = crew.session, crew.options
+    session, options = vehicle.session, vehicle.options
     await session.wait_for(
-        lambda message: crew.behaviour.position_is_known(message.name, message.fields),
+        lambda message: vehicle.behaviour.position_is_known(message.name, message.fields),
         options.ready_timeout_s,
         "a position estimate",
         or_latest=True,
@@ -77,45 +77,45 @@ async def until_ready(crew: FlightVehicle) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def take_off(crew: FlightVehicle) -> None:
+async def take_off(vehicle: FlightVehicle) -> None:
     """Arm and climb to the hover over the pad."""
-    session, behaviour = crew.session, crew.behaviour
-    pad_up_m = -float(crew.plan.pads_ned_m[crew.row, 2])
-    height_m = -float(crew.hover_ned_m[2]) - pad_up_m
-    await set_mode(crew, behaviour.armed_in)
+    session, behaviour = vehicle.session, vehicle.behaviour
+    pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
+    height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
+    await set_mode(vehicle, behaviour.armed_in)
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
-    home_amsl_m = crew.plan.scenario.origin.alt_amsl_m + pad_up_m
+    home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
     await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))
 
 
-async def set_mode(crew: FlightVehicle, mode: int) -> None:
+async def set_mode(vehicle: FlightVehicle, mode: int) -> None:
     """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
-    await until_mode(crew.session, crew.behaviour, mode, crew.options.phase_timeout_s)
+    await until_mode(vehicle.session, vehicle.behaviour, mode, vehicle.options.phase_timeout_s)
 
 
-async def start_mission(crew: FlightVehicle) -> None:
+async def start_mission(vehicle: FlightVehicle) -> None:
     """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
-    m = crew.behaviour
-    await until_mode(crew.session, m, m.mission, crew.options.phase_timeout_s, MavCommand.MISSION_START)
+    m = vehicle.behaviour
+    await until_mode(vehicle.session, m, m.mission, vehicle.options.phase_timeout_s, MavCommand.MISSION_START)
 
 
-async def until_hovering(crew: FlightVehicle) -> None:
+async def until_hovering(vehicle: FlightVehicle) -> None:
     """Near its place over the pad, and slow. Raises PeerTimeout."""
     # A vehicle climbs by height above its own start, which it knows no better than where it will arrive.
-    near_m = max(_SETTLED_M, crew.plan.scenario.judge.arrival_position_m)
-    view, hover = crew.view, crew.hover_ned_m
+    near_m = max(_SETTLED_M, vehicle.plan.scenario.judge.arrival_position_m)
+    view, hover = vehicle.view, vehicle.hover_ned_m
 
     def settled() -> bool:
         near = np.linalg.norm(view.position_ned_m - hover) < near_m
         return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
 
-    await until(settled, crew.options.phase_timeout_s, f"vehicle {crew.sysid}: hover over its pad")
+    await until(settled, vehicle.options.phase_timeout_s, f"vehicle {vehicle.sysid}: hover over its pad")
 
 
-async def until_landed(crew: FlightVehicle) -> None:
+async def until_landed(vehicle: FlightVehicle) -> None:
     """Landed means disarmed: EXTENDED_SYS_STATE and items reached are told too early. Raises PeerTimeout."""
-    await crew.session.wait_for(
-        is_disarmed, crew.options.phase_timeout_s, "disarming after the landing", or_latest=True
+    await vehicle.session.wait_for(
+        is_disarmed, vehicle.options.phase_timeout_s, "disarming after the landing", or_latest=True
     )
 
 

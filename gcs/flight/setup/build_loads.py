@@ -1,7 +1,4 @@
-"""From a plan to what each vehicle of a link is to hold.
-
-Knows: plan, exports' fence, rally points and parameters, which autopilot a vehicle runs. Does not know: transfers.
-"""
+"""From a plan to the load of each vehicle: mission, fence, rally point, parameters."""
 
 from __future__ import annotations
 
@@ -10,8 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import PeerError
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.mission_files import MissionOrder, make_missions
-from gcs.mission.failsafe.fence_rally import build_safety
+from gcs.mission.failsafe.fence_rally import Safety, build_safety
 from gcs.mission.failsafe.rtl_altitudes import return_warnings
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
@@ -26,24 +24,26 @@ def build_loads(
     timed: bool,
     safety: bool = True,
     warn: Callable[[str], None] = lambda _: None,
+    exported: ExportIndex | None = None,
 ) -> tuple[VehicleLoad, ...]:
-    """The load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
+    """Return the load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
 
-    Missions are those that an export writes, checked as such: `timed` ones may be flown by themselves, others ask for
-    the plan's own speeds, which autopilots do not keep. With `safety` loads carry the fence, the rally point and the
-    parameters too, and `warn` hears what is wrong with the returns that these let happen. Raises `PeerError` for an
-    autopilot that missions are not written for, `ScenarioError` for missions that it does not store, and
-    `VerificationError` for missions that must not fly.
+    Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
+    have the plan's own speeds, which autopilots do not keep. What `exported` has for an autopilot is not built again.
+    With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings about
+    returns. Raises `PeerError` for an autopilot that missions are not written for, `ScenarioError` for missions that it
+    does not store, and `VerificationError` for missions that failed verification.
     """
     loads: dict[int, VehicleLoad] = {}
     for autopilot in sorted(set(autopilots.values())):
         firmware = _firmware(autopilots, autopilot)
-        safe = build_safety(plan, firmware)
-        made = make_missions(plan, MissionOrder(firmware, timed=timed), safe, select_formats(["plan"]))
-        if made.refusal is not None:
-            raise made.refusal
+        if exported is not None and exported.firmware is firmware and not exported.refused:
+            safe, missions = exported.safety, exported.missions
+        else:
+            safe = build_safety(plan, firmware)
+            missions = _missions(plan, MissionOrder(firmware, timed=timed), safe)
         ours = {sysid for sysid, number in autopilots.items() if number == autopilot}
-        loads |= {m.sysid: VehicleLoad(m) for m in made.missions if m.sysid in ours}
+        loads |= {m.sysid: VehicleLoad(m) for m in missions if m.sysid in ours}
         if not safety:
             continue
         for text in return_warnings(plan, safe.returns):
@@ -57,16 +57,23 @@ def build_loads(
 
 
 def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]:
-    """Loads that leave fences, rally points and parameters as they are."""
+    """Return loads with missions alone: fences, rally points and parameters on board stay."""
     return tuple(VehicleLoad(mission) for mission in missions)
+
+
+def _missions(plan: Plan, order: MissionOrder, safe: Safety) -> tuple[VehicleMission, ...]:
+    made = make_missions(plan, order, safe, select_formats(["plan"]))
+    if made.refusal is not None:
+        raise made.refusal
+    return made.missions
 
 
 def _firmware(autopilots: Mapping[int, int], autopilot: int) -> Autopilot:
     try:
         return Autopilot(autopilot)
     except ValueError:
-        who = next(sysid for sysid, number in autopilots.items() if number == autopilot)
+        sysid = next(i for i, number in autopilots.items() if number == autopilot)
         raise PeerError(
-            f"vehicle {who} runs autopilot number {autopilot}; missions are written for {titles()}.",
+            f"vehicle {sysid} runs autopilot number {autopilot}; missions are written for {titles()}.",
             hint="export the missions with `gcs export` and load them with its own ground station",
         ) from None

@@ -16,7 +16,7 @@ from gcs.flight.contingency.manoeuvres import (
     return_reference,
     spread_reference,
 )
-from gcs.flight.offboard.reference_trajectory import HoldReference, ReferenceTrajectory
+from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory
 from gcs.physics.quadrotor import Array
 
 places = st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(-50, -3)).map(np.array)
@@ -80,7 +80,7 @@ def test_returning_climbs_crosses_and_sinks(place: Array, velocity: Array, over:
 
 
 def test_rejoining_fades_what_is_off() -> None:
-    base = HoldReference(np.array([10.0, 20.0, -5.0]), 0.5)
+    base = hold_reference(np.array([10.0, 20.0, -5.0]), np.zeros(3), 0.5, 0.0)
     off, rate = np.array([3.0, -1.0, 0.5]), np.array([-1.0, 0.2, 0.0])
     course = RejoinReference(base, off, rate, 100.0, 8.0)
     place, velocity, acceleration = sampled(course, 100.0, 110.0)

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from gcs.flight.contingency.manoeuvres import hold_reference
 from gcs.flight.offboard.deadlines import Grid, Scheduler
-from gcs.flight.offboard.reference_trajectory import HoldReference, PlanReference
+from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, due_messages, wait_s
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
@@ -50,7 +51,9 @@ def test_the_next_deadline_in_local_time() -> None:
     grid = Grid.of(np.arange(0.0, 10.0, 0.02), 50.0)
     scheduler = Scheduler(grid, T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), HoldReference(np.zeros(3), 0.0))
+    vehicle = Streamed(
+        Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), hold_reference(np.zeros(3), np.zeros(3), 0.0, 0.0)
+    )
     assert wait_s(scheduler, [vehicle], 7.0, 1.0) == pytest.approx(0.01, abs=1e-6)
     assert wait_s(scheduler, [vehicle], 7.0, 0.004) == 0.004
     scheduler.due(3, T0)
@@ -76,5 +79,5 @@ def test_streams_end_at_rest(simulation1_plan: Plan) -> None:
 def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     scheduler = Scheduler(Grid((0.0, 0.1), 0.1), T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), HoldReference(np.zeros(3), 0.0))
+    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), hold_reference(np.zeros(3), np.zeros(3), 0.0, 0.0))
     assert due_messages(scheduler, vehicle, 1e9) == []

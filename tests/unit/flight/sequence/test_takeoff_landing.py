@@ -18,7 +18,7 @@ from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
-    ask_for_telemetry,
+    request_telemetry,
     set_mode,
     start_mission,
     take_off,
@@ -208,7 +208,7 @@ def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(
 def test_nothing_is_expected_that_was_not_asked_for(behaviour: FlightBehaviour) -> None:
     """ArduPilot sends little but HEARTBEAT until asked, at about nine tenths of the rate; interval 0 switches off."""
     vehicle = Vehicle(behaviour)
-    live(vehicle, None, ask_for_telemetry)
+    live(vehicle, None, request_telemetry)
     asked = {int(fields["param1"]): fields["param2"] for fields in vehicle.heard}
     assert {fields["command"] for fields in vehicle.heard} == {MavCommand.SET_MESSAGE_INTERVAL}
     wanted = {MessageId.LOCAL_POSITION_NED, MessageId.SYSTEM_TIME, behaviour.estimator_id, *behaviour.health_ids}
