@@ -36,5 +36,5 @@ def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
     table = Table("check", *(str(s) for s in sysids), "required", title="GO" if go else "NO-GO")
     for name in dict.fromkeys(c.name for c in checks):
         row = [found[name, s] for s in sysids]
-        table.add_row(name, *((c.found if c.ok else f"FAILED: {c.found}") for c in row), row[0].asked)
+        table.add_row(name, *((c.measured if c.ok else f"FAILED: {c.measured}") for c in row), row[0].required)
     screen.show(table)

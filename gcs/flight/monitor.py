@@ -1,7 +1,4 @@
-"""What the telemetry says of a flight: where everyone is against the plan, and how far apart.
-
-Knows: plan, LOCAL_POSITION_NED, clocks. Does not know: sending, screens, truth (a vehicle reports what it believes).
-"""
+"""Deviations from the plan and separations, from telemetry: a vehicle reports its estimate, not its true state."""
 
 from __future__ import annotations
 
@@ -28,12 +25,12 @@ class VehicleView:
     position_ned_m: Array = field(default_factory=lambda: np.full(3, np.nan))
     velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
     unix_s: float = math.nan
-    error_m: float = math.nan  # distance to the plan at the same instant
+    error_m: float = math.nan  # distance to the planned position at the same time
     lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
 
 
 class Monitor:
-    """Takes in positions, gives out errors and separations."""
+    """Reported positions in, deviations and separations out."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -41,11 +38,11 @@ class Monitor:
         self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
         self.least_separation_m = math.inf
         self.plan_time_s: float | None = None
-        self.in_formation: Collection[int] = plan.sysids  # those whose places make the shape
-        self.aloft: Collection[int] = plan.sysids  # those who must keep apart
+        self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
+        self.aloft: Collection[int] = plan.sysids  # the vehicles of the separation
 
     def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
-        """One LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
+        """Take in a LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
         fields = message.fields
         unix_s = clock.unix_s(fields["time_boot_ms"])
         if unix_s is None:
@@ -59,16 +56,16 @@ class Monitor:
 
     @property
     def late_s(self) -> dict[int, float]:
-        """How late everybody flies the plan, by system id."""
+        """The delay of each vehicle behind the plan, by system id."""
         return {sysid: view.lateness.late_s for sysid, view in self.views.items()}
 
     def separation_m(self) -> float:
-        """Least distance between two vehicles aloft; NaN before all reported."""
+        """Return the least distance between two airborne vehicles; NaN before all have reported."""
         now = self._now(self.aloft)
         return math.nan if now is None or len(now[1]) < 2 else float(pdist(now[1]).min())
 
     def formation_error_m(self) -> float:
-        """How far the formation's shape is off (Definition 1); NaN before all reported, or before T0 is known."""
+        """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known."""
         now = self._now(self.in_formation)
         if now is None or self.t0_unix_s is None:
             return math.nan
@@ -78,7 +75,7 @@ class Monitor:
         return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
 
     def _now(self, sysids: Collection[int]) -> tuple[float, Array] | None:
-        """Positions (V, 3) of these, all moved on to the newest report's time."""
+        """Positions (V, 3) of these vehicles, all predicted for the time of the newest report."""
         views = [self.views[sysid] for sysid in sysids]
         newest = max((v.unix_s for v in views), default=math.nan)
         if math.isnan(sum(v.unix_s for v in views)) or not views:

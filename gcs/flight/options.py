@@ -1,7 +1,4 @@
-"""How a flight is to be flown.
-
-Knows: choices and their defaults. Does not know: vehicles, links.
-"""
+"""The options of a flight and their defaults."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
 
 
 class FlightMode(StrEnum):
-    """Who keeps the time: the ground, setpoint by setpoint, or each vehicle with its own waypoint mission."""
+    """What keeps the time: the ground station by setpoints, or each vehicle by its own waypoint mission."""
 
     STREAM = "stream"
     MISSION = "mission"
@@ -21,7 +18,7 @@ class FlightMode(StrEnum):
 
 @dataclass(frozen=True)
 class FlightOptions:
-    """Waits are local time: links are real even where vehicles are not."""
+    """Timeouts are local time: links are real even if the vehicles are emulated."""
 
     mode: FlightMode = FlightMode.STREAM
     # How far ahead of the vehicles' clock setpoints are sent. Autopilots act on arrival, so 0 for them; emulated
@@ -34,7 +31,7 @@ class FlightOptions:
     # In mission mode: vehicle time between the upload and the common start, beside twice the take-off's duration.
     start_after_takeoff_s: float = 45.0
     telemetry_rate_hz: float = 10.0
-    follow: bool = False  # followers fly where their leader is, not where it should be
+    follow: bool = False  # followers fly relative to the reported position of their leader
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
     limits: DetectionLimits = field(default_factory=DetectionLimits)

@@ -1,7 +1,4 @@
-"""Where a flight stands, and when what happened: plain values that everybody about a flight shares.
-
-Knows: names and instants. Does not know: how anything comes about.
-"""
+"""How a flight stands: steps, times, snapshots and events, and the watcher that receives them."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 
 class Step(StrEnum):
-    """Where a flight stands."""
+    """The steps of a flight, in order."""
 
     UPLOAD = "upload and read back"
     READY = "waiting for readiness"
@@ -23,16 +20,16 @@ class Step(StrEnum):
 
 @dataclass(frozen=True)
 class FlightTimes:
-    """When things happened, in the vehicles' common GNSS time."""
+    """The times of a completed flight, in the vehicles' common GNSS time."""
 
-    airborne_unix_s: float  # all hover over their pads
+    airborne_unix_s: float  # all vehicles hover over their pads
     t0_unix_s: float  # plan time 0
-    landing_unix_s: float  # told to land
+    landing_unix_s: float  # all vehicles are ordered to land
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The flight at one moment, for people."""
+    """The flight at one moment, for display."""
 
     phase: str
     progress: float  # of the whole flight, 0..1
@@ -41,12 +38,12 @@ class Snapshot:
     link_age_s: dict[int, float]
     armed: dict[int, bool]
     separation_m: float
-    formation_error_m: float  # Definition 1: how far the shape is off, wherever it flies
+    formation_error_m: float  # Definition 1
 
 
 @dataclass(frozen=True)
 class Event:
-    """One line: at an instant something happened to a vehicle, or it was told something, by a rule."""
+    """One incident of a vehicle, or one order to it with the rule behind it."""
 
     unix_s: float  # GNSS time
     t_s: float  # plan time
@@ -63,36 +60,36 @@ if TYPE_CHECKING:
 
 
 class InFlight(Protocol):
-    """A flight, as far as people watch it."""
+    """A flight, as far as a watcher reads it."""
 
     def snapshot(self) -> Snapshot:
-        """How it stands now."""
+        """Return how it stands now."""
         ...
 
 
 class Watcher:
-    """Hears everything and says nothing."""
+    """Receives the progress of a flight; this one ignores it."""
 
     @property
     def laps_s(self) -> dict[str, float]:
-        """Where the time went, for the report."""
+        """The seconds that each part took, for the report."""
         return {}
 
     def say(self, text: str) -> None:
-        """One line for people."""
+        """Take one line of progress."""
 
     def warn(self, text: str) -> None:
-        """One warning."""
+        """Take one warning."""
         self.say(f"WARNING: {text}")
 
     def lap(self, name: str) -> None:
-        """This part of the work is done."""
+        """Note that this part of the work is done."""
 
     def checks(self, checks: tuple[PreflightCheck, ...]) -> None:
-        """What the pre-flight found, good or not."""
+        """Take the results of the pre-flight checks."""
 
     async def confirm(self) -> None:
-        """All vehicles on a link are fit to fly: may they be armed? Raises `UsageError` for a no."""
+        """Ask for permission to arm; the pre-flight checks have passed. Raises `UsageError` if it is denied."""
 
     async def follow(self, flight: InFlight) -> None:
-        """Runs beside the flight until it is cancelled: `flight.snapshot()` tells how it goes."""
+        """Run beside the flight until cancelled; `flight.snapshot()` returns how it stands."""

@@ -24,7 +24,7 @@ from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
 from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
-from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, put_back
+from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, restore_parameters
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -187,7 +187,7 @@ async def _fly(
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
             if flight.held is not None:
-                await put_back(sessions, flight.held.changes, watcher.say)
+                await restore_parameters(sessions, flight.held.changes, watcher.say)
 
 
 def _flight(

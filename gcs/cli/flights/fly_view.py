@@ -14,7 +14,7 @@ from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError
 from gcs.flight.lateness import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
-from gcs.flight.recording.flight_folder import asked
+from gcs.flight.recording.flight_folder import limit_text
 from gcs.flight.run import FlightRun, Flown, fly_run
 from gcs.flight.setup.preflight import PreflightCheck
 
@@ -99,7 +99,7 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
     screen.result(flown.data)
     if verdict.ok:
         return 0
-    failed = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, limit {asked(c)}" for c in verdict.criteria if not c.ok)
+    failed = "; ".join(f"{c.name} {c.value:.3f} {c.unit}, limit {limit_text(c)}" for c in verdict.criteria if not c.ok)
     failure = JudgementError(
         f"the flight failed its criteria: {failed}", hint=f"read {flown.folder / 'report.md'} and its pictures"
     )
@@ -161,7 +161,7 @@ def _show(screen: Screen, flown: Flown) -> None:
     table = Table("criterion", "measured", "limit", "verdict", title="judged from the true states")
     for c in verdict.criteria:
         vehicle = "" if c.sysid is None else f" (vehicle {c.sysid})"
-        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", asked(c), verdict_word(c.ok))
+        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", limit_text(c), verdict_word(c.ok))
     if (skew := _skew_text(flown.late_s)) is not None:
         table.add_row("time skew, from telemetry", skew, "–", "–")
     screen.show(table)

@@ -1,7 +1,4 @@
-"""Plan, estimate and truth of a flight, held against each other.
-
-Knows: the record, true states. Does not know: verdicts (`judge`), files' places.
-"""
+"""The RMS differences between planned, estimated and true positions of a flight."""
 
 from __future__ import annotations
 
@@ -18,17 +15,17 @@ from gcs.plan.trajectory.plan import Plan
 
 @dataclass(frozen=True)
 class Comparison:
-    """One vehicle, in metres RMS between T0 and the planned arrival; NaN where there is nothing to compare."""
+    """The differences of one vehicle, RMS between T0 and the planned arrival; NaN without data."""
 
     sysid: int
     plan_estimate_m: float
     estimate_truth_m: float
     plan_truth_m: float
-    late_s: float  # how far behind the plan's time it flew, on the mean: its own start, and its delay
+    late_s: float  # mean delay behind the plan, with that of its start
 
 
 def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None) -> tuple[Comparison, ...]:
-    """Every vehicle of the plan. Truth is interpolated to the instants of the estimates."""
+    """Return them for every vehicle of the plan. True states are interpolated to the times of the estimates."""
     found = []
     for sysid in plan.sysids:
         columns = {name: record.column(name).to_numpy() for name in record.column_names}
@@ -37,22 +34,28 @@ def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None)
         if not mine.any():
             found.append(Comparison(sysid, np.nan, np.nan, np.nan, np.nan))
             continue
-        told, planned, rate = (_vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps"))
-        true = np.full_like(told, np.nan)
+        estimated, planned, rate = (
+            _vectors(columns, mine, form) for form in ("{}_m", "planned_{}_m", "planned_v_{}_mps")
+        )
+        true = np.full_like(estimated, np.nan)
         if truth is not None and sysid in truth.sysids:
             places = truth.states[truth.sysids.index(sysid)][:, POSITION]
             at = truth.unix_s - t0_unix_s
             true = np.stack([np.interp(t_s[mine], at, places[:, n]) for n in range(3)], axis=1)
         found.append(
             Comparison(
-                sysid, _rms(told - planned), _rms(told - true), _rms(true - planned), lateness_s(told, planned, rate)
+                sysid,
+                _rms(estimated - planned),
+                _rms(estimated - true),
+                _rms(true - planned),
+                lateness_s(estimated, planned, rate),
             )
         )
     return tuple(found)
 
 
 def lateness_s(flown: Array, planned: Array, rate_mps: Array) -> float:
-    """The shift in time that brings places (N, 3) nearest to those planned: least squares along the velocity."""
+    """Return the time shift that best fits flown to planned positions (N, 3): least squares along the velocity."""
     moving = np.linalg.norm(rate_mps, axis=1) > SLOW_MPS
     if not moving.any():
         return float("nan")

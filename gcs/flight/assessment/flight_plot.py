@@ -1,7 +1,4 @@
-"""A flight as the paper draws it: tracks over the mountains (Fig. 8), from above (Fig. 9), the formation (Fig. 11).
-
-Knows: matplotlib. Does not know: where tracks come from; planned and flown ones look the same.
-"""
+"""Figures of tracks, as in the paper: in 3D over terrain (Fig. 8), as a map (Fig. 9), the formation (Fig. 11)."""
 
 from __future__ import annotations
 
@@ -29,12 +26,12 @@ DPI = 110
 _KINDS = (".png", ".svg", ".pdf")
 _GRID = 141
 _LEVEL_M = 0.1
-NAMED = 12  # vehicles that a legend has room for
+NAMED = 12  # vehicles at most in a legend
 _CLOSE_UP_S = 6.0
 
 
 def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, folder: Path) -> list[Path]:
-    """Write tracks.png, map.png and formation.png of tracks (V, N, 3) at plan times (N,)."""
+    """Write tracks.png, map.png and formation.png of tracks (V, N, 3) at plan times (N,); return their paths."""
     pictures = {
         "tracks.png": draw_tracks(scenario, sysids, t_s, tracks_ned_m),
         "map.png": draw_map(scenario, sysids, tracks_ned_m),
@@ -46,13 +43,13 @@ def draw_all(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned
 
 
 def refuse_kind(path: Path) -> None:
-    """Raises UsageError for a file whose name ends in no kind of picture."""
+    """Raises UsageError for a file name without the ending of a picture."""
     if path.suffix.lower() not in _KINDS:
-        raise UsageError(f"{path} is no name of a picture.", hint="end it in .png, .svg or .pdf")
+        raise UsageError(f"{path} is not the name of a picture.", hint="use a name ending in .png, .svg or .pdf")
 
 
 def save(figure: Any, path: Path) -> None:
-    """Write a figure as its file's name ends, whole or not at all, and let go of it. Raises UsageError."""
+    """Write and close a figure, in the format of the file's ending, whole or not at all. Raises UsageError."""
     drawn = io.BytesIO()
     try:
         refuse_kind(path)
@@ -66,7 +63,7 @@ def save(figure: Any, path: Path) -> None:
 
 
 def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:
-    """3D view over the ground, heights exaggerated, and beside it a stretch of the same tracks close up."""
+    """Return a 3D view over the terrain, heights exaggerated, and a close-up of a section of the same tracks."""
     north, east, height = _ground(scenario, tracks_ned_m)
     figure = plt.figure(figsize=(12.0, 5.6), layout="constrained")
     grid = figure.add_gridspec(1, 2, width_ratios=(2.3, 1))
@@ -84,7 +81,7 @@ def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_
 
 
 def _draw_close_up(axes: Any, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array, middle_s: float) -> None:
-    """Ten seconds from above: what looks like one line from afar."""
+    """Draw some seconds of the tracks as a map: from afar they look like one line."""
     during = np.flatnonzero(np.abs(t_s - middle_s) <= _CLOSE_UP_S / 2)
     for colour, sysid, track in zip(colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[during, 1], track[during, 0], color=colour, lw=1.3, label=f"vehicle {sysid}")
@@ -96,30 +93,30 @@ def _draw_close_up(axes: Any, sysids: tuple[int, ...], t_s: Array, tracks_ned_m:
         title=f"close up: {_CLOSE_UP_S:g} s at t = {middle_s:.0f} s",
     )
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
 
 
 def colours(sysids: tuple[int, ...]) -> list[str]:
-    """One for each vehicle."""
+    """Return a colour for each vehicle."""
     return [_COLOURS[i % len(_COLOURS)] for i in range(len(sysids))]
 
 
 def draw_map(scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array) -> Any:
-    """Plan view, north up, with contour lines, no-fly zones (moving ones at start and end) and the box of Eq. 51."""
+    """Return a map, north up: contour lines, no-fly zones (moving ones at start and end), the box of Eq. 51."""
     figure, axes = plt.subplots(figsize=(7.2, 6.6), layout="constrained")
     draw_map_on(axes, scenario, sysids, tracks_ned_m)
     return figure
 
 
 def draw_map_on(axes: Any, scenario: Scenario, sysids: tuple[int, ...], tracks_ned_m: Array, style: str = "-") -> None:
-    """The same on axes that are there."""
+    """Draw the same on given axes."""
     draw_ground_on(axes, scenario, tracks_ned_m)
-    draw_ways_on(axes, sysids, tracks_ned_m, style)
-    axes.set(title=f"{scenario.name}: from above")
+    draw_tracks_on(axes, sysids, tracks_ned_m, style)
+    axes.set(title=f"{scenario.name}: map")
 
 
 def draw_ground_on(axes: Any, scenario: Scenario, tracks_ned_m: Array) -> None:
-    """Ground and closed areas around tracks (V, N, 3) and the box of Eq. 51, from above."""
+    """Draw terrain and no-fly zones around tracks (V, N, 3), within the box of Eq. 51, as a map."""
     north, east, height = _ground(scenario, tracks_ned_m)
     if np.ptp(height) > _LEVEL_M:
         filled = axes.contourf(east, north, height, levels=24, cmap="YlOrBr", alpha=0.8)
@@ -131,14 +128,14 @@ def draw_ground_on(axes: Any, scenario: Scenario, tracks_ned_m: Array) -> None:
             axes.add_patch(Polygon(corners[:, ::-1], color="red", alpha=0.35))
 
 
-def draw_ways_on(
+def draw_tracks_on(
     axes: Any,
     sysids: tuple[int, ...],
     tracks_ned_m: Array,
     style: str = "-",
     ends: tuple[str, str] = ("take-off", "landing"),
 ) -> None:
-    """Tracks (V, N, 3) from above with their ends; NaN where nothing is known."""
+    """Draw tracks (V, N, 3; NaN where unknown) with their ends as a map; the legend is beside it."""
     places = []
     for colour, sysid, track in zip(colours(sysids), sysids, tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2, ls=style, label=f"vehicle {sysid}")
@@ -153,7 +150,7 @@ def draw_ways_on(
 
 
 def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_ned_m: Array) -> Any:
-    """The formation from above, relative to its leader, at four instants of the flight."""
+    """Return the formation relative to its leader, horizontally, at four times of the flight."""
     leader = sysids.index(scenario.formation.leader)
     figure, panels = plt.subplots(1, 4, figsize=(11.0, 3.4), sharex=True, sharey=True, layout="constrained")
     for axes, share in zip(panels, (0.0, 1 / 3, 2 / 3, 1.0), strict=True):
@@ -170,7 +167,7 @@ def draw_formation(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, trac
 
 
 def _ground(scenario: Scenario, tracks_ned_m: Array) -> tuple[Array, Array, Array]:
-    """North, east and height (G, G) of the area of the flight; the ripple, finer than the grid, is left out."""
+    """North, east and height (G, G) of the flight area, without the ripple, which is finer than the grid."""
     limits = scenario.limits
     low = np.minimum([limits.north_m[0], limits.east_m[0]], np.nanmin(tracks_ned_m[..., :2], axis=(0, 1)))
     high = np.maximum([limits.north_m[1], limits.east_m[1]], np.nanmax(tracks_ned_m[..., :2], axis=(0, 1)))

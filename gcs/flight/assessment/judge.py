@@ -1,7 +1,4 @@
-"""Did the flight hold what the scenario asks? Judged from the vehicles' true states, never from what they believe.
-
-Knows: plan, truth, criteria. Does not know: telemetry, links, simulators.
-"""
+"""The verdict on a flight: the criteria of the scenario's `[judge]`, from true states, never from estimates."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ GRID_S = 0.05
 
 @dataclass(frozen=True)
 class Criterion:
-    """One demand, the figure flown and whether it holds."""
+    """One criterion: the measured value against its limit."""
 
     name: str
     unit: str
@@ -36,13 +33,13 @@ class Criterion:
 
     @property
     def ok(self) -> bool:
-        """The figure is on the right side of its limit."""
+        """Whether the value is within its limit."""
         return bool(self.value >= self.limit if self.at_least else self.value <= self.limit)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """All criteria, and the tracking error of each vehicle."""
+    """All criteria, and the position error of each vehicle."""
 
     criteria: tuple[Criterion, ...]
     rms_m: dict[int, float]
@@ -51,18 +48,18 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """The flight counts."""
+        """Whether all criteria are within their limits."""
         return all(c.ok for c in self.criteria)
 
 
 def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
-    """Compare the true flight with plan and scenario.
+    """Return the verdict on the true flight against plan and scenario.
 
-    Separation counts from take-off to landing; clearance above the exact ground while hovering, flying and arriving;
-    the position error from T0 to the planned arrival; the arrival is the last entry into the circle of
-    `arrival_position_m` around the goal, against the instant the plan enters it.
+    Separation counts from take-off to landing; clearance above the exact ground from the hover after take-off to the
+    order to land; the position error from T0 to the planned arrival. The arrival is the last entry into the circle of
+    `arrival_position_m` around the goal, against the time at which the plan enters it.
     """
-    asked = plan.scenario.judge
+    limits = plan.scenario.judge
     positions = _in_plan_order(plan, truth)
     t_s, flown = _on_grid(truth, positions, times)
     planned = plan.states(np.clip(t_s, plan.t_start_s, plan.t_end_s))[..., POSITION]
@@ -71,7 +68,7 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     rms = np.sqrt(np.mean(error[:, mission] ** 2, axis=1))
     worst = int(np.argmax(rms))
     criteria = [
-        Criterion("position error (RMS)", "m", float(rms[worst]), asked.position_rms_m, False, plan.sysids[worst])
+        Criterion("position error (RMS)", "m", float(rms[worst]), limits.position_rms_m, False, plan.sysids[worst])
     ]
     criteria.append(_clearance(plan, t_s, flown))
     criteria += _arrivals(plan, t_s, flown, planned)
@@ -117,13 +114,13 @@ def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:
 
 
 def _arrivals(plan: Plan, t_s: Array, flown: Array, planned: Array) -> list[Criterion]:
-    asked = plan.scenario.judge
+    limits = plan.scenario.judge
     goal = plan.states(np.array([plan.flight_s]))[:, 0, POSITION][:, None]
     at_end = np.searchsorted(t_s, plan.flight_s)
     missed = np.linalg.norm(flown - goal, axis=-1)
     farthest = int(np.argmax(missed[:, at_end]))
-    entered = [_last_entry(t_s, d, asked.arrival_position_m) for d in missed]
-    due = [_last_entry(t_s, d, asked.arrival_position_m) for d in np.linalg.norm(planned - goal, axis=-1)]
+    entered = [_last_entry(t_s, d, limits.arrival_position_m) for d in missed]
+    due = [_last_entry(t_s, d, limits.arrival_position_m) for d in np.linalg.norm(planned - goal, axis=-1)]
     late = np.abs(np.subtract(entered, due))
     latest = int(np.argmax(late))
     return [
@@ -131,17 +128,17 @@ def _arrivals(plan: Plan, t_s: Array, flown: Array, planned: Array) -> list[Crit
             "arrival position",
             "m",
             float(missed[farthest, at_end]),
-            asked.arrival_position_m,
+            limits.arrival_position_m,
             False,
             plan.sysids[farthest],
             plan.flight_s,
         ),
-        Criterion("arrival time", "s", float(late[latest]), asked.arrival_time_s, False, plan.sysids[latest]),
+        Criterion("arrival time", "s", float(late[latest]), limits.arrival_time_s, False, plan.sysids[latest]),
     ]
 
 
 def _last_entry(t_s: Array, distance_m: Array, radius_m: float) -> float:
-    """When the distance last fell below the radius; infinite when it ends outside."""
+    """Return when the distance last fell below the radius; infinite if it ends outside."""
     outside = np.flatnonzero(distance_m > radius_m)
     if len(outside) == 0:
         return float(t_s[0])
@@ -166,12 +163,12 @@ class Truth:
 
 
 def load_truth(path: Path) -> Truth:
-    """Read a truth file; raises FileFormatError when it is missing or damaged."""
+    """Return the true states of a file. Raises FileFormatError if it is missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             return Truth(tuple(int(i) for i in archive["sysid"]), archive["t_unix_s"], archive["state"])
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as problem:
         raise FileFormatError(
-            f"{path}: no true states of a simulated flight ({type(problem).__name__})",
-            hint="the simulator writes them when it ends; look at its own messages",
+            f"{path} has no true states of a simulated flight ({type(problem).__name__}).",
+            hint="read simulator.log beside it: the simulator writes them when it ends",
         ) from problem

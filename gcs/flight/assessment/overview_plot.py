@@ -1,7 +1,4 @@
-"""One picture of a scenario, or of a plan: ground, zones and ways from above, and how near the plan comes to anything.
-
-Knows: matplotlib, what to measure. Does not know: flights, verdicts.
-"""
+"""One picture of a scenario or a plan: map, and the plan's clearance and separation over time."""
 
 from __future__ import annotations
 
@@ -23,13 +20,13 @@ _STEP_S = 0.5
 
 
 def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
-    """Draw a scenario, with its plan where there is one, into a picture of the kind that the file's name ends in."""
+    """Draw a scenario, and its plan if given, in the format of the file's ending. Raises UsageError."""
     figure = _of_scenario(scenario) if plan is None else _of_plan(plan)
     save(figure, path)
 
 
 def _of_scenario(scenario: Scenario) -> Any:
-    """The straight way from start to end stands for what is not planned yet."""
+    """Without a plan, straight lines from start to end stand for the tracks."""
     figure, axes = plt.subplots(figsize=(7.2, 6.6), layout="constrained")
     ends = np.stack([np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end)])
     draw_map_on(axes, scenario, sysids(scenario), offsets_ned_m(scenario)[:, None] + ends, style=":")
@@ -45,17 +42,17 @@ def _of_plan(plan: Plan) -> Any:
     places = plan.states(t_s)[..., POSITION]
     draw_map_on(over, scenario, plan.sysids, places)
     below.plot(t_s, (-places[..., 2] - _ground_m(scenario, places)).min(axis=0))
-    below.axhline(scenario.limits.clearance_min_m, color="red", lw=0.8, label="asked in flight")
-    below.set(ylabel="lowest above\nground, m")
+    below.axhline(scenario.limits.clearance_min_m, color="red", lw=0.8, label="required in flight")
+    below.set(ylabel="least clearance\nabove ground, m")
     if len(plan.sysids) > 1:
         beside.plot(t_s, [least_gap(places[:, i])[0] for i in range(len(t_s))])
-        beside.axhline(scenario.limits.separation_min_m, color="red", lw=0.8, label="asked")
-    beside.set(ylabel="nearest two\nvehicles, m", xlabel="plan time, s")
+        beside.axhline(scenario.limits.separation_min_m, color="red", lw=0.8, label="required")
+    beside.set(ylabel="least\nseparation, m", xlabel="plan time, s")
     for axes in (below, beside):
         axes.axvspan(mission.start_s, mission.end_s, color="grey", alpha=0.12, label="mission")
         axes.set(xlim=(t_s[0], t_s[-1]), ylim=(0.0, None))
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     return figure
 
 

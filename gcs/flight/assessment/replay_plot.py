@@ -1,7 +1,4 @@
-"""One picture of a recorded flight: ways from above, heights, speeds and distances over time, what was planned beside.
-
-Knows: matplotlib, a recording. Does not know: files of flights, verdicts.
-"""
+"""One picture of a recorded flight: map, heights, speeds, separation and deviation, flown and planned."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 
-from gcs.flight.assessment.flight_plot import colours, draw_ground_on, draw_ways_on, save
+from gcs.flight.assessment.flight_plot import colours, draw_ground_on, draw_tracks_on, save
 from gcs.flight.progress import Event
 from gcs.flight.recording.recording import Recording, nearest_m
 from gcs.physics.quadrotor import Array
@@ -20,18 +17,18 @@ from gcs.scenario.environment.terrain import ground_height_m
 
 _INSTANTS = 1500  # at most
 _STEP_S = 0.1
-_LISTED = 18  # events there is room for
-_ONE_COLUMN = 6  # events that may have long lines
+_LISTED = 18  # events in the list at most
+_ONE_COLUMN = 6  # events at most with long lines
 _LINE_IN = 0.17  # inches of such a line
-_WIDTH = 190  # letters of it
-_TOGETHER = 0.05  # of the time axis: events that share a mark
-_ROOM, _LEAST_ROOM_M = 0.15, 3.0  # around the ways: share of their extent, and metres
-_FAR_M = 5.0  # whoever is further off the plan has left it
+_WIDTH = 190  # characters of it
+_TOGETHER = 0.05  # of the time axis: closer events share a mark
+_ROOM, _LEAST_ROOM_M = 0.15, 3.0  # around the tracks: share of their extent, and metres
+_FAR_M = 5.0  # a vehicle further off has left the plan
 _PLANNED: dict[str, Any] = {"color": "0.75", "lw": 3.5, "zorder": 1}
 
 
 def save_picture(recording: Recording, from_s: float, to_s: float, path: Path) -> None:
-    """Draw a stretch of a flight; the file's name says which kind of picture. Raises UsageError."""
+    """Draw a section of a flight, in the format of the file's ending. Raises UsageError."""
     t_s = np.linspace(from_s, to_s, int(np.clip((to_s - from_s) / _STEP_S, 2, _INSTANTS)))
     places, rates = recording.at(t_s)
     planned = recording.planned(t_s)
@@ -61,7 +58,7 @@ def save_picture(recording: Recording, from_s: float, to_s: float, path: Path) -
         below.axis("off")
         below.text(0.0, 1.0, lines, transform=below.transAxes, va="top", fontsize=7, family="monospace")
     panels[-1].set(xlim=(from_s, to_s), xlabel="plan time, s" if recording.plan else "time since the log began, s")
-    figure.suptitle(f"{recording.name}: flown (lines){' and planned (grey beneath)' if planned else ''}")
+    figure.suptitle(f"{recording.name}: flown (coloured){' and planned (grey)' if planned else ''}")
     save(figure, path)
 
 
@@ -75,7 +72,7 @@ def _from_above(
     if planned is not None:
         for track in planned[0]:
             axes.plot(track[:, 1], track[:, 0], **_PLANNED)
-    draw_ways_on(axes, recording.sysids, places, ends=("begin", "end"))
+    draw_tracks_on(axes, recording.sysids, places, ends=("begin", "end"))
     axes.set(xlim=(low[1] - room_m, high[1] + room_m), ylim=(low[0] - room_m, high[0] + room_m))
     for number, event in enumerate(events, start=1):
         if event.sysid in recording.sysids:
@@ -93,12 +90,12 @@ def _heights(axes: Any, recording: Recording, t_s: Array, places: Array, planned
         ground = np.max(np.where(np.isnan(under), -np.inf, under), axis=0)
         ground = np.where(np.isfinite(ground), ground, np.nan)
         least = min(0.0, float(np.nanmin(ground)))
-        axes.fill_between(t_s, least, ground, color="saddlebrown", alpha=0.3, lw=0, label="highest ground under them")
+        axes.fill_between(t_s, least, ground, color="saddlebrown", alpha=0.3, lw=0, label="highest ground below")
     for colour, track in zip(colours(recording.sysids), places, strict=True):
         axes.plot(t_s, -track[:, 2], color=colour, lw=1.2)
     for track in planned[0] if planned else ():
         axes.plot(t_s, -track[:, 2], **_PLANNED)
-    axes.set(ylabel="height, m" if recording.plan else "height above\nthe first place, m")
+    axes.set(ylabel="height, m" if recording.plan else "height above\nthe start, m")
     if recording.plan is not None:
         axes.set_ylim(top=axes.get_ylim()[1] + 0.3 * np.ptp(axes.get_ylim()))
         axes.legend(fontsize=8, loc="upper right")
@@ -113,15 +110,17 @@ def _speeds(axes: Any, recording: Recording, t_s: Array, rates: Array, planned: 
 
 
 def _distances(axes: Any, recording: Recording, t_s: Array, places: Array, planned: tuple[Array, Array] | None) -> None:
-    axes.set(ylabel="nearest two\nvehicles, m")
+    axes.set(ylabel="least\nseparation, m")
     flown = nearest_m(places)
-    usual_m = float(np.nanquantile(flown, 0.9)) if np.isfinite(flown).any() else 1.0  # who is left at the end is far
+    usual_m = (
+        float(np.nanquantile(flown, 0.9)) if np.isfinite(flown).any() else 1.0
+    )  # after landings the rest is far apart
     axes.plot(t_s, flown, lw=1.2, label="flown")
     if recording.plan is not None and planned is not None:
         expected = nearest_m(planned[0])
         usual_m = max(usual_m, float(np.nanmax(expected, initial=0.0)))
         axes.plot(t_s, expected, **_PLANNED, label="planned")
-        axes.axhline(recording.plan.scenario.judge.separation_min_m, color="red", lw=0.8, label="asked of the flight")
+        axes.axhline(recording.plan.scenario.judge.separation_min_m, color="red", lw=0.8, label="required")
     axes.set(ylim=(0.0, 1.3 * usual_m))
     axes.legend(fontsize=8, loc="lower right", ncols=3)
 
@@ -129,7 +128,7 @@ def _distances(axes: Any, recording: Recording, t_s: Array, places: Array, plann
 def _errors(axes: Any, recording: Recording, t_s: Array, off_m: Array) -> None:
     for colour, off in zip(colours(recording.sysids), off_m, strict=True):
         axes.plot(t_s, np.linalg.norm(off, axis=1), color=colour, lw=1.0)
-    axes.set(ylabel="off the plan, m")
+    axes.set(ylabel="position error, m")
     if np.nanmax(off_m, initial=0.0) > _FAR_M:
         axes.set(yscale="log", ylim=(0.01, None))
     else:
@@ -137,7 +136,7 @@ def _errors(axes: Any, recording: Recording, t_s: Array, off_m: Array) -> None:
 
 
 def _worth_marking(events: tuple[Event, ...], from_s: float, to_s: float) -> list[Event]:
-    """Within the stretch; what a vehicle says again and again once."""
+    """The events within the section; repeated ones of a vehicle once."""
     seen: dict[tuple[int, str], Event] = {}
     for event in events:
         if from_s <= event.t_s <= to_s:
@@ -146,7 +145,7 @@ def _worth_marking(events: tuple[Event, ...], from_s: float, to_s: float) -> lis
 
 
 def _mark(panels: list[Any], events: list[Event], span_s: float) -> None:
-    """A dotted line for each event in every panel, and their numbers above the first."""
+    """Draw a dotted line for each event in every panel, and their numbers above the first."""
     groups: list[list[int]] = []
     for n, event in enumerate(events):
         for axes in panels:
@@ -162,13 +161,13 @@ def _mark(panels: list[Any], events: list[Event], span_s: float) -> None:
 
 
 def _listed(events: list[Event]) -> str:
-    """The first events, a line each, or two to a line."""
+    """The first events, one or two to a line."""
     shown = events if len(events) <= _LISTED else events[: _LISTED - 1]
     columns = 1 if len(shown) <= _ONE_COLUMN else 2
     width = _WIDTH // columns
     lines = [textwrap.shorten(f"{n}: {event}", width, placeholder=" ...") for n, event in enumerate(shown, start=1)]
     if len(shown) < len(events):
-        lines.append(f"and {len(events) - len(shown)} more: `gcs replay` tells them all")
+        lines.append(f"and {len(events) - len(shown)} more: see `gcs replay`")
     rows = -(-len(lines) // columns)
     beside = [*lines[rows:], ""] if columns == 2 else [""] * rows
     return "\n".join(f"{a:<{width + 2}}{b}".rstrip() for a, b in zip(lines[:rows], beside, strict=False))

@@ -1,8 +1,7 @@
 """The contingency policy as one table: incident, state of the vehicle and choice -> new state, order and rule.
 
 `gcs.flight.contingency.decisions` executes `POLICY`; tools/policy_table.py prints it into docs/flying.md. The first row
-that applies counts. Values computed from several vehicles (which of two yields, who is left) are the functions below
-that rows name.
+that applies counts. Named functions compute what depends on several vehicles, as which of two yields.
 """
 
 from __future__ import annotations

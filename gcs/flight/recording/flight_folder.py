@@ -1,7 +1,4 @@
-"""What a flight leaves behind: a folder with plan, exports, telemetry, truth, report and pictures.
-
-Knows: names and formats of the files. Does not know: flying, judging.
-"""
+"""The folder of a flight: its name, telemetry log, event log and report."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ from gcs.link.session.linked_fleet import FrameDirection
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:
-    """`<root>/<date>-<mission>`, made; a second flight in the same second gets a number."""
+    """Make and return `<root>/<date>-<mission>`; a second flight in the same second gets a number."""
     stem = f"{now:%Y-%m-%d-%H%M%S}-{mission}"
     folder = root / stem
     number = 2
@@ -56,7 +53,7 @@ class TelemetryLog:
         self._file.close()
 
     def write(self, direction: FrameDirection, frame: bytes) -> None:
-        """Note one frame; frames before the vehicles' time is known carry the time 0."""
+        """Write one frame; frames before the vehicles' time is known have the time 0."""
         unix_s = self._unix_s()
         if unix_s is not None:
             self._last_us = max(self._last_us, round(unix_s * 1e6))
@@ -65,10 +62,12 @@ class TelemetryLog:
 
 
 EVENTS = "events.jsonl"
+OK_TEXT = "Flight verified: all criteria within limits."
+FAILED_TEXT = "Flight FAILED: at least one criterion outside its limit."
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
-    """Lines of `events.jsonl`, none where there is no file; a line that was cut off is left out."""
+    """Return the events of `events.jsonl`, none without the file; a line that was cut off is left out."""
     found = []
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
         try:
@@ -79,7 +78,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
 
 
 class EventLog:
-    """`events.jsonl`: one line for everything that went wrong and what was done, there as soon as it happened."""
+    """`events.jsonl`: one line per incident and order, written as it happens."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", encoding="utf-8")
@@ -93,7 +92,7 @@ class EventLog:
         self._file.close()
 
     def write(self, event: Event) -> None:
-        """Note one event."""
+        """Write one event."""
         self._file.write(json.dumps(asdict(event)) + "\n")
         self._file.flush()
 
@@ -101,13 +100,13 @@ class EventLog:
 def report_data(
     mission: str, plan_hash: str, times: FlightTimes, verdict: Verdict, extra: dict[str, Any]
 ) -> dict[str, Any]:
-    """The report as plain values, for `report.json` and `--json`."""
+    """Return the report as plain values, for `report.json` and `--json`."""
     return {
         "ok": verdict.ok,
         "mission": mission,
         "plan_hash": plan_hash,
         **extra,
-        # Who never arrives is infinitely late, which JSON has no number for.
+        # A vehicle that never arrives is infinitely late, which JSON has no number for.
         "criteria": [{**asdict(c), "value": _finite(c.value), "ok": c.ok} for c in verdict.criteria],
         "position_rms_m": {str(k): _finite(v) for k, v in verdict.rms_m.items()},
         "position_max_m": {str(k): _finite(v) for k, v in verdict.max_m.items()},
@@ -121,21 +120,21 @@ def _finite(value: float) -> float | None:
 
 
 def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
-    """`report.json` for programs and `report.md` for people."""
+    """Write `report.json` for programs and `report.md` for readers."""
     atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
     lines = [
         f"# Flight of {data['mission']}",
         "",
-        f"{'Held' if verdict.ok else 'NOT held'}: plan `{data['plan_hash'][:12]}`, mode {data['mode']}.",
+        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}.",
         "",
-        "| criterion | flown | asked | holds |",
+        "| criterion | measured | limit | verdict |",
         "| --- | --- | --- | --- |",
         *(
-            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {asked(c)} | {'yes' if c.ok else 'NO'} |"
+            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {limit_text(c)} | {'ok' if c.ok else 'FAILED'} |"
             for c in verdict.criteria
         ),
         "",
-        "| vehicle | position error RMS, m | worst, m |",
+        "| vehicle | position error RMS, m | maximum, m |",
         "| --- | --- | --- |",
         *(f"| {sysid} | {rms:.3f} | {verdict.max_m[sysid]:.3f} |" for sysid, rms in verdict.rms_m.items()),
         "",
@@ -143,11 +142,11 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
     atomic_write(folder / "report.md", "\n".join(lines))
 
 
-def asked(criterion: Criterion) -> str:
-    """The demand in words: "at most 0.15 m"."""
+def limit_text(criterion: Criterion) -> str:
+    """Return a limit in words: "at most 0.15 m"."""
     return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}"
 
 
 def _where(criterion: Criterion) -> str:
-    who = "" if criterion.sysid is None else f" (vehicle {criterion.sysid})"
-    return who if criterion.t_s is None else f"{who} at {criterion.t_s:.1f} s"
+    vehicle = "" if criterion.sysid is None else f" (vehicle {criterion.sysid})"
+    return vehicle if criterion.t_s is None else f"{vehicle} at t = {criterion.t_s:.1f} s"

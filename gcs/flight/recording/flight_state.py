@@ -1,7 +1,4 @@
-"""`flight.json`: what another process has to know to take up a flight whose own one is gone.
-
-Knows: the file, and whether a process lives. Does not know: vehicles, how a flight is taken up (`takeup`).
-"""
+"""`flight.json`: what another process needs to continue a flight whose process has ended."""
 
 from __future__ import annotations
 
@@ -20,12 +17,12 @@ _FORMAT = "skein-flight-1"
 
 @dataclass(frozen=True)
 class FlightState:
-    """How it stands with a flight, as last written."""
+    """The state of a flight, as last written."""
 
     mission: str
     plan_hash: str
     links: tuple[str, ...]  # none: emulated vehicles that ended with the flight's process
-    systems: dict[int, int]  # MAVLink systems of vehicles that are not called what the plan calls them
+    systems: dict[int, int]  # MAVLink systems of vehicles with another system id than in the plan
     mode: str
     follow: bool
     step: str
@@ -34,12 +31,12 @@ class FlightState:
 
     @property
     def over(self) -> bool:
-        """Whether everybody had landed."""
+        """Whether all vehicles had landed."""
         return self.step == Step.DONE
 
     @property
     def flown_by_another(self) -> bool:
-        """Whether its process still lives."""
+        """Whether its process still runs."""
         if self.pid == os.getpid():
             return False
         try:
@@ -51,13 +48,13 @@ class FlightState:
         return True
 
 
-def write_flight_state(folder: Path, book: FlightState) -> None:
-    """Put it in place of the last one, whole or not at all."""
-    atomic_write(folder / NAME, json.dumps({"format": _FORMAT, **asdict(book)}, indent=2) + "\n")
+def write_flight_state(folder: Path, state: FlightState) -> None:
+    """Replace `flight.json` in `folder`, whole or not at all."""
+    atomic_write(folder / NAME, json.dumps({"format": _FORMAT, **asdict(state)}, indent=2) + "\n")
 
 
 def read_flight_state(folder: Path) -> FlightState:
-    """Raises FileFormatError."""
+    """Return the state in `folder`. Raises FileFormatError."""
     path = folder / NAME
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -67,16 +64,18 @@ def read_flight_state(folder: Path) -> FlightState:
         data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
         return FlightState(**data)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
-        raise FileFormatError(f"{path} is no logbook of a flight ({problem}).", hint="name a flight's folder") from None
+        raise FileFormatError(
+            f"{path} is not the state of a flight ({problem}).", hint="name a flight's folder"
+        ) from None
 
 
 def newest_unfinished(root: Path) -> Path:
-    """The folder of the last flight under `root` that did not end. Raises UsageError."""
+    """Return the folder of the last flight under `root` that did not end. Raises UsageError."""
     found = sorted((p.parent for p in root.glob(f"*/{NAME}")), key=lambda folder: (folder / NAME).stat().st_mtime)
     for folder in reversed(found):
-        book = read_flight_state(folder)
-        if not book.over and book.links:
+        state = read_flight_state(folder)
+        if not state.over and state.links:
             return folder
     raise UsageError(
-        f"no flight under {root} was left unfinished.", hint="name its folder, or the folder of flights with --to"
+        f"there is no unfinished flight under {root}.", hint="name its folder, or the folder of flights with --to"
     )

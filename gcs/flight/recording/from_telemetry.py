@@ -1,8 +1,8 @@
-"""Where vehicles went and what they did, from anybody's telemetry: no plan, no T0, no common frame to begin with.
+"""Tracks and events from any telemetry, without plan, T0 or common frame.
 
-Knows: HEARTBEAT, positions, SYS_STATUS, STATUSTEXT. Does not know: files, plans.
-Who tells GLOBAL_POSITION_INT is placed on Earth by it; who does not, by LOCAL_POSITION_NED and GPS_GLOBAL_ORIGIN or
-HOME_POSITION; who tells neither keeps a frame of his own. The common origin is where the first one was heard first.
+GLOBAL_POSITION_INT gives a vehicle its position on Earth. Without it, LOCAL_POSITION_NED with GPS_GLOBAL_ORIGIN or
+HOME_POSITION does. A vehicle with neither keeps its own frame. The common origin is the first position of the first
+vehicle.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _AXES = ("x", "y", "z", "vx", "vy", "vz")
 
 @dataclass
 class _Heard:
-    """What one system told so far."""
+    """The reports of one system so far."""
 
     autopilot: int = GENERIC_AUTOPILOT
     beats: int = 0
@@ -37,20 +37,20 @@ class _Heard:
     battery_pct: int = -1
     origin: Origin | None = None  # of its local frame
     is_global: list[bool] = field(default_factory=list)
-    stamps: list[tuple[float, float]] = field(default_factory=list)  # noted, boot clock
+    stamps: list[tuple[float, float]] = field(default_factory=list)  # received, boot clock
     motion: list[tuple[float, ...]] = field(default_factory=list)  # lat lon alt or x y z; three velocities
     state: list[tuple[bool, int, int]] = field(default_factory=list)
 
 
 def is_ground(message: Message) -> bool:
-    """Whether whoever sent this heartbeat is a ground station."""
+    """Whether this is the HEARTBEAT of a ground station."""
     return message.name == "HEARTBEAT" and message.fields["type"] == MavType.GCS
 
 
 def recording_from_telemetry(
     messages: Iterable[tuple[float, Message]],
 ) -> tuple[tuple[VehicleTrack, ...], tuple[Event, ...], tuple[Event, ...], tuple[str, ...]]:
-    """Messages with their times, in order -> tracks, what went wrong, what else was said, notes."""
+    """Return tracks, warnings, remarks and notes of messages with their times, in order."""
     heard: dict[int, _Heard] = {}
     events: list[Event] = []
     remarks: list[Event] = []
@@ -65,7 +65,7 @@ def recording_from_telemetry(
         elif message.name == "STATUSTEXT":
             for said in joiner.receive(message, t_s):
                 bad = said.severity <= Severity.WARNING
-                (events if bad else remarks).append(Event(t_s, t_s, sysid, f"says: {said.text}"))
+                (events if bad else remarks).append(Event(t_s, t_s, sysid, f"reports: {said.text}"))
         else:
             _take(one, message, t_s)
     tracks, notes = _tracks({sysid: one for sysid, one in sorted(heard.items()) if one.motion})
@@ -73,7 +73,7 @@ def recording_from_telemetry(
 
 
 def _beat(one: _Heard, fields: dict[str, Any]) -> list[str]:
-    """Take a heartbeat in; what has changed, in words."""
+    """Take in a HEARTBEAT; return what has changed, in words."""
     if fields["autopilot"] == NO_AUTOPILOT:  # a gimbal, a camera
         return []
     armed, mode = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
@@ -147,14 +147,14 @@ def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[s
         )
     if alone and len(found) > 1:
         named = ", ".join(map(str, alone))
-        return tuple(found), (f"nobody knows where on Earth vehicles {named} were: each is drawn in its own frame.",)
+        return tuple(found), (f"vehicles {named} reported no position on Earth: each is drawn in its own frame.",)
     return tuple(found), ()
 
 
 def steady_times(noted_s: Array, boot_s: Array) -> Array:
-    """When reports (N,) were true: by the boot clock, whose offset is that of the report least delayed on its way.
+    """Return the times (N,) of reports by the boot clock; its offset is that of the least delayed report.
 
-    A reboot, a clock that was set, and time that does not run at the clock's rate begin another stretch.
+    A reboot, a clock that was set, and time at another rate than the clock's begin a new section.
     """
     offset = noted_s - boot_s
     times = np.empty_like(noted_s)

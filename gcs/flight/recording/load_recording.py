@@ -1,7 +1,4 @@
-"""A recording from what a flight left: its folder, or a bare `.tlog` of anybody's fleet.
-
-Knows: which files say what. Does not know: how it is shown.
-"""
+"""Loads a recording from a flight's folder, or from a `.tlog` of any ground station."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import pyarrow.parquet as pq
 
 from gcs.errors import FileFormatError
 from gcs.flight.recording.flight_folder import EVENTS, read_events
-from gcs.flight.recording.flight_state import NAME as LOGBOOK
+from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
 from gcs.flight.recording.record_table import NAME as RECORD
@@ -30,7 +27,7 @@ PLAN = "plan.skein"
 
 
 class LoadedRecording:
-    """A recording, and the frames that vehicles sent at their times (for who wants to hear them again)."""
+    """A recording, and the frames that vehicles sent with their times, to send them again."""
 
     def __init__(self, recording: Recording, t_s: Array, frames: tuple[LoggedFrame, ...]) -> None:
         stations = {frame.sysid for frame in frames if frame.message is not None and is_ground(frame.message)}
@@ -41,30 +38,30 @@ class LoadedRecording:
 
 
 def load_recording(path: Path) -> LoadedRecording:
-    """A folder with `telemetry*.tlog` or `record.parquet`, or a log. Raises FileFormatError."""
+    """Return the recording of a log, or of a folder with logs or `record.parquet`. Raises FileFormatError."""
     if not path.is_dir():
         return _bare(path.name, [load_tlog(path)])
     logs = telemetry_logs(path)
-    book = read_flight_state(path) if (path / LOGBOOK).is_file() else None
-    if book is None or book.t0_unix_s is None or not (path / PLAN).is_file():
+    state = read_flight_state(path) if (path / STATE).is_file() else None
+    if state is None or state.t0_unix_s is None or not (path / PLAN).is_file():
         if not logs:
-            raise FileFormatError(f"{path} holds no telemetry.", hint="name a flight's folder or a .tlog")
+            raise FileFormatError(f"{path} has no telemetry.", hint="name a flight's folder or a .tlog")
         return _bare(path.name, [load_tlog(log) for log in logs])
-    return _flight(path, book, book.t0_unix_s, [load_tlog(log) for log in logs])
+    return _flight(path, state, state.t0_unix_s, [load_tlog(log) for log in logs])
 
 
-def _flight(folder: Path, book: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
+def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
     plan, _ = load_plan(folder / PLAN)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
-    record = build_record(plan, t0_unix_s, messages, book.systems) if logs else _read_record(folder / RECORD)
+    record = build_record(plan, t0_unix_s, messages, state.systems) if logs else _read_record(folder / RECORD)
     _, warnings, remarks, _ = recording_from_telemetry(_timed(frames, unix_s - t0_unix_s))
-    vehicle_of = {system: vehicle for vehicle, system in book.systems.items()}
+    vehicle_of = {system: vehicle for vehicle, system in state.systems.items()}
     said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
     said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
     tracks = _from_record(record, plan.sysids)
     events = read_events(folder / EVENTS)
-    recording = Recording(f"{book.mission}, {book.step}", tracks, events, tuple(said), plan, notes)
+    recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes)
     return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
 
 
@@ -88,7 +85,9 @@ def _timed(frames: tuple[LoggedFrame, ...], t_s: Array) -> Iterator[tuple[float,
 
 def _not_empty(recording: Recording, path: Path) -> Recording:
     if not any(len(track.t_s) for track in recording.tracks):
-        raise FileFormatError(f"{path}: no vehicle says where it is.", hint="there is nothing to replay")
+        raise FileFormatError(
+            f"{path}: no vehicle reports a position.", hint="name a log with LOCAL_POSITION_NED or GLOBAL_POSITION_INT"
+        )
     return recording
 
 

@@ -1,7 +1,6 @@
-"""The flight record: what vehicles told, beside what the plan wanted at the same instants, as one table (Parquet).
+"""The flight record: reported beside planned states at the same times, as one table (Parquet).
 
-Knows: the `.tlog` of a flight's folder, its plan, its T0. Does not know: flying, truth, pictures. The record is made
-from the log, so that there is one of a flight that was cut short as well.
+It is made from the `.tlog`, so that an interrupted flight has a record too.
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ _AXES = ("north", "east", "down")
 def build_record(
     plan: Plan, t0_unix_s: float, messages: Iterable[Message], systems: Mapping[int, int] | None = None
 ) -> pa.Table:
-    """One row for every position that a vehicle told once its time was known.
+    """Return one row for every position that a vehicle reported once its time was known.
 
     Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
-    mode, battery_pct (-1: not told), autopilot, formation_error_m (Definition 1 at that instant, of all vehicles; NaN
-    from when one of them is not heard any more). Common local NED frame. `systems` are the MAVLink systems of vehicles
-    that are not called what the plan calls them.
+    mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1 at that time, of all vehicles; NaN
+    after the last report of one of them). Common local NED frame. `systems` are the MAVLink systems of vehicles with
+    another system id than in the plan.
     """
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
     clocks = {sysid: VehicleClock() for sysid in plan.sysids}
@@ -63,12 +62,12 @@ def build_record(
 
 
 def telemetry_logs(folder: Path) -> list[Path]:
-    """The logs of a flight's folder, oldest first: its own, and one of every `gcs attach`."""
+    """Return the logs of a flight's folder, oldest first: its own, and one of every `gcs attach`."""
     return sorted(folder.glob("telemetry*.tlog"), key=lambda path: path.stat().st_mtime)
 
 
 def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[int, int] | None = None) -> pa.Table:
-    """Make the record of a flight's folder from its telemetry, and keep it there."""
+    """Make the record of a flight's folder from its telemetry, write it there and return it."""
     logs = telemetry_logs(folder)
     table = build_record(plan, t0_unix_s, (message for path in logs for message in read_messages(path)), systems)
     pq.write_table(table, folder / NAME, compression="zstd")
@@ -76,7 +75,7 @@ def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[in
 
 
 def _formation_error_m(plan: Plan, t_s: Array, sysids: NDArray[np.int64], places_ned_m: Array) -> Array:
-    """Definition 1 (N,) at instants and places (N,), (N, 3) of rows: every 0.1 s, in between straight."""
+    """Definition 1 (N,) at the times and positions (N,), (N, 3) of rows; computed every 0.1 s and interpolated."""
     if len(t_s) == 0 or len(set(plan.sysids) - set(sysids.tolist())):
         return np.full(len(t_s), np.nan)
     begin_s, end_s = max(float(t_s.min()), plan.t_start_s), min(float(t_s.max()), plan.t_end_s)
@@ -96,22 +95,22 @@ def _formation_error_m(plan: Plan, t_s: Array, sysids: NDArray[np.int64], places
 def _table(plan: Plan, rows: list[Row]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) or [()] * 12
     t_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
-    told = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
+    reported = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
     planned = np.full((len(t_s), 6), np.nan)
     inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     for row, sysid in enumerate(plan.sysids):
         mine = sysids == sysid
-        told[mine, :3] += plan.pads_ned_m[row]
+        reported[mine, :3] += plan.pads_ned_m[row]
         if mine.any():
             states = plan.states(inside[mine])[row]
             planned[mine] = np.hstack([states[:, POSITION], states[:, VELOCITY]])
     planned[(t_s < plan.t_start_s) | (t_s > plan.t_end_s)] = np.nan
     data: dict[str, object] = {"t_s": t_s, "sysid": sysids}
-    for name, values in (("", told), ("planned_", planned)):
+    for name, values in (("", reported), ("planned_", planned)):
         data |= {f"{name}{axis}_m": values[:, n] for n, axis in enumerate(_AXES)}
         data |= {f"{name}v_{axis}_mps": values[:, 3 + n] for n, axis in enumerate(_AXES)}
-    data["error_m"] = np.linalg.norm(told[:, :3] - planned[:, :3], axis=1)
-    data["formation_error_m"] = _formation_error_m(plan, t_s, sysids, told[:, :3])
+    data["error_m"] = np.linalg.norm(reported[:, :3] - planned[:, :3], axis=1)
+    data["formation_error_m"] = _formation_error_m(plan, t_s, sysids, reported[:, :3])
     data["armed"] = np.array(columns[8], dtype=bool)
     for n, name in enumerate(("mode", "battery_pct", "autopilot"), start=9):
         data[name] = np.array(columns[n], dtype=np.int64)

@@ -1,7 +1,4 @@
-"""A flight that was recorded: what every vehicle told over time, and what happened to it.
-
-Knows: plain values in one frame, how to find them at any instant. Does not know: files, who recorded them.
-"""
+"""A recorded flight: the reports of every vehicle over time, and its events, in one frame."""
 
 from __future__ import annotations
 
@@ -15,12 +12,12 @@ from gcs.flight.progress import Event
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 
-SILENCE_S = 3.0  # after so long nobody knows where a vehicle was
+SILENCE_S = 3.0  # after a longer silence the position of a vehicle is unknown
 
 
 @dataclass(frozen=True)
 class VehicleTrack:
-    """One vehicle's reports, in order of time."""
+    """The reports of one vehicle, in order of time."""
 
     sysid: int
     autopilot: int  # MAV_AUTOPILOT
@@ -29,15 +26,15 @@ class VehicleTrack:
     velocity_ned_mps: Array  # (N, 3)
     armed: NDArray[np.bool_]  # (N,)
     mode: NDArray[np.int64]  # (N,) HEARTBEAT.custom_mode
-    battery_pct: NDArray[np.int64]  # (N,) -1: not told
+    battery_pct: NDArray[np.int64]  # (N,) -1: not reported
 
     def last(self, t_s: float) -> int | None:
-        """Index of the last report until then; None before the first."""
+        """Return the index of the last report until then; None before the first."""
         at = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
         return at if at >= 0 else None
 
     def at(self, t_s: Array) -> tuple[Array, Array]:
-        """Positions and velocities (M, 3) at instants (M,), between reports; NaN where the vehicle was silent."""
+        """Return positions and velocities (M, 3) at times (M,), interpolated; NaN where the vehicle was silent."""
         if not len(self.t_s):
             return np.full((len(t_s), 3), np.nan), np.full((len(t_s), 3), np.nan)
         after = np.clip(np.searchsorted(self.t_s, t_s), 1, max(len(self.t_s) - 1, 1))
@@ -57,10 +54,10 @@ class Recording:
 
     name: str
     tracks: tuple[VehicleTrack, ...]
-    events: tuple[Event, ...]  # what went wrong, and what was done
-    remarks: tuple[Event, ...]  # what else was said: modes, arming, texts
+    events: tuple[Event, ...]  # incidents and orders
+    remarks: tuple[Event, ...]  # modes, arming, texts
     plan: Plan | None
-    notes: tuple[str, ...] = ()  # what could not be read, in sentences
+    notes: tuple[str, ...] = ()  # what was not read, in sentences
 
     @property
     def sysids(self) -> tuple[int, ...]:
@@ -70,16 +67,16 @@ class Recording:
     @property
     def span_s(self) -> tuple[float, float]:
         """From the first report to the last."""
-        told = [track.t_s for track in self.tracks if len(track.t_s)]
-        return min(float(t[0]) for t in told), max(float(t[-1]) for t in told)
+        reported = [track.t_s for track in self.tracks if len(track.t_s)]
+        return min(float(t[0]) for t in reported), max(float(t[-1]) for t in reported)
 
     def at(self, t_s: Array) -> tuple[Array, Array]:
-        """Positions and velocities (V, M, 3) of all at instants (M,), NaN where they were silent."""
+        """Return positions and velocities (V, M, 3) of all vehicles at times (M,); NaN where they were silent."""
         found = [track.at(t_s) for track in self.tracks]
         return np.stack([places for places, _ in found]), np.stack([rates for _, rates in found])
 
     def planned(self, t_s: Array) -> tuple[Array, Array] | None:
-        """The same as planned, NaN before and after the plan; None without one."""
+        """Return the planned ones, NaN before and after the plan; None without a plan."""
         plan = self.plan
         if plan is None:
             return None
@@ -89,7 +86,7 @@ class Recording:
 
 
 def nearest_m(places_ned_m: Array) -> Array:
-    """Distance (M,) of the two of (V, M, 3) that are nearest to each other; NaN where fewer than two are known."""
+    """Return the least distance (M,) between two of (V, M, 3); NaN where fewer than two are known."""
     found = np.full(places_ned_m.shape[1], np.nan)
     for instant in range(len(found)):
         known = places_ned_m[:, instant][~np.isnan(places_ned_m[:, instant, 0])]

@@ -1,7 +1,7 @@
-"""Telemetry logs (`.tlog`) of any ground station: frames in both directions, each behind its time in microseconds.
+"""Reads telemetry logs (`.tlog`) of any ground station: frames in both directions, each after its time stamp.
 
-Knows: the layout, how to find the next frame behind a damaged place. Does not know: what messages mean, flights.
-Stamps are the writer's clock, big-endian, since 1970; frames from before that clock was set carry 0.
+Stamps are the writer's clock, big-endian microseconds since 1970; frames from before that clock was set have 0. After a
+damaged section, reading continues at the next frame.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ _STAMP = 8
 _SHORTEST = 8  # bytes of a frame without payload
 _V1, _MARKERS = 0xFE, (0xFD, 0xFE)
 _MARKER = re.compile(b"[\xfd\xfe]")
-_LEAST_SHARE = 0.1  # of a file: less is chance
-_PAUSE_S = 600.0  # more silence than that is another flight, or a clock that was set
+_LEAST_SHARE = 0.1  # of a file that frames must fill: less is chance
+_PAUSE_S = 600.0  # a longer silence is another flight, or a clock that was set
 _BIG_ENDIAN = struct.Struct(">Q")
 
 
 @dataclass(frozen=True, slots=True)
 class LoggedFrame:
-    """One frame: `message` is None where its kind is not of our dialect, or its checksum wrong."""
+    """One frame. `message` is None for an unknown message id or a wrong checksum."""
 
-    at: int  # where in the file its stamp begins
+    at: int  # offset of its stamp in the file
     stamp_us: int
     data: bytes
     message: Message | None
@@ -54,7 +54,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Tlog:
-    """A whole log. `unix_s` (N,) is when each frame was noted, in order; stamps that cannot be are mended."""
+    """A whole log. `unix_s` (N,) is the time of each frame, in order; impossible stamps are corrected."""
 
     path: Path
     frames: tuple[LoggedFrame, ...]
@@ -63,7 +63,7 @@ class Tlog:
 
 
 def scan(path: Path) -> Iterator[LoggedFrame | Gap]:
-    """Everything in a file, in order. Raises FileFormatError when it cannot be read."""
+    """Yield the frames and gaps of a file, in order. Raises FileFormatError when it cannot be read."""
     try:
         data = path.read_bytes()
     except OSError as problem:
@@ -84,7 +84,7 @@ def scan(path: Path) -> Iterator[LoggedFrame | Gap]:
 
 
 def read_messages(path: Path) -> Iterator[Message]:
-    """Messages of an undamaged log, up to where it was cut off. Raises FileFormatError."""
+    """Yield the messages of an undamaged log, up to where it was cut off. Raises FileFormatError."""
     for one in scan(path):
         if isinstance(one, LoggedFrame):
             if one.message is not None:
@@ -94,13 +94,13 @@ def read_messages(path: Path) -> Iterator[Message]:
 
 
 def load_tlog(path: Path) -> Tlog:
-    """Whatever can be read of a log. Raises FileFormatError for a file without a single frame."""
+    """Return what is readable of a log. Raises FileFormatError for a file without frames."""
     found = list(scan(path))
     frames = tuple(one for one in found if isinstance(one, LoggedFrame))
     understood = sum(_STAMP + len(frame.data) for frame in frames if frame.message)
     if understood <= _LEAST_SHARE * sum(one.size if isinstance(one, Gap) else len(one.data) for one in found):
         raise FileFormatError(
-            f"{path} holds no telemetry: no MAVLink frame behind a time.", hint="name a flight's folder or a .tlog"
+            f"{path} has no telemetry: no MAVLink frames after time stamps.", hint="name a flight's folder or a .tlog"
         )
     notes = []
     damaged = [gap for gap in found if isinstance(gap, Gap) and not gap.cut]
@@ -111,7 +111,7 @@ def load_tlog(path: Path) -> Tlog:
         notes.append(f"{path.name} ends within a frame: its writer was cut off.")
     unread = sum(frame.message is None for frame in frames)
     if unread:
-        notes.append(f"{unread} of {len(frames)} frames are of kinds that are not known here, or broken.")
+        notes.append(f"{unread} of {len(frames)} frames have an unknown message id or a wrong checksum.")
     unix_s, left_out_s = mend_times(np.array([frame.stamp_us for frame in frames], dtype=np.float64) / 1e6)
     if left_out_s:
         notes.append(f"pauses of {_PAUSE_S / 60:g} minutes and more were left out, {left_out_s:.0f} s together.")
@@ -119,13 +119,13 @@ def load_tlog(path: Path) -> Tlog:
 
 
 def mend_times(stamps_s: Array) -> tuple[Array, float]:
-    """Stamps (N,) without zeros, single wrong ones, steps back and long pauses; and how long those were together."""
+    """Return stamps (N,) without zeros, outliers, steps back and long pauses, and the length of all pauses."""
     times = stamps_s.copy()
     known = np.flatnonzero(times > 0.0)
     if not len(known):
         return np.zeros_like(times), 0.0
     times[: known[0]] = times[known[0]]
-    if len(times) > 2:  # one that lies outside of its neighbours is not believed
+    if len(times) > 2:  # an outlier between its neighbours is replaced
         inner = np.sort(np.stack([times[:-2], times[1:-1], times[2:]]), axis=0)[1]
         alone = np.abs(times[1:-1] - inner) > 1.0
         times[1:-1][alone] = inner[alone]
@@ -136,7 +136,7 @@ def mend_times(stamps_s: Array) -> tuple[Array, float]:
 
 
 def _frame(data: bytes, at: int, codec: Codec) -> LoggedFrame | None:
-    """The frame whose stamp begins at `at`, if it is one, or if at least another follows where it should."""
+    """The frame whose stamp begins at `at`, if it is valid, or if another one follows at its end."""
     begin = at + _STAMP
     length = frame_length(data, begin) if begin < len(data) else 0
     if not _SHORTEST <= length <= len(data) - begin:
@@ -155,12 +155,12 @@ def _certain(data: bytes, at: int, codec: Codec) -> bool:
 
 
 def _next_candidate(data: bytes, at: int) -> int:
-    """The next place whose frame would begin with a marker; the end of the data where there is none."""
+    """The next offset whose frame would begin with a marker; the end of the data without one."""
     marker = _MARKER.search(data, at + 1 + _STAMP)
     return len(data) if marker is None else marker.start() - _STAMP
 
 
 def _is_cut(data: bytes, at: int) -> bool:
-    """Whether what is left could be the beginning of a frame."""
+    """Whether the rest could be the beginning of a frame."""
     begin = at + _STAMP
     return begin >= len(data) or (data[begin] in _MARKERS and frame_length(data, begin) > len(data) - begin)

@@ -1,7 +1,4 @@
-"""What time it is for a whole fleet: GNSS time on board of whoever is furthest ahead.
-
-Knows: every vehicle's clock, the event loop's time. Does not know: plans.
-"""
+"""The common time of a fleet: the latest GNSS time on board of any vehicle."""
 
 from __future__ import annotations
 
@@ -15,26 +12,26 @@ _PUMP_S = 0.002
 
 
 class FleetTime:
-    """The common time of vehicles that may run faster than the wall's clock."""
+    """The common time of vehicles, which may run faster than the wall clock."""
 
     def __init__(self, sessions: Mapping[int, VehicleSession]) -> None:
         self._sessions = sessions
         self._loop = asyncio.get_running_loop()
 
     def now_s(self) -> float | None:
-        """GNSS unix time; None before anybody told it. It stands still when nobody reports any more."""
+        """Return GNSS unix time; None before the first report. It stands while no vehicle reports."""
         now_s = self._loop.time()
         known = (s.clock.now_unix_s(now_s) for s in self._sessions.values())
         return max((t for t in known if t is not None), default=None)
 
     def sure_s(self) -> float:
-        """The same where it must be known. Raises FlightError."""
+        """Return the same once it must be known. Raises FlightError."""
         now_s = self.now_s()
         if now_s is None:
             raise FlightError("the vehicles' clocks were lost in flight.")
         return now_s
 
     async def until(self, unix_s: float) -> None:
-        """Wait for an instant."""
+        """Wait until this time."""
         while self.sure_s() < unix_s:
             await asyncio.sleep(_PUMP_S)

@@ -1,7 +1,4 @@
-"""Where in a plan vehicles are that were left alone in the air, and how it goes on from there.
-
-Knows: places, the plan. Does not know: links, who asks.
-"""
+"""The instant of a plan that airborne vehicles are nearest to, from which a flight can be resumed."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ _STEP_S = 0.1
 
 
 class Resume(StrEnum):
-    """What is to become of the flight."""
+    """What is done with a flight that lost its ground station."""
 
     SHOW = "show"
     LAND = "land"
@@ -29,14 +26,14 @@ class Resume(StrEnum):
 
 @dataclass(frozen=True)
 class Where:
-    """The instant of the plan whose places are nearest, and how far the furthest is from its own."""
+    """The plan time whose positions are nearest, and the largest deviation of a vehicle from them."""
 
     t_s: float
     off_m: float
 
 
 def where_in_plan(plan: Plan, positions_ned_m: Array) -> Where:
-    """For positions (V, 3), between the end of the take-off and the beginning of the landing."""
+    """Return it for positions (V, 3), between the end of the take-off and the start of the landing."""
     t_s = np.arange(plan.airborne_s, plan.phase("landing").start_s, _STEP_S)
     places = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)  # (V, N, 3)
     off = np.linalg.norm(places - positions_ned_m[:, None], axis=-1).max(axis=0)

@@ -1,7 +1,4 @@
-"""Our own way to ask a vehicle for what `gcs.link.session.vehicle_api` names.
-
-Knows: autopilots' behaviour, commands, setpoints. Does not know: plans, formations, MAVSDK.
-"""
+"""Flies a single vehicle by Skein's own MAVLink session: the `Flyable` of `gcs.link.session.vehicle_api`."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ _TIMEOUT_S = 10.0
 async def until_mode(
     session: VehicleSession, behaviour: FlightBehaviour, mode: int, timeout_s: float, command: MavCommand | None = None
 ) -> None:
-    """Ask for a mode, by a command that brings it about or DO_SET_MODE, and believe the HEARTBEAT only.
+    """Request a mode, by DO_SET_MODE or `command`, and wait until the HEARTBEAT shows it.
 
     Raises CommandRefused, PeerTimeout.
     """
@@ -54,15 +51,15 @@ async def until_mode(
 
 
 def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:
-    """Whichever backend it was found by; to be closed by whoever asks. Raises `PeerError` for unknown autopilots."""
+    """Return the controls of a vehicle; close them after use. Raises `PeerError` for unknown autopilots."""
     return SessionControl(vehicle) if isinstance(vehicle, VehicleSession) else vehicle.control()
 
 
 class SessionControl:
-    """`Flyable` by our own machines."""
+    """`Flyable` by the state machines of `gcs.link`."""
 
     def __init__(self, session: VehicleSession) -> None:
-        """Raises `PeerError` for an autopilot that nobody here knows how to fly."""
+        """Raises `PeerError` for an unknown autopilot."""
         self._session = session
         self._behaviour = flight_behaviour(session.sysid, session.autopilot)
         self._setpoint: Setpoint | None = None
@@ -75,7 +72,7 @@ class SessionControl:
         await self._session.wait_for(
             lambda m: m.name == "HEARTBEAT" and bool(m.fields["base_mode"] & ModeFlag.ARMED),
             _TIMEOUT_S,
-            "a heartbeat that says armed",
+            "an armed HEARTBEAT",
             or_latest=True,
         )
 
@@ -83,7 +80,10 @@ class SessionControl:
         """See `Flyable`."""
         home = await self._session.home()
         if home is None:
-            raise PeerError(f"vehicle {self._session.sysid} has no home to count its height from.")
+            raise PeerError(
+                f"vehicle {self._session.sysid} has no home position, from which its height counts.",
+                hint="wait for its GNSS fix",
+            )
         parameters = self._behaviour.takeoff_parameters(height_m, home.alt_amsl_m)
         await self._session.command(MavCommand.NAV_TAKEOFF, *parameters)
 

@@ -1,7 +1,4 @@
-"""From a silent vehicle to one that hovers over its pad, and from one that was told to land to one that has.
-
-Knows: one vehicle, its behaviour, its row of the plan. Does not know: the others, what is flown in between.
-"""
+"""Take-off and landing of one vehicle: telemetry, readiness, arming, hover over the pad, disarming."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
 @dataclass(frozen=True)
 class FlightVehicle:
-    """Everything about one vehicle of a flight."""
+    """One vehicle of a flight: session, behaviour, row of the plan, last report."""
 
     session: VehicleSession
     behaviour: FlightBehaviour
@@ -43,13 +40,13 @@ class FlightVehicle:
 
     @property
     def hover_ned_m(self) -> Array:
-        """Where it waits for the others (3,)."""
+        """The position over its pad where it waits for the others (3,)."""
         end = self.plan.airborne_s
         return np.asarray(self.plan.states(np.array([end]))[self.row, 0, POSITION])
 
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
-    """Positions often, everything that tells of trouble now and then."""
+    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz."""
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
     m = vehicle.behaviour
@@ -58,7 +55,7 @@ async def request_telemetry(vehicle: FlightVehicle) -> None:
 
 
 async def until_ready(vehicle: FlightVehicle) -> None:
-    """Ready means that it can be armed to be flown from here, and that it tells the time. Raises PeerTimeout."""
+    """Wait until a vehicle has a position estimate and reports GNSS time. Raises PeerTimeout."""
     session, options = vehicle.session, vehicle.options
     await session.wait_for(
         lambda message: vehicle.behaviour.position_is_known(message.name, message.fields),
@@ -71,14 +68,14 @@ async def until_ready(vehicle: FlightVehicle) -> None:
     while not session.clock.ready:
         if loop.time() > end_s:
             raise PeerTimeout(
-                f"vehicle {session.sysid} does not tell the time (SYSTEM_TIME with GNSS time).",
-                hint="it needs a GNSS fix: without a common time a formation cannot start together",
+                f"vehicle {session.sysid} did not report GNSS time (SYSTEM_TIME) within {options.find_timeout_s:g} s.",
+                hint="wait for its GNSS fix: a formation needs a common time to start",
             )
         await asyncio.sleep(LOOK_S)
 
 
 async def take_off(vehicle: FlightVehicle) -> None:
-    """Arm and climb to the hover over the pad."""
+    """Arm a vehicle and order it to climb to the hover over its pad."""
     session, behaviour = vehicle.session, vehicle.behaviour
     pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
     height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
@@ -89,19 +86,19 @@ async def take_off(vehicle: FlightVehicle) -> None:
 
 
 async def set_mode(vehicle: FlightVehicle, mode: int) -> None:
-    """Ask for a mode, and believe the HEARTBEAT only. Raises CommandRefused, PeerTimeout."""
+    """Request a mode and wait until the HEARTBEAT shows it. Raises CommandRefused, PeerTimeout."""
     await until_mode(vehicle.session, vehicle.behaviour, mode, vehicle.options.phase_timeout_s)
 
 
 async def start_mission(vehicle: FlightVehicle) -> None:
-    """Have a vehicle in the air fly its mission, and believe the HEARTBEAT only. Raises as `set_mode` does."""
+    """Start the mission of an airborne vehicle and wait until the HEARTBEAT shows it. Raises as `set_mode` does."""
     m = vehicle.behaviour
     await until_mode(vehicle.session, m, m.mission, vehicle.options.phase_timeout_s, MavCommand.MISSION_START)
 
 
 async def until_hovering(vehicle: FlightVehicle) -> None:
-    """Near its place over the pad, and slow. Raises PeerTimeout."""
-    # A vehicle climbs by height above its own start, which it knows no better than where it will arrive.
+    """Wait until a vehicle is near its hover position, and slow. Raises PeerTimeout."""
+    # A vehicle climbs to a height above its start, which it knows no better than its position on arrival.
     near_m = max(_SETTLED_M, vehicle.plan.scenario.judge.arrival_position_m)
     view, hover = vehicle.view, vehicle.hover_ned_m
 
@@ -113,12 +110,12 @@ async def until_hovering(vehicle: FlightVehicle) -> None:
 
 
 async def until_landed(vehicle: FlightVehicle) -> None:
-    """Landed means disarmed: EXTENDED_SYS_STATE and items reached are told too early. Raises PeerTimeout."""
+    """Wait until a vehicle is disarmed: EXTENDED_SYS_STATE and items reached come too early. Raises PeerTimeout."""
     await vehicle.session.wait_for(
         is_disarmed, vehicle.options.phase_timeout_s, "disarming after the landing", or_latest=True
     )
 
 
 def is_disarmed(message: Message) -> bool:
-    """Whether it is a heartbeat that says so."""
+    """Whether it is a HEARTBEAT of a disarmed vehicle."""
     return message.name == "HEARTBEAT" and not message.fields["base_mode"] & ModeFlag.ARMED

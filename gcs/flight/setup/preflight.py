@@ -1,11 +1,8 @@
-"""Go or no-go: what every vehicle tells of itself against what the plan takes for granted.
+"""The pre-flight checks: the report of every vehicle against what the plan requires. A missing report is a no-go.
 
-Knows: plan, reports of vehicles, how much each may differ. Does not know: links (reports come from
-`gcs.link.session.status_report`), screens. Nothing is sent; a vehicle that does not tell what is asked is a no-go.
-
-Battery: a flight needs what its plan takes (`gcs.plan.trajectory.energy`), where the scenario has battery and
-propellers; else a full battery is taken to hover for `endurance_s`, and the flight to need its own duration of that,
-times `effort` for climbs and wind. `reserve` is left at the end.
+Battery: with battery and propellers in the scenario, the flight needs the energy of its plan
+(`gcs.plan.trajectory.energy`). Otherwise a full battery is assumed to hover for `endurance_s`, and the flight needs its
+own duration of that, times `effort` for climbs and wind. `reserve` is left at the end.
 """
 
 from __future__ import annotations
@@ -29,58 +26,58 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import local_origin
 
 _RTK_FIXED = 6
-_CONFUSED_M = {True: 0.15, False: 1.5}  # with an RTK fix, and without: nearer to another pad by more than this
+_CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to another pad by more than this
 
 
 @dataclass(frozen=True)
 class PreflightLimits:
-    """What is asked of vehicles on their pads."""
+    """The limits for vehicles on their pads."""
 
-    pad_m: float = 3.0  # from its own pad, level
+    pad_m: float = 3.0  # from its own pad, horizontally
     height_m: float = 10.0  # GNSS heights err by metres
-    home_m: float = 3.0  # home from where it stands
+    home_m: float = 3.0  # home from its position
     origin_m: float = 5.0  # its local frame's origin from its pad
     round_trip_s: float = 1.0
-    endurance_s: float = 900.0  # of hover on a full battery that nobody has described
+    endurance_s: float = 900.0  # of hover on a full battery, without [vehicle.power]
     effort: float = 1.15
     reserve: float = 0.25  # of a full battery
 
 
 @dataclass(frozen=True)
 class PreflightCheck:
-    """One line of the table: what was looked at, what was found, whether that is good."""
+    """One check of one vehicle."""
 
     sysid: int
     name: str
-    found: str
-    asked: str
+    measured: str
+    required: str
     ok: bool
 
 
 def preflight(
     plan: Plan, reports: Mapping[int, VehicleReport], limits: PreflightLimits | None = None
 ) -> tuple[PreflightCheck, ...]:
-    """Every check of every vehicle, in the plan's order."""
+    """Return every check of every vehicle, in the plan's order."""
     limits = limits or PreflightLimits()
     needed = battery_needed(plan, limits)
-    found = []
+    checks = []
     for row, sysid in enumerate(plan.sysids):
-        found += _checks(plan, row, reports[sysid], limits)
-        found.append(_battery(sysid, reports[sysid].battery_share, float(needed[row]), plan, limits))
-    return tuple(found)
+        checks += _checks(plan, row, reports[sysid], limits)
+        checks.append(_battery(sysid, reports[sysid].battery_share, float(needed[row]), plan, limits))
+    return tuple(checks)
 
 
 def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
-    """Raises `FlightError` that names everything that is not good."""
+    """Raises `FlightError` that names the failed checks, six at most."""
     bad = [c for c in checks if not c.ok]
     if bad:
-        listed = "; ".join(f"vehicle {c.sysid}: {c.name} {c.found}, asked {c.asked}" for c in bad[:6])
+        listed = "; ".join(f"vehicle {c.sysid}: {c.name}: {c.measured} (required: {c.required})" for c in bad[:6])
         more = f"; and {len(bad) - 6} more" if len(bad) > 6 else ""
-        raise FlightError(f"no-go: {listed}{more}.", hint="mend it and start again; nothing was armed")
+        raise FlightError(f"no-go: {listed}{more}.", hint="fix the failed checks, then run again; no vehicle was armed")
 
 
 def battery_needed(plan: Plan, limits: PreflightLimits) -> Array:
-    """The share of a full battery that the flight takes, for each vehicle (V,); without the reserve."""
+    """Return the share of a full battery that the flight needs, per vehicle (V,), without the reserve."""
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     if taken_Wh is None or power is None:
         flight_s = plan.t_end_s - plan.t_start_s
@@ -88,8 +85,8 @@ def battery_needed(plan: Plan, limits: PreflightLimits) -> Array:
     return taken_Wh / power.battery_Wh
 
 
-def reserve_asked(plan: Plan, limits: PreflightLimits) -> str:
-    """The reserve, and what a flight's need was taken from, in words."""
+def _reserve_text(plan: Plan, limits: PreflightLimits) -> str:
+    """The required reserve, and what the need is computed from."""
     power = plan.scenario.vehicle.power
     if power is None:
         known = f"{limits.endurance_s / 60:g} min of hover assumed: no [vehicle.power]"
@@ -101,8 +98,8 @@ def reserve_asked(plan: Plan, limits: PreflightLimits) -> str:
 def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits) -> list[PreflightCheck]:
     sysid = plan.sysids[row]
 
-    def check(name: str, found: str | None, asked: str, ok: bool) -> PreflightCheck:
-        return PreflightCheck(sysid, name, "does not tell" if found is None else found, asked, ok and found is not None)
+    def check(name: str, measured: str | None, required: str, ok: bool) -> PreflightCheck:
+        return PreflightCheck(sysid, name, measured or "not reported", required, ok and measured is not None)
 
     pads = plan.pads_ned_m
     place = _ned(plan, report.position)
@@ -118,9 +115,9 @@ def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits
         nearest = int(np.argmin(away_m))
         sure_m = _CONFUSED_M[report.fix_type == _RTK_FIXED]
         wrong = nearest != row and away_m[row] - away_m[nearest] > sure_m
-        found = f"{away_m[row]:.2f} m away" + (f", on the pad of vehicle {plan.sysids[nearest]}" if wrong else "")
+        measured = f"{away_m[row]:.2f} m away" + (f", on the pad of vehicle {plan.sysids[nearest]}" if wrong else "")
         checks.append(
-            check("pad", found, f"within {limits.pad_m:g} m", not wrong and float(away_m[row]) <= limits.pad_m)
+            check("pad", measured, f"within {limits.pad_m:g} m", not wrong and float(away_m[row]) <= limits.pad_m)
         )
         high_m = float(pads[row, 2] - place[2])
         checks.append(
@@ -132,24 +129,24 @@ def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits
     ]
     sync = report.timesync
     trip = None if sync is None else f"{1e3 * sync.round_trip_s:.0f} ms round trip"
-    asked = f"at most {1e3 * limits.round_trip_s:.0f} ms"
-    checks.append(check("clock", trip, asked, sync is not None and sync.round_trip_s <= limits.round_trip_s))
+    required = f"at most {1e3 * limits.round_trip_s:.0f} ms"
+    checks.append(check("clock", trip, required, sync is not None and sync.round_trip_s <= limits.round_trip_s))
     return checks
 
 
 def _battery(sysid: int, share: float | None, needed: float, plan: Plan, limits: PreflightLimits) -> PreflightCheck:
-    have = "does not tell" if share is None else f"has {share:.0%}"
+    have = "charge not reported" if share is None else f"has {share:.0%}"
     enough = share is not None and share >= needed + limits.reserve
-    return PreflightCheck(sysid, "battery", f"{have}, needs {needed:.0%}", reserve_asked(plan, limits), enough)
+    return PreflightCheck(sysid, "battery", f"{have}, needs {needed:.0%}", _reserve_text(plan, limits), enough)
 
 
-def _distance(place: Array | None, wanted: Array, most_m: float) -> tuple[str | None, str, bool]:
-    """Found, asked, and whether that is good."""
-    asked = f"within {most_m:g} m"
+def _distance(place: Array | None, expected: Array, most_m: float) -> tuple[str | None, str, bool]:
+    """What is measured, what is required, and whether that is met."""
+    required = f"within {most_m:g} m"
     if place is None:
-        return None, asked, False
-    away_m = float(np.linalg.norm((place - wanted)[:2]))
-    return f"{away_m:.2f} m away", asked, away_m <= most_m
+        return None, required, False
+    away_m = float(np.linalg.norm((place - expected)[:2]))
+    return f"{away_m:.2f} m away", required, away_m <= most_m
 
 
 def _ned(plan: Plan, place: Home | None) -> Array | None:
@@ -171,9 +168,9 @@ async def go_or_no_go(
     limits: PreflightLimits,
     show: Callable[[tuple[PreflightCheck, ...]], None],
 ) -> tuple[PreflightCheck, ...]:
-    """Ask all vehicles, show what was found. Raises `FlightError` for a no-go, `DuplicateSystemId`."""
-    asked = ((sysid, status_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
-    sysids, surveys = zip(*asked, strict=True)
+    """Return the checks of all vehicles, after `show`. Raises `FlightError` for a no-go, `DuplicateSystemId`."""
+    requests = ((sysid, status_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
+    sysids, surveys = zip(*requests, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
     checks = preflight(plan, reports, limits)
@@ -182,15 +179,15 @@ async def go_or_no_go(
     return checks
 
 
-async def put_back(
+async def restore_parameters(
     sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
 ) -> None:
-    """Parameters as they were before the upload; who does not answer is told, and the flight's own end stays."""
+    """Restore the parameters from before the upload. A failure is reported by `say`, not raised: the flight is over."""
     if not changes:
         return
     try:
         await restore(sessions, changes)
     except GcsError as error:
-        say(f"parameters were not all put back: {error.message}")
+        say(f"WARNING: not all parameters were restored: {error.message}")
     else:
-        say(f"{len(changes)} parameters are as they were")
+        say(f"{len(changes)} parameters restored")

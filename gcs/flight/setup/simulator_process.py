@@ -1,7 +1,6 @@
-"""The emulated vehicles as a process of their own, started and ended with the flight.
+"""Starts `sim-bridge` with a flight and stops it at the flight's end.
 
-Knows: the command line of `sim-bridge` and how to end a process. Does not know: what it emulates, links.
-The process reads a pipe from us and stops when that closes, so it cannot outlive its parent however that ends.
+The process reads a pipe from its parent and stops when that closes, so it never outlives its parent.
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ _STOP_TIMEOUT_S = 10.0
 
 @dataclass(frozen=True)
 class SimulatorOptions:
-    """What `gcs fly --sim` passes on."""
+    """The options of `sim-bridge` for one flight."""
 
     scenario: Path
     port: int
     speedup: str = "10"
     seed: int = 0
-    log: Path = Path(os.devnull)  # what it says on stderr
+    log: Path = Path(os.devnull)  # its stderr
     truth: Path | None = None
     faults: tuple[str, ...] = ()
-    navigator: str = "ideal"  # who flies waypoints: one that keeps times, or the autopilot's own
+    navigator: str = "ideal"  # ideal: keeps arrival times; own: the autopilot's
     wind: str | None = None  # SPEED@FROM; None: the scenario's
     gusts: str | None = None
 
 
 @asynccontextmanager
 async def simulator(options: SimulatorOptions) -> AsyncIterator[asyncio.subprocess.Process]:
-    """Emulated vehicles that are ready to be talked to; they have written their truth file when the block ends.
+    """Yield the process once its vehicles answer; the file of true states is written when the block ends.
 
-    Raises LinkError with the process's own words when it does not start.
+    Raises LinkError with the process's stderr when it does not start.
     """
     with options.log.open("wb") as log:
         process = await asyncio.create_subprocess_exec(
@@ -73,18 +72,21 @@ def _command_line(options: SimulatorOptions) -> list[str]:
 
 
 async def _until_ready(process: asyncio.subprocess.Process, log: Path) -> None:
-    """It prints one line once its vehicles can be talked to, and nothing when it fails before."""
+    """Wait for the line that it prints once its vehicles answer. Raises LinkError."""
     line = b""
     if process.stdout is not None:
         try:
             async with asyncio.timeout(_START_TIMEOUT_S):
                 line = await process.stdout.readline()
         except TimeoutError:
-            raise LinkError(f"the simulator did not start within {_START_TIMEOUT_S:g} s.") from None
+            raise LinkError(
+                f"the simulator did not start within {_START_TIMEOUT_S:g} s.",
+                hint="free the machine's processors, then fly again",
+            ) from None
     if not line:
         await process.wait()
         said = log.read_text(errors="replace").strip() if log.is_file() else ""
-        raise LinkError(f"the simulator did not start: {said or f'exit code {process.returncode}, no word why'}")
+        raise LinkError(f"the simulator did not start: {said or f'exit code {process.returncode}, no message'}")
 
 
 async def _stop(process: asyncio.subprocess.Process) -> None:

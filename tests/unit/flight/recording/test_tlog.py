@@ -137,7 +137,7 @@ def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
         places, rates = track.at(t_s)
         assert places == pytest.approx(np.array([[2.0, east_m, 0.0], [14.66, east_m, 0.0]]), abs=0.03)
         assert rates == pytest.approx(np.array([[2.0, 0.0, 0.0]] * 2), abs=1e-6)
-    assert [str(event) for event in events] == ["t = 8.0 s: vehicle 1 says: Compass error"]
+    assert [str(event) for event in events] == ["t = 8.0 s: vehicle 1 reports: Compass error"]
     said = [(one.t_s, one.what) for one in remarks if one.sysid == 2]
     assert said == [(0.0, "is in GUIDED"), (2.0, "is armed"), (15.0, "is in LAND")]
 

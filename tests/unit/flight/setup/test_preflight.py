@@ -82,8 +82,8 @@ def test_a_vehicle_far_from_its_pad_is_told_by_how_much(simulation1_plan, report
     far = moved(simulation1_plan, 1, -20.0)
     reports[sysid] = replace(reports[sysid], position=far, home=far)
     (bad,) = [c for c in preflight(simulation1_plan, reports) if not c.ok]
-    assert (bad.name, bad.asked) == ("pad", "within 3 m")
-    assert bad.found.startswith("20.0")
+    assert (bad.name, bad.required) == ("pad", "within 3 m")
+    assert bad.measured.startswith("20.0")
 
 
 def test_two_vehicles_on_each_others_pads_are_noticed_as_far_as_their_receivers_can(simulation1_plan, reports):
@@ -93,7 +93,7 @@ def test_two_vehicles_on_each_others_pads_are_noticed_as_far_as_their_receivers_
         reports[sysid] = replace(reports[sysid], position=there, home=there)
     bad = [c for c in preflight(simulation1_plan, reports) if not c.ok]
     assert {(c.sysid, c.name) for c in bad} >= {(first, "pad"), (second, "pad")}
-    assert any(f"on the pad of vehicle {second}" in c.found for c in bad)
+    assert any(f"on the pad of vehicle {second}" in c.measured for c in bad)
 
 
 def with_power(plan, power):
@@ -107,8 +107,8 @@ def test_a_battery_nobody_described_lasts_for_the_flight_and_a_reserve(simulatio
     assert battery_needed(plan, limits) == pytest.approx(duration_s / 1200.0)
     (first, *_) = [c for c in preflight(plan, reports, limits) if c.name == "battery"]
     assert first.ok
-    assert first.found == f"has 100%, needs {duration_s / 1200.0:.0%}"
-    assert first.asked == "20% left (20 min of hover assumed: no [vehicle.power])"
+    assert first.measured == f"has 100%, needs {duration_s / 1200.0:.0%}"
+    assert first.required == "20% left (20 min of hover assumed: no [vehicle.power])"
 
 
 @pytest.mark.parametrize(("spare", "ok"), [(0.02, True), (-0.02, False)])
@@ -119,9 +119,9 @@ def test_the_plans_own_energy_counts_where_the_vehicle_is_described(simulation1_
     plan = with_power(simulation1_plan, Power(battery_Wh=taken_Wh / (0.7 - spare), **rotors))
     checks = [c for c in preflight(plan, reports, PreflightLimits(reserve=0.3)) if c.name == "battery"]
     assert [c.ok for c in checks] == [ok] * 6
-    assert checks[0].found.startswith("has 100%, needs ")
-    assert checks[0].asked.startswith("30% left (of ")
-    assert checks[0].asked.endswith(" Wh, need from the plan)")
+    assert checks[0].measured.startswith("has 100%, needs ")
+    assert checks[0].required.startswith("30% left (of ")
+    assert checks[0].required.endswith(" Wh, need from the plan)")
 
 
 @pytest.mark.parametrize(
