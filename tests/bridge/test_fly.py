@@ -254,7 +254,7 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
     assert done.returncode == 9, done.stdout + done.stderr
     assert "NO-GO" in done.stdout
-    assert "no-go: vehicle 2: battery has 20%" in done.stderr
+    assert "no-go: vehicle 2: battery: has 20%" in done.stderr
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 

@@ -140,7 +140,7 @@ def test_what_cannot_be_is_refused(
 def test_what_is_no_flight_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["replay", str(tmp_path / "none")]) == 6
     assert run(["replay", str(tmp_path)]) == 6
-    assert f"{tmp_path} holds no telemetry" in capsys.readouterr().err
+    assert f"{tmp_path} has no telemetry" in capsys.readouterr().err
 
 
 def test_pictures_are_drawn_whole_or_not_at_all(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

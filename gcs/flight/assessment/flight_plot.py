@@ -73,7 +73,8 @@ def draw_tracks(scenario: Scenario, sysids: tuple[int, ...], t_s: Array, tracks_
     for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
         axes.plot(track[:, 1], track[:, 0], 0 * track[:, 2], color="black", lw=0.4, alpha=0.3, zorder=8)
         axes.plot(track[:, 1], track[:, 0], -track[:, 2], color=colour, lw=1.4, zorder=9)
-    axes.set(xlabel="east, m", ylabel="north, m", zlabel="height, m", title=scenario.title)
+    axes.set(xlabel="east, m", ylabel="north, m", title=scenario.title)
+    axes.set_zlabel("height, m", labelpad=-2.0)
     axes.set_box_aspect((1, 1, 0.25), zoom=1.15)
     axes.view_init(elev=35, azim=-60)
     _draw_close_up(figure.add_subplot(grid[1]), sysids, t_s, tracks_ned_m, 0.5 * scenario.time.flight_s)

@@ -147,7 +147,9 @@ def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[s
         )
     if alone and len(found) > 1:
         named = ", ".join(map(str, alone))
-        return tuple(found), (f"vehicles {named} reported no position on Earth: each is drawn in its own frame.",)
+        return tuple(found), (
+            f"vehicle{'s' if len(alone) > 1 else ''} {named} reported no position on Earth: drawn in a local frame.",
+        )
     return tuple(found), ()
 
 

@@ -28,7 +28,7 @@ def frame(message: Message, unix_s: float) -> bytes:
 
 
 def flight(seconds: int = 20) -> list[tuple[float, Message]]:
-    """Vehicle 1 tells where it is on Earth, vehicle 2 in its own frame, 3 m east, both going north at 2 m/s."""
+    """Vehicle 1 reports its position on Earth, vehicle 2 in its own frame, 3 m east, both going north at 2 m/s."""
     corner = ned_to_geodetic(np.array([0.0, 3.0, 0.0]), HERE)
     origin = {"latitude": round(float(corner[0]) * 1e7), "longitude": round(float(corner[1]) * 1e7)}
     told = [(0.0, Message("GPS_GLOBAL_ORIGIN", {**origin, "altitude": 584_000, "time_usec": 0}, 2, 1))]
@@ -86,7 +86,7 @@ def test_bytes_that_rot_anywhere_never_end_in_anything_but_a_sentence(tmp_path: 
         try:
             log = load_tlog(path)
         except FileFormatError as error:
-            assert "holds no telemetry" in error.message
+            assert "has no telemetry" in error.message
             continue
         assert len(log.unix_s) == len(log.frames)
         assert (np.diff(log.unix_s) >= 0.0).all()
@@ -96,7 +96,7 @@ def test_bytes_that_rot_anywhere_never_end_in_anything_but_a_sentence(tmp_path: 
 @pytest.mark.parametrize("data", [b"", b"{}", bytes(5000), random.Random(2).randbytes(200_000)])
 def test_what_is_no_log_is_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "b.tlog").write_bytes(data)
-    with pytest.raises(FileFormatError, match="holds no telemetry"):
+    with pytest.raises(FileFormatError, match="has no telemetry"):
         load_tlog(tmp_path / "b.tlog")
     with pytest.raises(FileFormatError, match="No such file"):
         load_tlog(tmp_path / "none.tlog")
@@ -142,10 +142,10 @@ def test_vehicles_of_any_kind_are_placed_beside_each_other() -> None:
     assert said == [(0.0, "is in GUIDED"), (2.0, "is armed"), (15.0, "is in LAND")]
 
 
-def test_who_nobody_can_place_is_named() -> None:
+def test_a_vehicle_without_a_position_on_earth_is_named() -> None:
     tracks, _, _, notes = recording_from_telemetry([one for one in flight() if one[1].name != "GPS_GLOBAL_ORIGIN"])
     assert len(tracks) == 2
-    assert "where on Earth vehicles 2 were" in notes[0]
+    assert "vehicle 2 reported no position on Earth" in notes[0]
 
 
 @pytest.mark.parametrize(("autopilot", "mode"), [("arducopter-4.5.6", "AUTO"), ("px4-1.17dev", "MISSION")])

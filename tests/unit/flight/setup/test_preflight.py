@@ -73,7 +73,7 @@ def test_every_check_can_say_no(simulation1_plan, reports, name, change):
     reports[sysid] = replace(reports[sysid], **change(simulation1_plan))
     checks = preflight(simulation1_plan, reports)
     assert [(c.sysid, c.name) for c in checks if not c.ok] == [(sysid, name)]
-    with pytest.raises(FlightError, match=f"no-go: vehicle {sysid}: {name} "):
+    with pytest.raises(FlightError, match=f"no-go: vehicle {sysid}: {name}: "):
         refuse_no_go(checks)
 
 
