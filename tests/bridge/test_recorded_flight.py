@@ -98,7 +98,7 @@ def test_the_flight_is_there_again(log: Path) -> None:
         assert -track.position_ned_m[:, 2].min() == pytest.approx(HEIGHT_M, abs=1.0)
         assert not track.armed[0]
         assert track.armed.any()
-    changes = [one.what for one in recording.remarks if one.sysid == 1 and not one.what.startswith("says")]
+    changes = [one.what for one in recording.remarks if one.sysid == 1 and not one.what.startswith("reports")]
     assert changes[-3:] == ["is armed", "is in LAND", "is disarmed"]
     first, last = recording.span_s
     assert 10.0 < last - first < 60.0  # of the vehicles' time

@@ -68,7 +68,7 @@ HABITS = {
     "silence until asked": [(PROLOGUE, "test_nothing_is_expected_that_was_not_asked_for")],
     "readiness too early": [("tests/unit/autopilots/test_flight_modes.py", "test_ready_as_the_recordings_show_it")],
     "home moves": [
-        ("tests/unit/autopilots/test_flight_modes.py", "test_heights_of_take_off"),
+        ("tests/unit/autopilots/test_flight_modes.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
     "uid 0": [("tests/unit/link/session/test_routing.py", "test_an_empty_uid2_leaves_it_to_the_uid")],

@@ -127,9 +127,9 @@ def test_the_plans_own_energy_counts_where_the_vehicle_is_described(simulation1_
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("--link", "udpin:127.0.0.1:0", "--reserve", "120%"), "--reserve 120%: give a share of a full battery"),
-        (("--link", "udpin:127.0.0.1:0", "--reserve", "a lot"), "--reserve a lot: give a share"),
-        (("--sim", "--reserve", "30%"), "emulated ones are not looked at"),
+        (("--link", "udpin:127.0.0.1:0", "--reserve", "120%"), "--reserve 120%: not a share"),
+        (("--link", "udpin:127.0.0.1:0", "--reserve", "a lot"), "--reserve a lot: not a share"),
+        (("--sim", "--reserve", "30%"), "--reserve applies to vehicles on a --link only"),
     ],
 )
 def test_reserves_that_cannot_be_are_refused(repo_root, capsys, arguments, told):
