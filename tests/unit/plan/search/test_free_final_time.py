@@ -141,7 +141,7 @@ def test_the_derivatives_are_those_of_the_program(simulation1: Scenario) -> None
 @pytest.mark.parametrize(
     ("tables", "words"),
     [
-        ({}, "costs nothing, and slower flights need less energy"),
+        ({}, "needs a cost of time, or the slowest flight is the best"),
         (
             {
                 "objective": {"time_weight": 1.0},
