@@ -417,7 +417,7 @@ def test_a_vehicle_that_falls_silent_half_way_is_tried_once_more():
     receive, deaf = air.files.receive, []
 
     def seldom(message, now_s):
-        """Deaf for 12 s from the first piece on, longer than patience lasts."""
+        """Deaf for 12 s from the first piece on, longer than the timeout."""
         if read_payload(message).opcode == FtpOpcode.WRITE_FILE:
             deaf.append(now_s)
         return [] if deaf and now_s - deaf[0] < 12.0 else receive(message, now_s)
