@@ -62,7 +62,6 @@ def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
     assert legs.speeds_mps is not None
     assert legs.speeds_mps.shape == (1, len(legs.t_s) - 1)
     assert field.phase("takeoff").end_s <= legs.left_s <= legs.t_s[0]
-    assert corrected_legs(field, Autopilot.ARDUPILOT) is legs  # worked out once
 
 
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
