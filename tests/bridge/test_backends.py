@@ -192,8 +192,8 @@ def test_those_in_the_air_are_told(
     ("arguments", "words"),
     [
         (("dance", "--link", "udpin:127.0.0.1:0"), "give one of hold, land, return"),
-        (("land",), "say where they are"),
-        (("land", "--link", "udpin:127.0.0.1:0", "--vehicles", "1,x"), "--vehicles 1,x: give system ids"),
+        (("land",), "--link is missing"),
+        (("land", "--link", "udpin:127.0.0.1:0", "--vehicles", "1,x"), "--vehicles 1,x: not system ids"),
     ],
 )
 def test_what_cannot_be_told_is_refused(

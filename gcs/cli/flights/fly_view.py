@@ -163,7 +163,7 @@ def _show(screen: Screen, flown: Flown) -> None:
         vehicle = "" if c.sysid is None else f" (vehicle {c.sysid})"
         table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", limit_text(c), verdict_word(c.ok))
     if (skew := _skew_text(flown.late_s)) is not None:
-        table.add_row("time skew, from telemetry", skew, "–", "–")
+        table.add_row("time skew (telemetry)", skew, "–", "–")
     screen.show(table)
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
     screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}. Report and pictures: {flown.folder}")
