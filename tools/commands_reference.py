@@ -17,8 +17,8 @@ HEAD = """# Commands of gcs
 
 `gcs` alone prints the first steps, and `gcs COMMAND --help` prints what this page has. In a checkout, put
 `./tools/run` before each command. Every command takes `--debug`, which prints the traceback of an error. Commands with
-`--json` print one JSON object on stdout; stderr then has warnings only. The README lists the
-[exit codes](../README.md#commands). `sim-bridge` has [its own page](sim_bridge.md).
+`--json` print one JSON object on stdout; stderr then has warnings only. The how-to lists the
+[exit codes](howto.md#exit-codes). `sim-bridge` has [its own page](sim_bridge.md).
 
 Options in **bold** must be given.
 """

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gcs.errors import LinkError
 
-_START_TIMEOUT_S = 20.0
+_START_TIMEOUT_S = 60.0  # a busy machine takes half of it; a process that fails ends at once
 _STOP_TIMEOUT_S = 10.0
 
 
