@@ -126,7 +126,7 @@ def test_it_is_told_line_by_line(log: Path, capsys: pytest.CaptureFixture[str]) 
         (("--speed", "0"), 2, "--speed 0: not a speed"),
         (("--speed", "max", "--to-link", "udpout:127.0.0.1:9"), 2, "frames at their times"),
         (("--to-link", "udpin:127.0.0.1:9"), 2, "this link cannot call a ground station"),
-        (("--picture", "flight.doc"), 2, "flight.doc is no name of a picture"),
+        (("--picture", "flight.doc"), 2, "flight.doc is not the name of a picture"),
         (("--picture", "/dev/null/a.png"), 2, "/dev/null/a.png cannot be written"),
     ],
 )
