@@ -47,11 +47,12 @@ LEFT_OUT = {
     r"he|she|his|her|him": "it, its, you",
 }
 PATTERNS = [(re.compile(rf"(?<![\w`])(?:{word})(?![\w`])", re.IGNORECASE), say) for word, say in LEFT_OUT.items()]
+COMMENT = re.compile(r"<!--.*?-->")
 READ = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs", "missions", "gcs", "sim_bridge", "tools")
 
 
 def prose(file: Path) -> Iterator[tuple[int, str]]:
-    """Lines of a document outside its code blocks; strings, docstrings and comments of a program."""
+    """Lines of a document outside its code blocks and comments; strings, docstrings and comments of a program."""
     text = file.read_text(encoding="utf-8")
     if file.suffix == ".py":
         for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -62,7 +63,7 @@ def prose(file: Path) -> Iterator[tuple[int, str]]:
     for number, line in enumerate(text.split("\n"), start=1):
         in_block ^= line.startswith("```")
         if not in_block:
-            yield number, line
+            yield number, COMMENT.sub("", line)
 
 
 def read_files(place: Path) -> list[Path]:
