@@ -1,4 +1,4 @@
-"""The pre-flight table, and a line typed by the operator while the event loop keeps listening to vehicles."""
+"""Show the pre-flight table, and read the operator's answer without blocking the links."""
 
 from __future__ import annotations
 

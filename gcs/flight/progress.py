@@ -1,4 +1,4 @@
-"""How a flight stands: steps, times, snapshots and events, and the watcher that receives them."""
+"""Types that report a flight's progress: steps, times, snapshots, events, and the watcher that receives them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predicted flights: a navigator model is run until the last waypoint is completed. No autopilot is named here."""
+"""Predict one vehicle's flight of a mission: run the navigator model until the last waypoint is completed."""
 
 from __future__ import annotations
 

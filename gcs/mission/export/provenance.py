@@ -1,4 +1,4 @@
-"""The export that mission files come from, found by the index beside them."""
+"""Find the export that a mission file came from, by the index beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The returns that a plan may lead to: begin, end, altitude datum, highest ground, no-fly zones on the track."""
+"""List the returns (RTL) to verify: start, end, altitude datum, highest ground, no-fly zones on the track."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The line of a value in a JSON text that a parser has accepted, for errors that name it."""
+"""Find the line number of a JSON value, for error messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corrected speeds: those with which the model of an autopilot passes its legs at the due times, as far as it can.
+"""Correct the leg speeds so that the modelled autopilot reaches each waypoint on time.
 
 Lateness over all legs is minimised by least squares (Levenberg-Marquardt on the logarithms of the speeds). Lateness
 above a second counts with its fourth power, so that unavoidable lateness is spread over legs. A speed acts on its own

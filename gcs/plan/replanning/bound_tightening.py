@@ -1,4 +1,4 @@
-"""A program with tighter bounds beside each violation that its last solution had between the nodes.
+"""Tighten the bounds where the last solution violated a limit between nodes.
 
 Only bounds change. The structure of the program stays, so the next solve takes a few iterations.
 """

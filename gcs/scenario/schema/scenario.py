@@ -149,7 +149,9 @@ class Performance(Part):
         description="U_1, [low, high], N"
     )
     torque: PositiveVector = Field(description="largest |U_2|, |U_3| (N, on the arm) and |U_4| (N m)")
-    load_factor_max: Positive = Field(description="n_max of Eq. 17, lateral acceleration in units of g")
+    load_factor_max: Positive = Field(
+        description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
+    )
     accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
     control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
 

@@ -1,4 +1,4 @@
-"""Flies an autopilot's navigator: its states become polynomial pieces."""
+"""Run the autopilot's navigator model and turn its states into polynomial path pieces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Behaviour of PX4 1.17, as recorded. Texts that are also sent as an event end in a tab."""
+"""The PX4 1.17 row of the emulator: modes, texts, arming and streams, taken from recordings.
+
+Texts that are also sent as an event end in a tab.
+"""
 
 from __future__ import annotations
 
