@@ -266,7 +266,7 @@ def test_without_the_word_nothing_is_uploaded(
     assert done.returncode == 2, done.stdout + done.stderr
     table, asked, after = done.stdout.partition("This arms and flies 6 vehicles")
     assert asked
-    assert re.search(r"^ +GO *$", table, re.M)  # it is seen before anybody types
+    assert re.search(r"^ +GO *$", table, re.M)  # it is seen before an answer
     assert "upload" not in after
     assert "not armed" in done.stderr
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)

@@ -29,7 +29,7 @@ NOTHING, INT8 = 0.0, 2
 
 @pytest.fixture(scope="module")
 def column(repo_root: Path) -> Plan:
-    """A leader, a second one 5 m behind him and a little higher, and a third 15 m behind, at whatever distance."""
+    """A leader, a second one 5 m behind it and a little higher, and a third 15 m behind, at whatever distance."""
     data = hop_scenario(load_scenario(repo_root / "missions" / "field")).model_dump(mode="json")
     places = ([0.0, 0.0, 8.0], [-4.33, -2.5, 8.6], [-14.2, -4.7, 8.0])
     data["formation"]["vehicle"] = [{"sysid": n, "position_m": place} for n, place in enumerate(places, start=1)]
@@ -38,7 +38,7 @@ def column(repo_root: Path) -> Plan:
 
 
 def modes_at(sysid: int, *story: tuple[float, int]) -> Callable[[World, FlightSequence], None]:
-    """A pilot who puts a vehicle into these modes at these plan times."""
+    """Return a pilot that puts a vehicle into these modes at these plan times."""
     left = list(story)
 
     def look(world: World, flight: FlightSequence) -> None:
@@ -76,7 +76,7 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
 
 
 def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
-    """Twice: vehicle 3 only tells of it, as it was set, and is called home; vehicle 2 turns back by itself."""
+    """Twice: vehicle 3 only reports it, as configured, and is ordered to return; vehicle 2 turns back by itself."""
 
     def only_tell(world: World, flight: FlightSequence) -> None:
         if not said:
@@ -96,7 +96,7 @@ def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
 
 
 def test_all_fall_silent_and_land(hop: Plan) -> None:
-    """They hear, and are not heard; whatever their autopilots are set to, they land because they are told."""
+    """They receive, and are not heard; whatever their failsafes are, they land as ordered."""
     flown = fly(
         hop,
         "all:down.silent@28..75",

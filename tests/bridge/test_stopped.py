@@ -1,4 +1,4 @@
-"""A flight that is stopped (Ctrl-C) at any of its steps leaves nobody in the air, and nobody armed."""
+"""A flight that is stopped (Ctrl-C) at any of its steps leaves no vehicle airborne and none armed."""
 
 from __future__ import annotations
 
@@ -38,4 +38,4 @@ def test_a_flight_may_be_stopped_at_any_time(hop: Plan, step: Step, later_s: flo
     assert flown.stopped
     assert flown.flight.step is step
     if step in (Step.READY, Step.UPLOAD):
-        assert not flown.world.airframes.truth[:, 2].any()  # nobody has ever left the ground
+        assert not flown.world.airframes.truth[:, 2].any()  # no vehicle has left the ground

@@ -1,4 +1,4 @@
-"""Vehicles that start together over slow links, and followers that stay with a leader who is held up or blown off."""
+"""Vehicles that start together over slow links, and followers that stay with a leader that is held up or blown off."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_followers_stay_with_a_leader_who_is_held_up(hop: Plan) -> None:
-    """The leader crawls for three seconds. Those who follow hang back with him; those who do not fly into him."""
+def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
+    """The leader slows down for three seconds. Followers stay behind it; without following, they come too close."""
     fault = "1:slow=1.0@30..33"
     alone = fly(hop, fault)
     assert "separation in danger" in [event.what for event in alone.events]

@@ -61,4 +61,4 @@ def test_who_stands_in_the_way_is_seen_seconds_ahead(simulation1_plan: Plan) -> 
         found = ours.look(views, t_s, T0 + t_s, ALL[:5], ALL)
     mine = next(c for c in found if c.pair == (4, 6))
     assert 1.4 < mine.in_s < 2.0
-    assert ours.look(views, t_s, T0 + t_s, ALL[:5], ALL[:5]) == []  # once it is down, it is in nobody's way
+    assert ours.look(views, t_s, T0 + t_s, ALL[:5], ALL[:5]) == []  # once it is down, it is no conflict

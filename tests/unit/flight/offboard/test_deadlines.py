@@ -51,7 +51,7 @@ def test_every_deadline_is_absolute() -> None:
 
 @given(st.integers(0, LAST), st.floats(0.0, 0.5), st.floats(0.0, 1e9))
 def test_what_is_said_to_be_due_is_due(k: int, lead_s: float, t0_unix_s: float) -> None:
-    """To the last bit, or somebody who waits for it waits for nothing, again and again."""
+    """To the last bit; otherwise a wait until the deadline ends with nothing due, again and again."""
     ours = Scheduler(GRID, t0_unix_s, lead_s=lead_s)
     ours.start(1, k, None)
     assert ours.due(1, ours.next_unix_s(1)) == [k]

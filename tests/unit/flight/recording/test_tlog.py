@@ -1,4 +1,4 @@
-"""Telemetry logs of anybody: whole, cut, damaged, of other dialects, and no logs at all."""
+"""Telemetry logs of any ground station: whole, cut, damaged, of other dialects, and no logs at all."""
 
 from __future__ import annotations
 

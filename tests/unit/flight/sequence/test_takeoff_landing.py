@@ -43,7 +43,7 @@ class _NoWait(selectors.DefaultSelector):
         self.now_s = 1000.0
 
     def select(self, timeout: float | None = None) -> list[Any]:
-        assert timeout is not None, "everybody waits for somebody else"
+        assert timeout is not None, "all tasks wait for each other"
         self.now_s += timeout
         return super().select(0.0)
 
@@ -59,7 +59,7 @@ class _Loop(asyncio.SelectorEventLoop):
 
 @dataclass
 class Vehicle:
-    """Beats every second, acknowledges commands as told, and does what `obey` makes of them."""
+    """Beats every second, acknowledges commands as set, and does what `obey` makes of them."""
 
     behaviour: FlightBehaviour
     mode: int = 0
