@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from gcs.physics.quadrotor import Array
 
 SLOW_MPS = 0.3  # a slower vehicle is neither late nor early
@@ -21,16 +23,24 @@ class Lateness:
         self._squared_m2ps2 = 0.0
 
     def add(self, flown_m: Array, planned_m: Array, rate_mps: Array) -> None:
-        """Add one report; all (3,)."""
-        squared = float(rate_mps @ rate_mps)
-        if squared > SLOW_MPS**2:
-            self._behind_m2ps += float((planned_m - flown_m) @ rate_mps)
-            self._squared_m2ps2 += squared
+        """Add one report, or several; all (..., 3)."""
+        squared = np.sum(rate_mps * rate_mps, axis=-1)
+        behind = np.sum((planned_m - flown_m) * rate_mps, axis=-1)
+        moving = squared > SLOW_MPS**2
+        self._behind_m2ps += float(np.sum(behind, where=moving))
+        self._squared_m2ps2 += float(np.sum(squared, where=moving))
 
     @property
     def late_s(self) -> float:
         """The delay behind the plan; NaN for a vehicle that never moved."""
         return self._behind_m2ps / self._squared_m2ps2 if self._squared_m2ps2 else math.nan
+
+
+def lateness_s(flown_m: Array, planned_m: Array, rate_mps: Array) -> float:
+    """Return the delay of a vehicle behind its plan; reported and planned positions and velocities (N, 3)."""
+    lateness = Lateness()
+    lateness.add(flown_m, planned_m, rate_mps)
+    return lateness.late_s
 
 
 def skew_s(late_s: Iterable[float]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from gcs.flight.assessment.judge import Truth
-from gcs.flight.lateness import SLOW_MPS
+from gcs.flight.lateness import lateness_s
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 
@@ -52,15 +52,6 @@ def compare(plan: Plan, record: pa.Table, t0_unix_s: float, truth: Truth | None)
             )
         )
     return tuple(found)
-
-
-def lateness_s(flown: Array, planned: Array, rate_mps: Array) -> float:
-    """Return the time shift that best fits flown to planned positions (N, 3): least squares along the velocity."""
-    moving = np.linalg.norm(rate_mps, axis=1) > SLOW_MPS
-    if not moving.any():
-        return float("nan")
-    behind = np.sum((planned[moving] - flown[moving]) * rate_mps[moving])
-    return float(behind / np.sum(rate_mps[moving] ** 2))
 
 
 def _vectors(columns: dict[str, Array], rows: Array, form: str) -> Array:

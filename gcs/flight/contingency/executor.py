@@ -40,6 +40,7 @@ class ContingencyExecutor:
 
     def __init__(
         self,
+        *,
         plan: Plan,
         vehicles: Mapping[int, FlightVehicle],
         monitor: Monitor,

@@ -221,14 +221,14 @@ class FlightSequence:
         if returns is None:
             returns = await asyncio.to_thread(plan_returns, self.plan, firmware)
         return ContingencyExecutor(
-            self.plan,
-            self.vehicles,
-            self.monitor,
-            self.streamer,
-            self.time,
-            returns,
-            self.options,
-            self._hooks.on_event,
+            plan=self.plan,
+            vehicles=self.vehicles,
+            monitor=self.monitor,
+            streamer=self.streamer,
+            time=self.time,
+            returns=returns,
+            options=self.options,
+            on_event=self._hooks.on_event,
         )
 
     def _check_mode(self) -> None:

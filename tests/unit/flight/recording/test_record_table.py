@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.flight.assessment.comparison import compare, lateness_s
+from gcs.flight.assessment.comparison import compare
 from gcs.flight.assessment.judge import Truth
-from gcs.flight.lateness import Lateness, skew_s
+from gcs.flight.lateness import Lateness, lateness_s, skew_s
 from gcs.flight.recording.record_table import build_record
 from gcs.flight.recording.tlog import read_messages
 from gcs.link.wire.codec import Codec
