@@ -57,6 +57,7 @@ def attach(*arguments: str) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 def test_it_is_found_shown_and_flown_to_its_end(left_alone: tuple[World, Path]) -> None:
     world, flights = left_alone
     shown = attach("--to", str(flights))

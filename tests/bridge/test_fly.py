@@ -186,6 +186,7 @@ def test_px4_is_flown_as_well(short_mission: Path, tmp_path: Path) -> None:
     assert obeying == {1, 2, 3, 4, 5, 6}
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
@@ -204,6 +205,7 @@ def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
     assert simulators_running_under(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
@@ -246,6 +248,7 @@ def test_a_link_is_flown_like_the_simulation(
     assert np.linalg.norm(leader - goal) < 0.5
 
 
+@pytest.mark.slow
 def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:

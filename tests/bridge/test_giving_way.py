@@ -95,6 +95,7 @@ def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
     flew_on(flown, 1)
 
 
+@pytest.mark.slow
 def test_all_fall_silent_and_land(hop: Plan) -> None:
     """They receive, and are not heard; whatever their failsafes are, they land as ordered."""
     flown = fly(

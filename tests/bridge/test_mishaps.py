@@ -37,6 +37,7 @@ def kept_apart(flown: Flown) -> None:
             assert np.linalg.norm(places[a] - places[b], axis=-1).min() > flown.plan.scenario.judge.separation_min_m
 
 
+@pytest.mark.slow
 def test_nothing_happens_where_nothing_is_wrong(hop: Plan) -> None:
     flown = fly(hop)
     assert flown.error is None
@@ -103,6 +104,7 @@ def test_a_short_outage_of_gnss(hop: Plan) -> None:
     assert flown.orders(2) == []
 
 
+@pytest.mark.slow
 def test_a_long_outage_of_gnss(hop: Plan) -> None:
     flown = fly(hop, "2:gnss-outage@25..60")
     assert flown.orders(2)[-1] == "land"
@@ -128,6 +130,7 @@ def test_a_critical_battery_lands_at_once(hop: Plan) -> None:
     flew_on(flown, 1)
 
 
+@pytest.mark.slow
 def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
     flown = fly(hop, "1:die@30", follow=True)
     assert flown.orders(2) == ["lead"]

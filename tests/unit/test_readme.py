@@ -1,7 +1,7 @@
 """What the documents tell people to type is typed here.
 
 Blocks ```sh and ```python of README.md, docs/*.md and missions/*/README.md run from top to bottom in a copy of the
-tree, each document in a copy of its own. An HTML comment on the line before a block says when not to:
+tree (those of long documents with -m slow), each document in a copy of its own. An HTML comment on the line before a block says when not to:
 `<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!-- run: no, because ... -->`
 gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what the command prints.
 """
@@ -61,7 +61,13 @@ def name_of(file: Path) -> str:
 BLOCKS = {name_of(file): blocks_of(file.read_text(encoding="utf-8"), name_of(file)) for file in documents()}
 
 
-@pytest.mark.parametrize("document", BLOCKS)
+# Documents whose blocks take seconds; those of all others are run with -m slow.
+QUICK = ("README.md", "docs/flying.md", "docs/links.md", "docs/sim_bridge.md", "missions/ridge/README.md")
+
+
+@pytest.mark.parametrize(
+    "document", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in BLOCKS]
+)
 def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
     runnable = [block for block in BLOCKS[document] if not block.note]
     if not runnable:

@@ -56,6 +56,7 @@ def schedules(draw: st.DrawFn) -> tuple[dict[str, Any], ...]:
     return tuple(changes)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=10,
     deadline=None,

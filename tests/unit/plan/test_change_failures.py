@@ -93,6 +93,7 @@ def test_lanes_that_do_not_fit_under_the_ceiling_are_a_matter_of_height(simulati
     assert 2.0 < when_s < 60.0
 
 
+@pytest.mark.slow
 def test_lanes_between_ceiling_and_ground_are_a_matter_of_height_and_clearance(simulation1: Scenario) -> None:
     low: dict[str, Any] = {"limits": {"height_m": [0.0, 5.0], "clearance_min_m": 3.5}}
     begin = {"position_m": [2.0, 1.0, 4.0]}

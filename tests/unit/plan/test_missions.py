@@ -17,8 +17,8 @@ from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Terrain
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
-# Their own README plans them as well (tests/unit/test_readme.py).
-LONG = ("changes/scenario.toml", "gap/scenario.toml")
+# One formation at each scale, and one vehicle; the README of every mission plans it as well.
+FEW = ("field/scenario.toml", "simulation1/scenario.toml", "terminal_weighting/scenario.toml")
 SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/*.toml"))
 
 
@@ -29,7 +29,7 @@ def test_the_missions_are_found() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in SCENARIOS]
+    "name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in SCENARIOS]
 )
 def test_it_is_verified(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(name)
@@ -68,6 +68,7 @@ def test_field_turns_twice_and_changes_its_height_once(plan_of: Callable[[str], 
     assert nearest == pytest.approx(np.full(6, 5.0), abs=0.01)
 
 
+@pytest.mark.slow
 def test_gap_is_passed_by_shrinking_and_only_so(plan_of: Callable[[str], Plan]) -> None:
     """A rigid formation has to fly round a mountain, and that costs more."""
     plan = plan_of("gap/scenario.toml")

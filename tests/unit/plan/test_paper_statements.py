@@ -55,6 +55,7 @@ def simulations(simulation1_plan: Plan, plan_of: PlanOf) -> tuple[Track, Track]:
 # ---- §2.5.3, Figs. 6 and 7
 
 
+@pytest.mark.slow
 def test_the_four_flights_differ_in_nothing_but_q(plan_of: PlanOf) -> None:
     kept = {"name", "title", "objective"}
     plans = {q: plan_of(f"terminal_weighting/{stem}.toml") for q, stem in WEIGHTS.items()}

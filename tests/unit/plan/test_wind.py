@@ -120,6 +120,6 @@ def test_wind_stronger_than_the_vehicle_is_refused_in_a_sentence(tmp_path: Path,
     text = (repo_root / "missions" / "field" / "scenario.toml").read_text()
     storm = "\n[wind]\nspeed_mps = 30.0\nfrom_deg = 90.0\nshear = 0.3\n"
     (tmp_path / "scenario.toml").write_text(text + storm)
-    told = r"wind.speed_mps = 30.0: stronger than the vehicle: to stay where it is, 40 m up, it leans by 34.\d degrees"
+    told = r"wind.speed_mps = 30.0: too strong: to hover at 40 m the vehicle tilts by 34.\d degrees"
     with pytest.raises(ScenarioError, match=told):
         load_scenario(tmp_path)

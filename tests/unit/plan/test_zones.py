@@ -58,6 +58,7 @@ def _track(plan: Plan) -> Array:
     return plan.states(np.linspace(0.0, 19.9, 50))[plan.leader, :, :3]
 
 
+@pytest.mark.slow
 def test_the_fence_keeps_a_polygon_where_there_is_room_and_no_moving_zone(simulation1: Scenario) -> None:
     walled, crossed = (build_fence(make_plan(with_zone(simulation1, zone))) for zone in (WALL, CROSSING))
     (around, *closed) = walled.geofence.polygons

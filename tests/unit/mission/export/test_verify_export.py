@@ -80,6 +80,7 @@ def test_a_file_that_does_not_hold_is_not_written(
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
 def test_two_formats_must_hold_one_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
     def other(file: MissionFile) -> MissionFile:
         return moved(file, 0, autocontinue=False)

@@ -36,7 +36,7 @@ def field(plan_of: Plans) -> Plan:
     ("name", "firmware"),
     [
         ("field", Autopilot.ARDUPILOT),
-        ("field", Autopilot.PX4),
+        pytest.param("field", Autopilot.PX4, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.ARDUPILOT, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.PX4, marks=pytest.mark.slow),
         pytest.param("simulation2", Autopilot.ARDUPILOT, marks=pytest.mark.slow),

@@ -200,6 +200,7 @@ def test_what_nobody_can_plan_from_is_refused(plan: Plan, replanner: Replanner) 
         replanner.replan(planned(plan), AT_S, [square])
 
 
+@pytest.mark.slow
 def test_changes_of_shape_keep_their_times(simulation1: Scenario) -> None:
     changes = [
         {"kind": "rotate", "angle_deg": 40.0, "at_s": 8.0},

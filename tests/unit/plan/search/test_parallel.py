@@ -37,6 +37,7 @@ def test_workers_are_started_where_they_pay() -> None:
     assert is_faster(3, 8, 0.6 * parallel.START_S)
 
 
+@pytest.mark.slow
 def test_results_are_in_order_and_no_process_is_left() -> None:
     found = run_all(double, [1, 2, 3], 2)
     assert [result for result, _ in found] == [2, 4, 6]

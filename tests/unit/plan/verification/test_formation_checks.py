@@ -258,6 +258,7 @@ def test_a_shape_that_stays_small_fails_on_the_ground(planned: Planned) -> None:
     assert failing(small) == {"landing point", "take-off point"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["course", pytest.param("course and schedule", marks=pytest.mark.slow)])
 def test_a_heading_away_from_the_course_fails(planned: Planned, name: str) -> None:
     plan, _ = planned(name)

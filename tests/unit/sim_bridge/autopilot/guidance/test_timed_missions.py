@@ -38,7 +38,8 @@ def test_a_flight_is_what_the_model_predicts(name: str) -> None:
     np.testing.assert_allclose(flight.reached_s, predicted.completed_s[: len(flight.reached_s)], atol=0.5)
 
 
-@pytest.mark.parametrize("name", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@NAMES
 def test_a_corrected_mission_is_flown_in_time(name: str, plan_of: Callable[[str], Plan]) -> None:
     plan = plan_of("field/scenario.toml")
     legs = corrected_legs(plan, Autopilot.named(name))
