@@ -1,9 +1,10 @@
 """What the documents tell people to type is typed here.
 
 Blocks ```sh and ```python of README.md, docs/*.md and missions/*/README.md run from top to bottom in a copy of the
-tree (those of long documents with -m slow), each document in a copy of its own. An HTML comment on the line before a block says when not to:
-`<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!-- run: no, because ... -->`
-gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what the command prints.
+tree (those of long documents with -m slow), each document in a copy of its own. An HTML comment on the line before a
+block says when not to: `<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!--
+run: no, because ... -->` gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what
+the command prints.
 """
 
 from __future__ import annotations
