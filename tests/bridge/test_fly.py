@@ -242,7 +242,7 @@ def test_a_link_is_flown_like_the_simulation(
     assert done.returncode == 0, done.stdout + done.stderr
     assert "landed" in done.stdout
     assert re.search(r"^ +GO *$", done.stdout, re.M)
-    assert "parameters have their old values" in done.stdout
+    assert "parameters restored" in done.stdout
     goal = np.array([62.0, 51.0])
     leader = fleet.airframes.truth[0, :2]
     assert np.linalg.norm(leader - goal) < 0.5
