@@ -85,6 +85,7 @@ def sound(simulation1: Scenario) -> np.ndarray:
     return flown(simulation1, math.inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "texts",
     [

@@ -303,6 +303,7 @@ def test_ctrl_c_lands_vehicles_that_are_not_ours(
     wait_until(lambda: bool(fleet.airframes.landed.all()))
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_wait_for_vehicles(short_mission: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [

@@ -75,6 +75,7 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
     assert flown.world.airframes.landed.all()
 
 
+@pytest.mark.slow
 def test_a_vehicle_blown_over_the_fence_returns(hop: Plan) -> None:
     """Twice: vehicle 3 only reports it, as configured, and is ordered to return; vehicle 2 turns back by itself."""
 

@@ -77,6 +77,7 @@ def test_a_vehicle_is_lost_the_others_go_on(hop: Plan) -> None:
     flew_on(flown, 3)
 
 
+@pytest.mark.slow
 def test_a_link_that_comes_back_soon(hop: Plan) -> None:
     flown = fly(hop, "3:silent@30..33.5")
     assert flown.error is None

@@ -39,6 +39,7 @@ def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
     assert error[(following.t_s > 31.0) & (following.t_s < 33.0)].max() < 0.3  # converged
 
 
+@pytest.mark.slow
 def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed_5_m_off(
     hop: Plan, tmp_path: Path
 ) -> None:

@@ -87,6 +87,7 @@ def test_gap_is_passed_by_shrinking_and_only_so(plan_of: Callable[[str], Plan]) 
     assert sizes[-1] == pytest.approx(sizes[0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_changes_come_in_order_at_their_time_or_place(plan_of: Callable[[str], Plan]) -> None:
     plan = plan_of("changes/scenario.toml")
     line, column, smaller, back = plan.moves

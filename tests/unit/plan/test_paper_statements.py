@@ -15,6 +15,8 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
+pytestmark = pytest.mark.slow  # six flights are planned first
+
 PlanOf = Callable[[str], Plan]
 WEIGHTS = {"1": "constant", "t^2": "squared", "1/(tf-t+0.5)": "scenario", "1/(tf-t+0.5)^2": "inverse_square"}
 LATE_WEIGHTS = ("t^2", "1/(tf-t+0.5)", "1/(tf-t+0.5)^2")
@@ -55,7 +57,6 @@ def simulations(simulation1_plan: Plan, plan_of: PlanOf) -> tuple[Track, Track]:
 # ---- §2.5.3, Figs. 6 and 7
 
 
-@pytest.mark.slow
 def test_the_four_flights_differ_in_nothing_but_q(plan_of: PlanOf) -> None:
     kept = {"name", "title", "objective"}
     plans = {q: plan_of(f"terminal_weighting/{stem}.toml") for q, stem in WEIGHTS.items()}

@@ -64,6 +64,7 @@ def test_a_formation_flies_one_set_of_legs(field: Plan) -> None:
     assert field.phase("takeoff").end_s <= legs.left_s <= legs.t_s[0]
 
 
+@pytest.mark.slow
 def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_path: Path) -> None:
     with pytest.raises(VerificationError, match=r"vehicles \d and \d may come within .* m at .* s") as caught:
         export(field, tmp_path / "asked", formats=["plan"], firmware=Autopilot.PX4)

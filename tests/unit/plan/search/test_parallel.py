@@ -48,6 +48,7 @@ def test_results_are_in_order_and_no_process_is_left() -> None:
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.slow
 def test_the_best_way_is_the_same(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = flight_problem(beyond(simulation1, no_fly=[{**DISK, "east_m": 44.0}]))
     alone_told: list[MeshRound] = []
