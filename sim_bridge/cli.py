@@ -54,7 +54,7 @@ def fly(
     one_port: Annotated[bool, typer.Option("--one-port", help="All vehicles share one port of each link.")] = False,
     speedup: Annotated[str, typer.Option(help="Speed as a multiple of real time, or 'max'.")] = "1",
     autopilot: Annotated[
-        str | None, typer.Option(help="Autopilot to emulate: ardupilot or px4.", show_default="the scenario's")
+        str | None, typer.Option(help="Autopilot of all vehicles: ardupilot or px4.", show_default="the scenario's")
     ] = None,
     nav: Annotated[
         str,
@@ -111,7 +111,7 @@ def fly(
         seed=seed,
         faults=parse_faults(texts, sysids(scenario)),
         record_truth=truth is not None,
-        personality=by_name(autopilot or scenario.mission.autopilot),
+        personality=None if autopilot is None else by_name(autopilot),
         wind=parse_wind(wind, gusts),
         ideal=nav == "ideal",
     )

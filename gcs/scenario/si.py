@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin
 from gcs.physics.quadrotor import Array, Quadrotor, hover_trim
 from gcs.physics.wind import STILL, SteadyWind
@@ -39,6 +40,17 @@ def steady_wind(scenario: Scenario) -> SteadyWind:
 def sysids(scenario: Scenario) -> tuple[int, ...]:
     """System ids in the order of every (V, ...) array; the leader comes where the scenario lists it."""
     return scenario.formation.sysids
+
+
+def autopilots(scenario: Scenario) -> tuple[Autopilot, ...]:
+    """The autopilot of each vehicle, in the order of every (V, ...) array: its own, else that of [mission]."""
+    own = {vehicle.sysid: vehicle.autopilot for vehicle in scenario.formation.vehicle}
+    return tuple(Autopilot.named(own.get(sysid) or scenario.mission.autopilot) for sysid in sysids(scenario))
+
+
+def names_autopilots(scenario: Scenario) -> bool:
+    """Whether the scenario says of a vehicle which autopilot it runs; all of them are then checked on the link."""
+    return any(vehicle.autopilot is not None for vehicle in scenario.formation.vehicle)
 
 
 def leader_index(scenario: Scenario) -> int:

@@ -22,7 +22,7 @@ from sim_bridge.dynamics.body.presets import power_train_of
 from sim_bridge.dynamics.body.sensors import GRADES
 from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.dynamics.control.lqr_gains import ControlLimits
-from sim_bridge.personality import Personality
+from sim_bridge.personality import Personality, by_name
 from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.telemetry import GeodeticPositions, Instruments
 
@@ -36,7 +36,7 @@ class VehicleFactory:
     def __init__(
         self,
         scenario: Scenario,
-        personality: Personality,
+        personality: Personality | None,
         seed: int,
         epoch_unix_s: float,
         *,
@@ -45,7 +45,8 @@ class VehicleFactory:
     ) -> None:
         """Put the bodies on their pads. Raises `UsageError` for a system id above 254.
 
-        `ideal` vehicles fly waypoints on time; others as the original autopilot does.
+        `personality` is that of all vehicles; None: each has that of its autopilot in the scenario. `ideal` vehicles
+        fly waypoints on time; others as the original autopilot does.
         """
         self.sysids = si.sysids(scenario)
         if max(self.sysids) > LARGEST_SYSID:
@@ -54,7 +55,7 @@ class VehicleFactory:
                 "the highest a vehicle may have on one MAVLink network.",
                 hint=f"fly at most {LARGEST_SYSID} vehicles, or run several sim-bridges on separate links",
             )
-        self._personality = personality
+        self._personalities = [personality or by_name(known.key) for known in si.autopilots(scenario)]
         self._seed = seed
         self._epoch_s = epoch_unix_s
         quadrotor = replace(si.quadrotor(scenario), wind=STILL)  # the wind field provides the wind here
@@ -72,7 +73,7 @@ class VehicleFactory:
             wind=wind.over(si.steady_wind(scenario)),
         )
         self._motion = MotionLimits.of(quadrotor, scenario.limits)
-        self._navigator = None if ideal else personality.identity.autopilot.navigator.within(self._motion.ability)
+        self._ideal = ideal
         self._origin = Origin(scenario.origin.lat_deg, scenario.origin.lon_deg, scenario.origin.alt_amsl_m)
         self._geodetic = GeodeticPositions(self.airframes, self._origin)
         random = np.random.default_rng([seed, 1])
@@ -80,9 +81,14 @@ class VehicleFactory:
 
     def vehicle(self, row: int, boot_s: float | None = None) -> Conversation:
         """Return the vehicle of a row in its initial state; its boot clock starts at simulated time `boot_s`."""
-        pad_ned_m, sysid = self._pads_ned_m[row], self.sysids[row]
+        pad_ned_m, sysid, personality = self._pads_ned_m[row], self.sysids[row], self._personalities[row]
+        own = personality.identity.autopilot.navigator.within(self._motion.ability)
         path_generator = PathGenerator(
-            self._motion, self._origin, pad_ned_m, epoch_unix_s=self._epoch_s, navigator=self._navigator
+            self._motion,
+            self._origin,
+            pad_ned_m,
+            epoch_unix_s=self._epoch_s,
+            navigator=None if self._ideal else own,
         )
         instruments = Instruments(
             airframes=self.airframes,
@@ -94,6 +100,5 @@ class VehicleFactory:
             epoch_unix_us=round(self._epoch_s * 1e6),
             uid=f"skein-{self._seed & 0xFFFF:04x}-{sysid:03d}".encode(),
         )
-        return Conversation(
-            sysid, EmulatedAutopilot(self._personality, path_generator, self._yaw_rad), instruments, self._personality
-        )
+        autopilot = EmulatedAutopilot(personality, path_generator, self._yaw_rad)
+        return Conversation(sysid, autopilot, instruments, personality)

@@ -26,7 +26,7 @@ from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.dynamics.body.wind_field import CALM, Wind
 from sim_bridge.faults.fault_spec import Fault
 from sim_bridge.faults.injector import FaultInjector
-from sim_bridge.personality import Personality, by_name
+from sim_bridge.personality import Personality
 from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec
 from sim_bridge.protocol.endpoints.line import PeerAddress
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
@@ -51,7 +51,7 @@ class WorldOptions:
     faults: Mapping[int, Sequence[Fault]] = field(default_factory=dict)  # by system id
     epoch_unix_s: float | None = None  # default: now
     record_truth: bool = False
-    personality: Personality | None = None  # default: that of the scenario
+    personality: Personality | None = None  # of all vehicles; None: those of the scenario
     ideal: bool = False  # fly missions on time, as no real autopilot does
     wind: Wind = CALM
 
@@ -66,10 +66,9 @@ class World:
     def __init__(self, scenario: Scenario, options: WorldOptions | None = None) -> None:
         """Put the vehicles on their pads and open their endpoints. Raises `LinkError` or `UsageError`."""
         self.options = options = options or WorldOptions()
-        personality = options.personality or by_name(scenario.mission.autopilot)
         epoch_s = time.time() if options.epoch_unix_s is None else options.epoch_unix_s
         o = options
-        self._factory = factory = VehicleFactory(scenario, personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
+        self._factory = factory = VehicleFactory(scenario, o.personality, o.seed, epoch_s, ideal=o.ideal, wind=o.wind)
         self.sysids = factory.sysids
         self.airframes = factory.airframes
         self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]

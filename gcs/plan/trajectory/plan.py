@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gcs.autopilots.traits import Autopilot
 from gcs.physics.quadrotor import VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.error import formation_error_m
@@ -16,7 +17,7 @@ from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
+from gcs.scenario.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,11 @@ class Plan:
     def sysids(self) -> tuple[int, ...]:
         """System ids, in the order of every (V, ...) array."""
         return sysids(self.scenario)
+
+    @cached_property
+    def autopilots(self) -> tuple[Autopilot, ...]:
+        """The autopilot of each vehicle by the scenario, in the order of every (V, ...) array."""
+        return autopilots(self.scenario)
 
     @cached_property
     def quadrotor(self) -> Quadrotor:

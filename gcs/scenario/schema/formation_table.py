@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
+from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.schema.fields import Findings, NonNegative, Number, Part, Point, Positive, Truth, Vector
 
 SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
@@ -27,6 +28,11 @@ class FormationVehicle(Part):
 
     sysid: SysId = Field(description="MAVLink system id")
     position_m: Vector = Field(description="north, east, height at t = 0, m")
+    autopilot: AutopilotKey | None = Field(
+        default=None,
+        description="its autopilot, where a fleet is mixed; left out: mission.autopilot",
+        exclude_if=lambda autopilot: autopilot is None,
+    )
 
 
 class ShapeTable(Part):

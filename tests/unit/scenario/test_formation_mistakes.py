@@ -307,3 +307,9 @@ def test_the_words_of_every_key_at_fault_are_in_pythons_error_too() -> None:
 
     with pytest.raises(ValidationError, match=r"weight: is the cost of auto = true. Remove it"):
         ChangeTable.model_validate({"kind": "shrink", "scale": 0.5, "at_s": 1.0, "weight": 1.0})
+
+
+def test_an_unknown_autopilot_of_a_vehicle(told: Told) -> None:
+    fleet = '[formation]\n[[formation.vehicle]]\nsysid = 1\nposition_m = [2.0, 1.0, 3.0]\nautopilot = "betaflight"'
+    (sentence,) = told(fleet)
+    assert sentence.startswith('5: formation.vehicle[0].autopilot = "betaflight": must be one of "ardupilot", "px4"')

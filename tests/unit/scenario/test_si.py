@@ -8,8 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.autopilots.traits import Autopilot
 from gcs.scenario.schema.scenario import START_SHAPE, Scenario
-from gcs.scenario.si import hover_start_ned_m, offsets_ned_m, pads_ned_m, shape_offsets_ned_m, sysids
+from gcs.scenario.si import (
+    autopilots,
+    hover_start_ned_m,
+    names_autopilots,
+    offsets_ned_m,
+    pads_ned_m,
+    shape_offsets_ned_m,
+    sysids,
+)
 from tests.unit.scenario.variants import Data, counted_scenario, with_changes
 
 COLUMN = {"name": "column", "generator": "column", "spacing_m": 2.0}
@@ -46,3 +55,20 @@ def test_a_counted_fleet_takes_off_around_the_leaders_start(data: Data) -> None:
     leader = hover_start_ned_m(scenario)[1]
     assert np.allclose(leader, [2.0 - 25.0 / np.sqrt(2.0), 1.0 - 25.0 / np.sqrt(2.0), -3.0])
     assert np.allclose(pads_ned_m(scenario), [[leader[0] + n, leader[1] - n, 0.0] for n in (1.0, 0.0, -1.0)])
+
+
+def test_each_vehicle_has_its_own_autopilot_or_that_of_the_mission(data: Data) -> None:
+    for row in (1, 3):
+        data["formation"]["vehicle"][row]["autopilot"] = "px4"
+    scenario = Scenario.model_validate(data)
+    assert [known.key for known in autopilots(scenario)] == ["ardupilot", "px4"] * 2 + ["ardupilot"] * 2
+    assert names_autopilots(scenario)
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+
+
+def test_a_fleet_of_one_autopilot_is_written_as_before(data: Data) -> None:
+    data["mission"]["autopilot"] = "px4"
+    scenario = Scenario.model_validate(data)
+    assert set(autopilots(scenario)) == {Autopilot.PX4}
+    assert not names_autopilots(scenario)
+    assert all(set(row) == {"sysid", "position_m"} for row in scenario.model_dump()["formation"]["vehicle"])
