@@ -1,13 +1,15 @@
 """How punctual is the setpoint stream? Six vehicles at 50 Hz, two hundred at 10 Hz, over UDP on this machine.
 
 ./tools/run python tools/bench_stream.py [--seconds 60] [--case 6x50 200x10 mavsdk6x50] [--json FILE]
+                                          [--beside nothing|process|thread|loop]
 
 A process of its own plays the vehicles: heartbeats, clocks, positions at 10 Hz each, and a socket each whose datagrams
 the kernel stamps as they arrive. The ground station is `gcs.link.session.linked_fleet` with the schedule and the
 messages of `gcs fly`, in another process, whose processor time is reported. `late` is arrival minus the deadline
 on the vehicle's own clock (its estimate on the ground included), `interval` how far the time between two arrivals is
 from the period; MAVSDK's offboard has no deadlines, its setpoints are set in time by a loop of ours. Per vehicle, all
-together.
+together. With `--beside` the ground station computes the returns of missions/field again and again meanwhile, as it does
+in flight: in a process of its own, or for comparison in a thread or on the event loop itself.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,20 +33,27 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gcs.aio import sleep_sharply
+from gcs.aio import ended, sleep_sharply
+from gcs.autopilots.traits import Autopilot
 from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, send_due, wait_s
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
+from gcs.mission.failsafe.rtl_altitudes import plan_returns
 from gcs.mission.model import SetpointStream
+from gcs.own_process import in_own_process
+from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.load import load_scenario
 
 CASES = {"6x50": (6, 50.0), "200x10": (200, 10.0), "mavsdk6x50": (6, 50.0)}
 AGE_S = 100.0  # of a vehicle when the benchmark begins
 TELEMETRY_HZ = 10.0
 SO_TIMESTAMPNS = 35
 SETTLE_S = 3.0
+FIELD = Path(__file__).resolve().parents[1] / "missions" / "field"
 
 
 def vehicles(count: int, port: int, seconds: float, out: Path) -> None:
@@ -110,8 +120,22 @@ def telemetry(turn: int, boot_unix_s: float) -> list[Message]:
     return said
 
 
-async def ours(count: int, rate_hz: float, port: int, seconds: float) -> dict[str, float]:
+async def compute(plan: Plan | None, beside: str) -> None:
+    """Compute the returns of a plan until cancelled."""
+    while plan is not None:
+        work = partial(plan_returns, plan, Autopilot.PX4)
+        if beside == "process":
+            await in_own_process(plan_returns, plan, Autopilot.PX4)
+        elif beside == "thread":
+            await asyncio.to_thread(work)
+        else:
+            work()
+            await asyncio.sleep(0.5)
+
+
+async def ours(count: int, rate_hz: float, port: int, seconds: float, beside: str) -> dict[str, float]:
     """Stream to them as `gcs fly` does."""
+    plan = make_plan(load_scenario(FIELD)) if beside != "nothing" else None
     async with LinkedFleet.open(f"udpin:127.0.0.1:{port}") as fleet:
         sessions = await fleet.vehicles(range(1, count + 1), 20.0)
         loop = asyncio.get_running_loop()
@@ -128,9 +152,11 @@ async def ours(count: int, rate_hz: float, port: int, seconds: float) -> dict[st
             streamed[sysid] = Streamed(session.station, session.clock, np.zeros(3), PlanReference(stream, row))
         before = processor_s()
         began_s = loop.time()
+        computing = asyncio.ensure_future(compute(plan, beside))
         while not scheduler.finished:
             send_due(scheduler, streamed.values(), lambda sysid, m: sessions[sysid].send(m), loop.time())
             await sleep_sharply(wait_s(scheduler, streamed.values(), loop.time(), 0.05))
+        await ended(computing)
         took_s = loop.time() - began_s
         sent = sum(progress.sent for progress in scheduler.streams.values())
         return {"sent": sent, "asked": count * len(grid.t_s), "cpu": (processor_s() - before) / took_s}
@@ -177,7 +203,7 @@ def processor_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def measure(case: str, seconds: float) -> dict[str, Any]:
+def measure(case: str, seconds: float, beside: str) -> dict[str, Any]:
     """Run one case and look at what arrived."""
     count, rate_hz = CASES[case]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -185,12 +211,22 @@ def measure(case: str, seconds: float) -> dict[str, Any]:
         port = probe.getsockname()[1]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "heard.npz"
-        line = [sys.executable, __file__, "--vehicles", str(count), str(port), str(seconds + 15.0), str(out)]
+        line = [
+            sys.executable,
+            __file__,
+            "--vehicles",
+            str(count),
+            str(port),
+            str(seconds + (15.0 if beside == "nothing" else 60.0)),
+            str(out),
+        ]
         others = subprocess.Popen(line)
         try:
             run = mavsdk_offboard if case.startswith("mavsdk") else None
-            said = run(count, rate_hz, port, seconds) if run else asyncio.run(ours(count, rate_hz, port, seconds))
-            others.wait(60.0)
+            said = (
+                run(count, rate_hz, port, seconds) if run else asyncio.run(ours(count, rate_hz, port, seconds, beside))
+            )
+            others.wait(120.0)
         finally:
             others.kill()
             others.wait()
@@ -230,9 +266,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--case", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--beside", choices=("nothing", "process", "thread", "loop"), default="nothing")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    results = [measure(case, options.seconds) for case in options.case]
+    results = [measure(case, options.seconds, options.beside) for case in options.case]
     table = Table(
         "case", "sent", "asked", "Hz each", "interval p50/p99/max, ms", "late p50/p99/max, ms", "CPU, one core"
     )

@@ -22,7 +22,7 @@ from gcs.flight.progress import Event, FlightTimes, Step, Watcher
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
-from gcs.flight.setup.build_loads import build_loads, missions_only
+from gcs.flight.setup.build_loads import loads_built_aside, missions_only
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, restore_parameters
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
@@ -30,6 +30,7 @@ from gcs.link.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
+from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
@@ -120,7 +121,8 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
-    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator))
+    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream))
     watcher.lap("fly")
     if order.link is not None:
         data = {"folder": str(folder), "judged": False, **_skew(late_s)}
@@ -137,7 +139,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 
 async def _fly(
-    order: FlightRun, watcher: Watcher, folder: Path, exported: ExportIndex, navigator: str
+    order: FlightRun, watcher: Watcher, folder: Path, exported: ExportIndex, navigator: str, stream: SetpointStream
 ) -> tuple[FlightTimes, dict[int, float]]:
     """Return the times of the flight, and the delay of each vehicle behind the plan."""
     plan, options = order.plan, order.options
@@ -178,7 +180,7 @@ async def _fly(
             )
             write_flight_state(folder, state)
 
-        flight = _flight(order, watcher, exported, fleet, sessions, FlightHooks(on_event, on_step))
+        flight = await _flight(order, watcher, exported, fleet, sessions, stream, FlightHooks(on_event, on_step))
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()
@@ -190,17 +192,17 @@ async def _fly(
                 await restore_parameters(sessions, flight.held.changes, watcher.say)
 
 
-def _flight(
+async def _flight(
     order: FlightRun,
     watcher: Watcher,
     exported: ExportIndex,
     fleet: LinkedFleet,
     sessions: dict[int, VehicleSession],
+    stream: SetpointStream,
     hooks: FlightHooks,
 ) -> FlightSequence:
     """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
     plan = order.plan
-    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     lead_s = SIM_LEAD_S if order.link is None else 0.0
     options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s)
     if order.link is None:
@@ -209,7 +211,9 @@ def _flight(
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.keeping.mode is FlightMode.MISSION:
             _refuse_other_autopilots(plan, autopilots)
-        loads = build_loads(plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported)
+        loads = await loads_built_aside(
+            plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported
+        )
 
         async def check_and_confirm() -> None:
             await go_or_no_go(fleet, sessions, plan, order.limits, watcher.checks)

@@ -21,6 +21,7 @@ LEAVES = (
     "gcs/frames.py",
     "gcs/mavlink.py",
     "gcs/mavlink_names.py",
+    "gcs/own_process.py",
     "gcs/physics",
 )
 LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/cli")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -26,6 +27,8 @@ from gcs.flight.sequence.resume import Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import request_telemetry
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.connection import Connection
+from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
@@ -62,12 +65,21 @@ def take_up(request: AttachRequest) -> int:
             f"{request.folder / 'plan.skein'} is not the plan of this flight.", hint="put the original file back"
         )
     known = replace(connection(links, key_file=request.key_file), systems=book.systems)
-    found = asyncio.run(_take_up(request, book, plan, known))
+    loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
+    stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
+    found = asyncio.run(_take_up(request, book, plan, known, loads, stream))
     request.screen.result(found)
     return 0
 
 
-async def _take_up(request: AttachRequest, book: FlightState, plan: Plan, known: Connection) -> dict[str, Any]:
+async def _take_up(
+    request: AttachRequest,
+    book: FlightState,
+    plan: Plan,
+    known: Connection,
+    loads: Sequence[VehicleLoad],
+    stream: SetpointStream,
+) -> dict[str, Any]:
     options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow)
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
@@ -93,8 +105,6 @@ async def _take_up(request: AttachRequest, book: FlightState, plan: Plan, known:
                 ),
             )
 
-        stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-        loads = missions_only(build_missions(plan))
         hooks = FlightHooks(tell, log_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
         shown = await _show(flight, book, screen)

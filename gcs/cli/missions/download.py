@@ -122,12 +122,13 @@ async def _differences(
 ) -> dict[int, list[str]]:
     import asyncio
 
-    from gcs.flight.setup.build_loads import build_loads
+    from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.fleet_upload.onboard import read_onboard
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
-        loads = build_loads(plan, {sysid: s.autopilot for sysid, s in sessions.items()}, timed=timed, safety=safety)
+        autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
+        loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety)
         every = await asyncio.gather(*(read_onboard(sessions[load.sysid]) for load in loads))
         fleet.check()
     return {held.sysid: held.differences(load) for held, load in zip(every, loads, strict=True)}

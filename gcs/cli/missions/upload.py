@@ -139,14 +139,14 @@ async def _upload(
     dry_run: bool,
     watch: Stopwatch,
 ) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
-    from gcs.flight.setup.build_loads import build_loads
+    from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         watch.lap("find")
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
-        loads = build_loads(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
+        loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
         watch.lap("missions")
         changes = await preview(sessions, loads)
         _show(screen, changes)

@@ -46,6 +46,7 @@ from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream
 from gcs.mission.waypoints.mission_items import starting_at
+from gcs.own_process import in_own_process
 from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
@@ -219,7 +220,7 @@ class FlightSequence:
         firmware = Autopilot(next(iter(self.vehicles.values())).session.autopilot)
         returns = self._returns
         if returns is None:
-            returns = await asyncio.to_thread(plan_returns, self.plan, firmware)
+            returns = await in_own_process(plan_returns, self.plan, firmware)
         return ContingencyExecutor(
             plan=self.plan,
             vehicles=self.vehicles,

@@ -14,6 +14,7 @@ from gcs.mission.failsafe.rtl_altitudes import return_warnings
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
+from gcs.own_process import in_own_process
 from gcs.plan.trajectory.plan import Plan
 
 
@@ -54,6 +55,32 @@ def build_loads(
                 rally = rally_items([safe.rally[row]])
                 loads[sysid] = VehicleLoad(loads[sysid].mission, fence, rally, safe.parameters[row])
     return tuple(loads[sysid] for sysid in plan.sysids)
+
+
+async def loads_built_aside(
+    plan: Plan,
+    autopilots: Mapping[int, int],
+    *,
+    timed: bool,
+    safety: bool = True,
+    warn: Callable[[str], None] = lambda _: None,
+    exported: ExportIndex | None = None,
+) -> tuple[VehicleLoad, ...]:
+    """Return what `build_loads` does, computed beside the event loop. Raises what it raises."""
+    loads, warnings = await in_own_process(
+        _with_warnings, plan, autopilots, timed=timed, safety=safety, exported=exported
+    )
+    for text in warnings:
+        warn(text)
+    return loads
+
+
+def _with_warnings(
+    plan: Plan, autopilots: Mapping[int, int], *, timed: bool, safety: bool, exported: ExportIndex | None
+) -> tuple[tuple[VehicleLoad, ...], list[str]]:
+    warnings: list[str] = []
+    loads = build_loads(plan, autopilots, timed=timed, safety=safety, warn=warnings.append, exported=exported)
+    return loads, warnings
 
 
 def missions_only(missions: Iterable[VehicleMission]) -> tuple[VehicleLoad, ...]:
