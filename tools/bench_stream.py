@@ -8,7 +8,7 @@ the kernel stamps as they arrive. The ground station is `gcs.link.session.linked
 messages of `gcs fly`, in another process, whose processor time is reported. `late` is arrival minus the deadline
 on the vehicle's own clock (its estimate on the ground included), `interval` how far the time between two arrivals is
 from the period; MAVSDK's offboard has no deadlines, its setpoints are set in time by a loop of ours. Per vehicle, all
-together. With `--beside` the ground station computes the returns of missions/field again and again meanwhile, as it does
+together. With `--beside` the ground station computes the returns of missions/field again and again, as it does
 in flight: in a process of its own, or for comparison in a thread or on the event loop itself.
 """
 
