@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
-from gcs.mission.failsafe.fence_rally import INCLUSION_MARGIN_M, Safety
+from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M
+from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.waypoints.placement import Deviation

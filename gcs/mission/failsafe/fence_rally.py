@@ -15,21 +15,19 @@ import shapely
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
+from gcs.mission.failsafe.fence_areas import inclusion_corners, planned_places_m
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.failsafe.rtl_parameters import return_parameters
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outline
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-INCLUSION_MARGIN_M = 10.0
 # A plan may touch a zone's edge, and no vehicle keeps its path to the centimetre: there the fence is this far inside.
 EXCLUSION_SLACK_M = 2.0  # ArduPilot's FENCE_MARGIN
-_CORNERS_MAX = 32
-_GRID_S = 0.5
 _RADIUS_DECIMALS = _HEIGHT_DECIMALS = 2
 _LEAST_RADIUS_M = 0.5
 
@@ -74,16 +72,10 @@ def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
 
 
 def build_fence(plan: Plan) -> Fence:
-    """The fence: a hull around all tracks, with `INCLUSION_MARGIN_M`, less the no-fly zones that do not move."""
-    t_s = np.linspace(
-        plan.t_start_s,
-        np.nextafter(plan.t_end_s, -np.inf),
-        int(np.ceil((plan.t_end_s - plan.t_start_s) / _GRID_S)) + 1,
-    )
-    leader = plan.leader_trajectory.state(t_s)[:, POSITION]
-    places = np.concatenate([(leader + plan.offsets(t_s))[..., :2].reshape(-1, 2), _ends(plan)])
+    """The fence: a hull around all tracks, with a margin, less the no-fly zones that do not move."""
+    places = planned_places_m(plan)
     origin = local_origin(plan.scenario)
-    polygon = FencePolygon(_places(_hull(places), origin), inclusion=True)
+    polygon = FencePolygon(_places(inclusion_corners(places), origin), inclusion=True)
     zones: list[Zone] = []
     polygons, circles = [polygon], []
     for number, zone in enumerate(plan.scenario.no_fly, start=1):
@@ -125,24 +117,6 @@ def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
     above_m = list(altitudes_m) if firmware.traits.returns.rally_at_return_altitude else ground_m.tolist()
     return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
-
-
-def _ends(plan: Plan) -> Array:
-    return np.concatenate([plan.pads_ned_m[:, :2], plan.landing_points_ned_m[:, :2]])
-
-
-def _hull(places: Array) -> Array:
-    """Corners (C, 2) of a convex polygon around all places (N, 2), with the margin, in `_CORNERS_MAX` corners."""
-    hull = shapely.MultiPoint(places).convex_hull
-    slack_m = 0.0
-    while True:
-        # Simplifying moves the hull inwards by less than the slack that is added.
-        rough = hull.simplify(slack_m) if slack_m else hull
-        grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
-        corners = np.array(grown.exterior.coords)[:-1]
-        if len(corners) <= _CORNERS_MAX:
-            return corners
-        slack_m = 2.0 * slack_m or 0.5
 
 
 def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:

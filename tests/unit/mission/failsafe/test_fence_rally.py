@@ -10,7 +10,8 @@ import shapely
 
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import geodetic_to_ned
-from gcs.mission.failsafe.fence_rally import EXCLUSION_SLACK_M, INCLUSION_MARGIN_M, build_fence, build_rally
+from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M, inclusion_corners
+from gcs.mission.failsafe.fence_rally import EXCLUSION_SLACK_M, build_fence, build_rally
 from gcs.mission.geofence import GeoPoint
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
@@ -59,13 +60,9 @@ def test_closed_areas_are_fenced_where_the_plan_leaves_room(plan_of: Callable[[s
         assert circle.radius_m == pytest.approx(min(disk.radius_m, nearest_m - EXCLUSION_SLACK_M), abs=0.05)
 
 
-def test_a_fence_with_many_corners_is_made_simpler_and_keeps_the_margin(
-    simulation1_plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from gcs.mission.failsafe import fence_rally
-
+def test_a_fence_with_many_corners_is_made_simpler_and_keeps_the_margin() -> None:
     round_trip = 50.0 * np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 400)), np.sin(a)], axis=1)
-    corners = fence_rally._hull(round_trip)
+    corners = inclusion_corners(round_trip)
     assert len(corners) <= 32
     area = shapely.Polygon(corners)
     assert shapely.distance(area.exterior, shapely.points(round_trip)).min() >= INCLUSION_MARGIN_M - 1e-9

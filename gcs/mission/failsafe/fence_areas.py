@@ -1,0 +1,93 @@
+"""Where a fleet may fly when its plan ends early: the fence's inclusion, and the area in the plane that returns avoid.
+
+Areas are shapely polygons with (north, east) as coordinates, m.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.environment.no_fly import displacement_m, outline
+from gcs.scenario.schema.scenario import NoFlyZone
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.plan import Plan
+
+INCLUSION_MARGIN_M = 10.0
+_CORNERS_MAX = 32
+_GRID_S = 0.5
+_TOO_LARGE_M = 0.5  # of a disk's outline, at its corners
+_DISK_CORNERS = (12, 96)
+_BEYOND_M = 1e4  # how far the area outside the fence reaches
+
+
+def planned_places_m(plan: Plan) -> Array:
+    """All places (N, 2) of a plan, north and east: tracks every `_GRID_S`, pads and landing points."""
+    t_s = np.linspace(
+        plan.t_start_s,
+        np.nextafter(plan.t_end_s, -np.inf),
+        int(np.ceil((plan.t_end_s - plan.t_start_s) / _GRID_S)) + 1,
+    )
+    leader = plan.leader_trajectory.state(t_s)[:, POSITION]
+    tracks = (leader + plan.offsets(t_s))[..., :2].reshape(-1, 2)
+    return np.concatenate([tracks, plan.pads_ned_m[:, :2], plan.landing_points_ned_m[:, :2]])
+
+
+def inclusion_corners(places_m: Array) -> Array:
+    """Corners (C, 2) of a convex polygon around all places (N, 2), with the margin, in `_CORNERS_MAX` corners."""
+    hull = shapely.MultiPoint(places_m).convex_hull
+    slack_m = 0.0
+    while True:
+        # Simplifying moves the hull inwards by less than the slack that is added.
+        rough = hull.simplify(slack_m) if slack_m else hull
+        grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
+        corners = np.array(grown.exterior.coords)[:-1]
+        if len(corners) <= _CORNERS_MAX:
+            return corners
+        slack_m = 2.0 * slack_m or 0.5
+
+
+def outside_area(inclusion: shapely.Polygon, clearance_m: float) -> shapely.Geometry:
+    """The area outside the fence, and inside less than `clearance_m` from its edge."""
+    within = inclusion.buffer(-clearance_m, join_style="mitre")
+    return shapely.box(*np.array(inclusion.bounds) + _BEYOND_M * np.array([-1, -1, 1, 1])).difference(within)
+
+
+def swept_area(zone: NoFlyZone, clearance_m: float, from_s: float, to_s: float) -> shapely.Geometry:
+    """The area that a no-fly zone covers at some time in [from_s, to_s] of plan time, with a clearance around it."""
+    area = _grown(zone, clearance_m)
+    if not zone.moves:
+        return area
+    changes_s = [move[0] for move in zone.moves if from_s < move[0] < to_s]
+    places = displacement_m(zone, np.array([from_s, *changes_s, to_s]))
+    parts = [area] if _is_convex(area) else shapely.constrained_delaunay_triangles(area).geoms
+    swept = [
+        shapely.union(_moved(part, a), _moved(part, b)).convex_hull  # exact: the part is convex and moves straight
+        for part in parts
+        for a, b in itertools.pairwise(places)
+    ]
+    return shapely.union_all(swept)
+
+
+def _grown(zone: NoFlyZone, clearance_m: float) -> shapely.Polygon:
+    if zone.radius_m is None:
+        return outline(zone).buffer(clearance_m, join_style="mitre", mitre_limit=2.0)
+    radius_m = zone.radius_m + clearance_m
+    corners = math.ceil(math.pi / math.acos(radius_m / (radius_m + _TOO_LARGE_M)))
+    corners = 4 * math.ceil(min(max(corners, _DISK_CORNERS[0]), _DISK_CORNERS[1]) / 4)
+    around_m = radius_m / math.cos(math.pi / corners)
+    return shapely.Point(zone.north_m, zone.east_m).buffer(around_m, quad_segs=corners // 4)
+
+
+def _is_convex(area: shapely.Polygon) -> bool:
+    return bool(math.isclose(area.area, area.convex_hull.area, rel_tol=1e-9))
+
+
+def _moved(area: shapely.Geometry, by_m: Array) -> shapely.Geometry:
+    return shapely.transform(area, lambda places: places + by_m)
