@@ -15,6 +15,8 @@ from gcs.autopilots.columns import (
     AutopilotTraits,
     CommandSource,
     EstimatorReport,
+    FailsafeCause,
+    FailsafeSigns,
     FlightBehaviour,
     LinkBehaviour,
     MissionSupport,
@@ -55,6 +57,31 @@ def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
         ("FENCE_ALT_MAX", wanted.fence_top_m),
     )
 
+
+# Its published sources: every failsafe announces itself by a text. Only some set system_status, the fence does not.
+_FAILSAFE = FailsafeSigns(
+    texts=(
+        ("fence breached", FailsafeCause.FENCE),
+        ("ekf failsafe", FailsafeCause.POSITION),
+        ("dead reckoning", FailsafeCause.POSITION),
+        ("battery failsafe", FailsafeCause.BATTERY),
+        ("gcs failsafe", FailsafeCause.LINK),
+        ("radio failsafe", FailsafeCause.LINK),
+        ("failsafe", FailsafeCause.OTHER),
+    ),
+    not_texts=("cleared", "resolved", "continuing"),
+    modes=frozenset(
+        {
+            CopterMode.RTL,
+            CopterMode.LAND,
+            CopterMode.SMART_RTL,
+            CopterMode.BRAKE,
+            CopterMode.AUTO_RTL,
+            CopterMode.ALT_HOLD,
+        }
+    ),
+    always_critical=False,
+)
 
 _COMMANDS: dict[int, CommandSource] = {
     **dict.fromkeys(
@@ -147,6 +174,7 @@ ARDUPILOT = AutopilotTraits(
         waits_for_time_of_day=True,
         estimator=_ESTIMATOR,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
+        failsafe=_FAILSAFE,
     ),
     link=LinkBehaviour(
         home_is_item_0=True,

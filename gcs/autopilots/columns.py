@@ -92,6 +92,38 @@ class EstimatorReport:
         return flags & self.required == self.required and not flags & self.forbidden
 
 
+class FailsafeCause(StrEnum):
+    """Why an autopilot's own failsafe took over."""
+
+    FENCE = "fence"
+    BATTERY = "battery"
+    LINK = "data link"
+    POSITION = "position estimate"
+    OTHER = "not told"
+
+
+@dataclass(frozen=True)
+class FailsafeSigns:
+    """How an autopilot shows that its failsafe, not a pilot, changed the mode. Parts of texts are in lower case."""
+
+    texts: tuple[tuple[str, FailsafeCause], ...] = ()  # parts of STATUSTEXT; the first that is found counts
+    not_texts: tuple[str, ...] = ()  # a text with one of these parts says that a failsafe ended
+    modes: frozenset[int] = frozenset()  # modes that a failsafe chooses
+    always_critical: bool = False  # HEARTBEAT.system_status is CRITICAL or EMERGENCY in every failsafe
+    pilot_texts: tuple[str, ...] = ()  # parts of a STATUSTEXT that says that a pilot took over
+
+    def cause(self, text: str) -> FailsafeCause | None:
+        """Return the cause that a STATUSTEXT names; None for a text of something else."""
+        lower = text.lower()
+        if any(part in lower for part in self.not_texts):
+            return None
+        return next((cause for part, cause in self.texts if part in lower), None)
+
+    def pilot(self, text: str) -> bool:
+        """Return whether a STATUSTEXT says that a pilot took over."""
+        return any(part in text.lower() for part in self.pilot_texts)
+
+
 @dataclass(frozen=True)
 class FlightBehaviour:
     """How an autopilot is flown. Modes are values of HEARTBEAT.custom_mode."""
@@ -110,6 +142,7 @@ class FlightBehaviour:
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     estimator: EstimatorReport
     health_ids: tuple[int, ...]  # messages that report failures in flight
+    failsafe: FailsafeSigns = FailsafeSigns()
 
     @property
     def estimator_id(self) -> int:

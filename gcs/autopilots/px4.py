@@ -14,6 +14,8 @@ from gcs.autopilots.columns import (
     AutopilotTraits,
     CommandSource,
     EstimatorReport,
+    FailsafeCause,
+    FailsafeSigns,
     FlightBehaviour,
     LinkBehaviour,
     MissionSupport,
@@ -113,11 +115,30 @@ _MAIN_MODES = {
     **{1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 4: "AUTO", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED", 8: "RATTITUDE"},
     **{9: "SIMPLE", 10: "TERMINATION", 11: "ALTITUDE_CRUISE"},
 }
+_LOST_STREAM = ("POSCTL", "ALTCTL", "MANUAL", "STABILIZED", "TERMINATION")  # a lost setpoint stream, or a worse failure
 _AUTO = 4  # the main mode of these
 _AUTO_MODES = {
     **{1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RTL", 6: "LAND", 8: "FOLLOW_TARGET", 9: "PRECLAND"},
     **{10: "VTOL_TAKEOFF"},
 }
+
+# Recorded: "Failsafe activated" and, within a second, system_status 5 with the new mode; the cause is a text before it.
+# The pilot's text and the fence's older one are in its published sources.
+_FAILSAFE = FailsafeSigns(
+    texts=(
+        ("geofence violation", FailsafeCause.FENCE),
+        ("approaching or outside geofence", FailsafeCause.FENCE),
+        ("critical battery", FailsafeCause.BATTERY),
+        ("emergency battery", FailsafeCause.BATTERY),
+        ("connection to ground station lost", FailsafeCause.LINK),
+        ("failsafe activated", FailsafeCause.OTHER),
+    ),
+    modes=frozenset(
+        {PX4_HOLD, PX4_RTL, PX4_LAND, *(px4_mode(main) for main, name in _MAIN_MODES.items() if name in _LOST_STREAM)}
+    ),
+    always_critical=True,
+    pilot_texts=("pilot took over",),
+)
 
 PX4 = AutopilotTraits(
     title="PX4",
@@ -158,6 +179,7 @@ PX4 = AutopilotTraits(
         waits_for_time_of_day=False,
         estimator=_ESTIMATOR,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
+        failsafe=_FAILSAFE,
     ),
     link=LinkBehaviour(
         home_is_item_0=False,
