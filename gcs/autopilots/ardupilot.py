@@ -21,14 +21,13 @@ from gcs.autopilots.columns import (
     LinkBehaviour,
     MissionSupport,
     ParameterFileStyle,
-    ReadBackRules,
     ReturnBehaviour,
     ReturnParameters,
     ReturnSettings,
-    StoredAs,
 )
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
+from gcs.autopilots.storage.ardupilot_items import ARDUPILOT_ITEMS
 from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MessageId
 
 _CM = 100
@@ -181,21 +180,8 @@ ARDUPILOT = AutopilotTraits(
         mission_files=True,  # 4.1 and newer
         requests_in_flight=8,  # it answers requests for items in any order
         integers_in_bytes=False,
-        # It stores an item in 15 bytes: of a waypoint whole seconds of the hold, of a take-off the pitch. The
-        # item does not turn the vehicle, WP_YAW_BEHAVIOR does. The published sources show this; the recordings have no
-        # such values.
-        read_back=ReadBackRules(
-            altitude_m=0.0101,  # cut to whole centimetres
-            parameters={
-                (MavCommand.NAV_LAND, 4): StoredAs.ANYTHING,  # 0 becomes 1
-                (MavCommand.NAV_WAYPOINT, 1): StoredAs.WHOLE,
-                **{
-                    (command, number): StoredAs.ZERO
-                    for command in (MavCommand.NAV_WAYPOINT, MavCommand.NAV_TAKEOFF)
-                    for number in (2, 3, 4)
-                },
-            },
-        ),
+        item_storage=ARDUPILOT_ITEMS,
+        rally_integer_frames=True,  # it takes both, and reports 3 for 6
         estimator=_ESTIMATOR,
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from enum import Enum, StrEnum
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers
+from gcs.autopilots.storage.stored_fields import UNKNOWN_STORAGE, ItemStorage
 from gcs.mavlink import EkfFlag, MessageId, ModeFlag
 
 # MAV_FRAME of items that name a position, as files and as links write it: altitude above mean sea level, above home,
@@ -177,33 +178,6 @@ class FlightBehaviour:
         return 0.0, 0.0, 0.0, math.nan, place, place, top_m
 
 
-class StoredAs(Enum):
-    """What an autopilot may make of a parameter of a mission item without changing what it flies."""
-
-    ANYTHING = "any value"
-    WHOLE = "cut to a whole number below 65535"
-    ZERO = "0"
-
-
-@dataclass(frozen=True)
-class ReadBackRules:
-    """Differences between sent and stored items that do not count, beyond those of the wire format."""
-
-    altitude_m: float = 0.0
-    parameters: Mapping[tuple[int, int], StoredAs] = field(default_factory=dict)  # by MAV_CMD and number (1 to 4)
-
-    def allows(self, command: int, number: int, sent: float, stored: float) -> bool:
-        """Return whether the autopilot stores `sent` as `stored` and flies the same."""
-        match self.parameters.get((command, number)):
-            case StoredAs.ANYTHING:
-                return True
-            case StoredAs.WHOLE:
-                return 0.0 <= sent < 0xFFFF and stored == math.floor(sent)
-            case StoredAs.ZERO:
-                return stored == 0.0
-        return False
-
-
 @dataclass(frozen=True)
 class LinkBehaviour:
     """How an autopilot talks. The defaults are for a vehicle whose autopilot is not in the table."""
@@ -212,7 +186,8 @@ class LinkBehaviour:
     mission_files: bool = False  # it takes a mission as a file (MAVLink FTP, @MISSION)
     requests_in_flight: int = 1  # at a download; more only where items may be requested in any order
     integers_in_bytes: bool = False  # PARAM_VALUE holds the bytes of an integer; else its value as a float
-    read_back: ReadBackRules = ReadBackRules()
+    item_storage: ItemStorage = UNKNOWN_STORAGE  # what of each item survives on board
+    rally_integer_frames: bool = False  # rally points go in frames 5 and 6, as other positions do; else in 0 and 3
     estimator: EstimatorReport = EstimatorReport(
         MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE
     )

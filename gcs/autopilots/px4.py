@@ -26,6 +26,7 @@ from gcs.autopilots.columns import (
 )
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
+from gcs.autopilots.storage.px4_items import PX4_ITEMS
 from gcs.mavlink import (
     PX4_HOLD,
     PX4_LAND,
@@ -188,6 +189,10 @@ PX4 = AutopilotTraits(
         # does harm.
         requests_in_flight=1,
         integers_in_bytes=True,
+        item_storage=PX4_ITEMS,
+        # It stores the frame that was sent, and returns to points of frames 0 and 3 alone. With 5 or 6 it ignores the
+        # point and says "RTL: unsupported MAV_FRAME" every 2 s.
+        rally_integer_frames=False,
         estimator=_ESTIMATOR,
         timers=STANDARD,
     ),

@@ -33,15 +33,19 @@ def item_to_message(
     *,
     current: bool = False,
     mission_type: int = MissionType.MISSION,
+    integer_frames: bool = True,
 ) -> Message:
-    """Return MISSION_ITEM_INT of one item. `current` marks the item to start with (on ArduPilot: home, item 0)."""
+    """Return MISSION_ITEM_INT of one item. `current` marks the item to start with (on ArduPilot: home, item 0).
+
+    Without `integer_frames` the frame is that of the item (0, 3, 10); the position is in 1e-7 deg in both.
+    """
     p1, p2, p3, p4 = item.params
     return Message(
         "MISSION_ITEM_INT",
         {
             **peer.target,
             "seq": seq,
-            "frame": int(_TO_WIRE.get(item.frame, item.frame)),
+            "frame": int(_TO_WIRE.get(item.frame, item.frame) if integer_frames else item.frame),
             "command": item.command,
             "current": int(current),
             "autocontinue": int(item.autocontinue),

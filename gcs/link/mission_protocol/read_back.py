@@ -1,21 +1,17 @@
 """Comparison of the mission that was read back with the mission that was sent, by meaning.
 
-Allowed everywhere: float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones
-and back (5 = 0, 6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning. Latitude and
-longitude must agree to the last 1e-7 degree.
-What else one autopilot may change stands in its row (`LinkBehaviour.read_back`).
+What an autopilot makes of each field of each item stands in its row (`LinkBehaviour.item_storage`). Allowed everywhere:
+float32 rounding; NaN for NaN; the frame of items without a position; integer frames for float ones and back (5 = 0,
+6 = 3, 11 = 10); `autocontinue` of fences and rally points, where it has no meaning.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from gcs.autopilots.columns import ReadBackRules
 from gcs.autopilots.mission_commands import has_position
+from gcs.autopilots.storage.stored_fields import FieldRule, ItemStorage, StoredAs
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError
 from gcs.link.mission_protocol.item_messages import file_frame
@@ -48,13 +44,13 @@ def compare_missions(
 
     `autopilot` is MAV_AUTOPILOT. On ArduPilot leave out item 0 on both sides: it always reads back as home.
     """
-    rules = link_behaviour(autopilot).read_back
+    storage = link_behaviour(autopilot).item_storage
     differences = []
     if len(sent) != len(read_back):
         shorter = min(len(sent), len(read_back))
         differences.append(Difference(shorter, "number of items", len(sent), len(read_back)))
     for index, (ours, theirs) in enumerate(zip(sent, read_back, strict=False)):
-        differences += [Difference(index, *d) for d in _item_differences(ours, theirs, rules)]
+        differences += [Difference(index, *d) for d in _item_differences(ours, theirs, storage)]
     return differences
 
 
@@ -68,29 +64,25 @@ def read_back_error(peer: Station, mission_type: int, differences: Sequence[Diff
     )
 
 
-def _item_differences(ours: MissionItem, theirs: MissionItem, rules: ReadBackRules) -> list[tuple[str, object, object]]:
-    found: list[tuple[str, object, object]] = []
+def _item_differences(ours: MissionItem, theirs: MissionItem, storage: ItemStorage) -> list[tuple[str, object, object]]:
     if ours.command != theirs.command:
         return [("command", ours.command, theirs.command)]
-    if has_position(ours.command) and file_frame(ours.frame) != file_frame(theirs.frame):
-        found.append(("frame", ours.frame, theirs.frame))
-    for number, (a, b) in enumerate(zip(ours.params, theirs.params, strict=True), start=1):
-        if not (_same_float(a, b) or rules.allows(ours.command, number, a, b)):
-            found.append((f"parameter {number}", a, b))
-    if ours.lat_degE7 != theirs.lat_degE7:
-        found.append(("latitude (1e-7 deg)", ours.lat_degE7, theirs.lat_degE7))
-    if ours.lon_degE7 != theirs.lon_degE7:
-        found.append(("longitude (1e-7 deg)", ours.lon_degE7, theirs.lon_degE7))
-    if not _same_float(ours.alt_m, theirs.alt_m, absolute=rules.altitude_m):
-        found.append(("altitude (m)", ours.alt_m, theirs.alt_m))
-    if ours.autocontinue != theirs.autocontinue and ours.command not in _FENCE_AND_RALLY:
-        found.append(("autocontinue", ours.autocontinue, theirs.autocontinue))
+    rules = storage.of(ours.command)
+    fields: list[tuple[str, FieldRule, float, float]] = [
+        (f"parameter {number}", rule, a, b)
+        for number, (rule, a, b) in enumerate(zip(rules.params, ours.params, theirs.params, strict=True), start=1)
+    ]
+    fields.append(("altitude (m)", rules.z, ours.alt_m, theirs.alt_m))
+    if has_position(ours.command):
+        fields.append(("frame", rules.frame, file_frame(ours.frame), file_frame(theirs.frame)))
+    if ours.command not in _FENCE_AND_RALLY:
+        fields.append(("autocontinue", rules.autocontinue, ours.autocontinue, theirs.autocontinue))
+    found: list[tuple[str, object, object]] = [(what, a, b) for what, rule, a, b in fields if not rule.survives(a, b)]
+    # Single precision has steps of up to 128 here: whole numbers are compared as they are.
+    for what, rule, x, y in (
+        ("latitude (1e-7 deg)", rules.x, ours.lat_degE7, theirs.lat_degE7),
+        ("longitude (1e-7 deg)", rules.y, ours.lon_degE7, theirs.lon_degE7),
+    ):
+        if x != y and (rule.stored is StoredAs.EXACT or not rule.survives(x, y)):
+            found.append((what, x, y))
     return found
-
-
-def _same_float(ours: float, theirs: float, absolute: float = 0.0) -> bool:
-    if math.isnan(ours) or math.isnan(theirs):
-        return math.isnan(ours) and math.isnan(theirs)
-    if np.float32(ours) == np.float32(theirs):
-        return True
-    return abs(ours - theirs) <= absolute

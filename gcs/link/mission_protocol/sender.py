@@ -62,7 +62,7 @@ class MissionSender:
     """One transfer of `items` from `me` to `peer`.
 
     With a `round_trip` the wait before a repetition is estimated. `resumes` means that an earlier transfer of the same
-    items may still be open on the peer, so that "busy" is no refusal.
+    items may still be open on the peer, so that "busy" is no refusal. `integer_frames`: see `item_to_message`.
     """
 
     def __init__(
@@ -76,6 +76,7 @@ class MissionSender:
         current: int = 0,
         round_trip: RttEstimator | None = None,
         resumes: bool = False,
+        integer_frames: bool = True,
     ) -> None:
         self.items = tuple(items)
         self.peer = peer
@@ -85,6 +86,7 @@ class MissionSender:
         self.error: GcsError | None = None
         self._timers = timers
         self._current = current
+        self._integer_frames = integer_frames
         self._sent: set[int] = set()
         self._last_seq: int | None = None  # the last answered request
         self._repeats = 0
@@ -256,5 +258,10 @@ class MissionSender:
 
     def _item(self, seq: int) -> Message:
         return item_to_message(
-            self.items[seq], seq, self.peer, current=seq == self._current, mission_type=self.mission_type
+            self.items[seq],
+            seq,
+            self.peer,
+            current=seq == self._current,
+            mission_type=self.mission_type,
+            integer_frames=self._integer_frames,
         )

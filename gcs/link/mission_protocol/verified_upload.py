@@ -193,6 +193,7 @@ class VerifiedUpload:
             timers=self._timers,
             round_trip=self._round_trip,
             resumes=self._resumes,
+            integer_frames=self.mission_type != MissionType.RALLY or self._link.rally_integer_frames,
         )
         self._machine = machine
         return machine.start(now_s)

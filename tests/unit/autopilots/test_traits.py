@@ -13,6 +13,7 @@ import pytest
 import gcs
 from gcs.autopilots.columns import LinkBehaviour
 from gcs.autopilots.protocol_timers import STANDARD, MissionTimers
+from gcs.autopilots.storage.stored_fields import StoredAs
 from gcs.autopilots.traits import TRAITS, Autopilot, link_behaviour, traits_of
 from sim_bridge.personality import by_name
 
@@ -86,8 +87,8 @@ def test_an_autopilot_without_a_row_has_careful_defaults() -> None:
     assert traits_of(4) is None
     assert link_behaviour(4) == LinkBehaviour()
     assert link_behaviour(4).requests_in_flight == 1
-    assert link_behaviour(4).read_back.altitude_m == 0.0
-    assert not link_behaviour(4).read_back.allows(21, 4, 0.0, 1.0)
+    assert link_behaviour(4).item_storage.of(21).z.stored is StoredAs.EXACT
+    assert not link_behaviour(4).item_storage.of(21).param4.survives(0.0, 1.0)
 
 
 @pytest.mark.parametrize("firmware", list(Autopilot))
