@@ -26,14 +26,16 @@ _CLEAR_M = 0.02  # corners of ways stand so far outside the area that legs avoid
 _WINDOW_S = 10.0  # in which a moving zone's covered area is the same
 _SLOWEST_SHARE = 0.5  # of the speed limit: the slowest return
 _LONGEST_SHARE = 1.5  # of the fence's diameter: the longest way that a moving zone's area is taken for
-_FLAT = -1e-9
+_STRAIGHT = 1e-9  # sine of a corner's turn
+_SIDE = 1e-6  # m: an edge is on both sides of a leg along it
 
+Flags = NDArray[np.bool_]
 Area = Callable[[float], shapely.Geometry]  # the area to avoid, by the clearance around it
 
 
 @dataclass(frozen=True)
 class Ways:
-    """Ways from N places: their points (N, W, 2), the last one repeated, and lengths (N,), infinite without a way."""
+    """Ways from N places: points (N, W, 2), some of them repeated, and lengths (N,), infinite without a way."""
 
     points_m: Array
     length_m: Array
@@ -58,34 +60,35 @@ class ReturnRoutes:
 
         A vehicle in an area to avoid leaves it by the nearest edge; so it enters one that its end is in.
         """
-        found = self.ways(np.asarray(from_ned_m)[None, :2], to_ned_m, np.array([t_s]))
+        found = self.ways(np.asarray(from_ned_m)[None, :2], np.asarray(to_ned_m)[None, :2], np.array([t_s]))
         if not np.isfinite(found.length_m[0]):
             return None
         points = found.points_m[0]
         moved = np.any(points[1:] != points[:-1], axis=1)
-        return np.asarray(points[np.append(True, moved)] if moved.any() else np.repeat(points[:1], 2, axis=0))
+        return np.asarray(points[np.append(True, moved)] if moved.any() else points[-2:])
 
     def length_m(self, from_ned_m: Array, to_ned_m: Array, t_s: float = 0.0) -> float:
         """The length of the shortest way; infinite without one."""
-        return float(self.ways(np.asarray(from_ned_m)[None, :2], to_ned_m, np.array([t_s])).length_m[0])
+        found = self.ways(np.asarray(from_ned_m)[None, :2], np.asarray(to_ned_m)[None, :2], np.array([t_s]))
+        return float(found.length_m[0])
 
     def ways(self, from_m: Array, to_m: Array, t_s: Array) -> Ways:
-        """The shortest ways from places (N, 2) to one place, for returns that begin at plan times (N,)."""
-        end = (float(to_m[0]), float(to_m[1]))
+        """The shortest ways from places (N, 2) to places (N, 2), for returns that begin at plan times (N,)."""
         windows = np.floor(t_s / _WINDOW_S).astype(int) if self._moves else np.zeros(len(from_m), dtype=int)
-        points, lengths = [np.empty((0, 2))] * len(from_m), np.full(len(from_m), np.inf)
+        points, lengths = np.stack([from_m, to_m], axis=1), np.full(len(from_m), np.inf)
         for window in np.unique(windows).tolist():
             left = np.flatnonzero(windows == window)
             for clearance_m in CLEARANCES_M:
-                found, length_m = self._graph(window, clearance_m).ways(from_m[left], end)
-                for row, way in zip(left.tolist(), found, strict=True):
-                    points[row] = way
-                lengths[left] = length_m
-                left = left[~np.isfinite(length_m)]
+                found = self._graph(window, clearance_m).ways(from_m[left], to_m[left])
+                more = found.points_m.shape[1] - points.shape[1]
+                points = np.append(points, np.repeat(points[:, -1:], max(more, 0), axis=1), axis=1)
+                points[left, : found.points_m.shape[1]] = found.points_m
+                points[left, found.points_m.shape[1] :] = to_m[left, None]
+                lengths[left] = found.length_m
+                left = left[~np.isfinite(found.length_m)]
                 if not len(left):
                     break
-        most = max(len(way) for way in points)
-        return Ways(np.stack([np.append(w, np.repeat(w[-1:], most - len(w), axis=0), axis=0) for w in points]), lengths)
+        return Ways(points, lengths)
 
     def _graph(self, window: int, clearance_m: float) -> _Graph:
         if (window, clearance_m) not in self._graphs:
@@ -106,46 +109,51 @@ class _Graph:
         shapely.prepare(self._avoided)
         wide = avoided(_CLEAR_M)
         self._free = shapely.box(*shapely.bounds(wide)).difference(wide)
-        self._corners = _outer_corners(self._free)
-        first, second = np.triu_indices(len(self._corners), 1)
+        self._corners, self._before, self._after = _outer_corners(self._free)
+        count = len(self._corners)
+        self._apart_m = np.full((count, count), np.inf)
+        first, second = np.nonzero(np.triu(self._turns(self._corners) & self._turns(self._corners).T, 1))
         seen = self._sees(self._corners[first], self._corners[second])
-        self._apart_m = np.full((len(self._corners),) * 2, np.inf)
         away_m = np.linalg.norm(self._corners[first] - self._corners[second], axis=1)
         self._apart_m[first, second] = self._apart_m[second, first] = np.where(seen, away_m, np.inf)
-        self._trees: dict[tuple[float, float], tuple[Array, list[Array]]] = {}
+        self._trees: dict[tuple[float, float], tuple[Array, Array]] = {}
 
-    def ways(self, starts: Array, end: tuple[float, float]) -> tuple[list[Array], Array]:
-        """Ways from starts (N, 2) to the end, and their lengths (N,)."""
-        last = np.array([end, *self._nearest_free(np.array([end]))])[::-1]  # from the graph to the end
-        outs = self._nearest_free(starts)
-        inside_m = np.linalg.norm(outs - starts, axis=1) + float(np.linalg.norm(last[1] - last[0]))
-        length_m = np.linalg.norm(outs - last[0], axis=1)
-        straight = self._sees(outs, np.broadcast_to(last[0], outs.shape))
-        tails: list[Array] = [last] * len(starts)
-        length_m[~straight] = np.inf
-        hidden = np.flatnonzero(~straight)
+    def ways(self, starts: Array, ends: Array) -> Ways:
+        """Ways from starts (N, 2) to ends (N, 2)."""
+        outs, ins = self._nearest_free(starts), self._nearest_free(ends)
+        different, which = np.unique(ins, axis=0, return_inverse=True)
+        hidden = np.flatnonzero(~self._sees(outs, ins))
+        length_m = np.linalg.norm(outs - ins, axis=1)
+        length_m[hidden] = np.inf
+        middle = ins[:, None]
         if len(hidden) and len(self._corners):
-            left_m, chains = self._tree(end, last[0])
+            trees = [self._tree(place) for place in different]
+            longest = max(chains.shape[1] for _, chains in trees)
+            middle = np.repeat(middle, longest, axis=1)
+            left_m = np.stack([left for left, _ in trees])[which.reshape(-1)[hidden]]
             total_m = np.linalg.norm(outs[hidden, None] - self._corners, axis=-1) + left_m
-            order = np.argsort(total_m, axis=1, kind="stable")
-            for place in range(len(self._corners)):
-                corner = order[:, place]
-                best_m = total_m[np.arange(len(hidden)), corner]
-                possible = np.isfinite(best_m)
-                hidden, order, total_m, corner = (a[possible] for a in (hidden, order, total_m, corner))
-                seen = self._sees(outs[hidden], self._corners[corner])
+            total_m[~self._turns(outs[hidden])] = np.inf
+            while len(hidden):
+                corner = np.argmin(total_m, axis=1)
+                rows = np.arange(len(hidden))
+                best_m = total_m[rows, corner]
+                seen = np.isfinite(best_m) & self._sees(outs[hidden], self._corners[corner])
+                length_m[hidden[seen]] = best_m[seen]
                 for row, number in zip(hidden[seen].tolist(), corner[seen].tolist(), strict=True):
-                    tails[row] = np.append(chains[number], last, axis=0)
-                length_m[hidden[seen]] = best_m[possible][seen]
-                hidden, order, total_m = (a[~seen] for a in (hidden, order, total_m))
-                if not len(hidden):
-                    break
-        ways = [np.concatenate([[a], [b], tail]) for a, b, tail in zip(starts, outs, tails, strict=True)]
-        return [way[np.append(True, np.any(way[1:] != way[:-1], axis=1))] for way in ways], length_m + inside_m
+                    chain = trees[which.reshape(-1)[row]][1][number]
+                    middle[row, : len(chain)] = chain
+                total_m[rows, corner] = np.inf
+                more = ~seen & np.isfinite(best_m)
+                hidden, total_m = hidden[more], total_m[more]
+        length_m += np.linalg.norm(outs - starts, axis=1) + np.linalg.norm(ends - ins, axis=1)
+        return Ways(
+            np.concatenate([starts[:, None], outs[:, None], middle, ins[:, None], ends[:, None]], axis=1), length_m
+        )
 
-    def _tree(self, end: tuple[float, float], place: Array) -> tuple[Array, list[Array]]:
-        """The length (C,) of the way from each corner to a place, and its corners."""
-        if end not in self._trees:
+    def _tree(self, place: Array) -> tuple[Array, Array]:
+        """The length (C,) of the way from each corner to a place, and its corners (C, K, 2), followed by the place."""
+        key = (float(place[0]), float(place[1]))
+        if key not in self._trees:
             count = len(self._corners)
             apart_m = np.full((count + 1, count + 1), np.inf)
             apart_m[:count, :count] = self._apart_m
@@ -154,16 +162,20 @@ class _Graph:
             apart_m[count, :count] = apart_m[:count, count] = np.where(seen, away_m, np.inf)
             graph = csgraph_from_dense(apart_m, null_value=np.inf)
             left_m, following = dijkstra(graph, directed=False, indices=count, return_predecessors=True)
-            chains = []
-            for corner in range(count):
-                chain = [corner]
-                while 0 <= (after := int(following[chain[-1]])) < count:
-                    chain.append(after)
-                chains.append(self._corners[chain])
-            self._trees[end] = left_m[:count], chains
-        return self._trees[end]
+            following = np.where(following < 0, count, following)  # of the place itself, and without a way
+            chain = [np.arange(count)]
+            while np.any(chain[-1] != count):
+                chain.append(following[chain[-1]])
+            self._trees[key] = left_m[:count], np.append(self._corners, place[None], axis=0)[np.stack(chain, axis=1)]
+        return self._trees[key]
 
-    def _sees(self, first: Array, second: Array) -> NDArray[np.bool_]:
+    def _turns(self, starts: Array) -> Flags:
+        """Whether (N, C) a way from a start may turn at a corner: both edges lie on one side of the leg."""
+        legs = self._corners - starts[:, None]
+        sides = [legs[..., 0] * edge[:, 1] - legs[..., 1] * edge[:, 0] for edge in (self._before, self._after)]
+        return np.asarray(((sides[0] > -_SIDE) & (sides[1] > -_SIDE)) | ((sides[0] < _SIDE) & (sides[1] < _SIDE)))
+
+    def _sees(self, first: Array, second: Array) -> Flags:
         """Whether straight legs (N, 2) to (N, 2) keep out of the area."""
         legs = shapely.linestrings(np.stack([first, second], axis=1))
         return np.asarray(~shapely.intersects(self._avoided, legs))
@@ -179,12 +191,15 @@ class _Graph:
         return nearest
 
 
-def _outer_corners(free: shapely.Geometry) -> Array:
-    """The corners (C, 2) round which a shortest way through the free area may turn."""
-    found = [np.empty((0, 2))]
+def _outer_corners(free: shapely.Geometry) -> tuple[Array, Array, Array]:
+    """The corners (C, 2) round which a shortest way may turn, and the directions (C, 2) of their two edges."""
+    found = [np.empty((0, 3, 2))]
     for part in shapely.get_parts(shapely.orient_polygons(free, exterior_cw=False)):
         for ring in (part.exterior, *part.interiors):
             corners = np.array(ring.coords)[:-1]
-            before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
-            found.append(corners[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < _FLAT])
-    return np.concatenate(found)
+            before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+            before, after = (edge / np.linalg.norm(edge, axis=1)[:, None] for edge in (before, after))
+            outer = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > _STRAIGHT
+            found.append(np.stack([corners, before, after], axis=1)[outer])
+    corners, before, after = np.moveaxis(np.concatenate(found), 1, 0)
+    return corners, before, after
