@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 STOPPED = 130
 BUG = 70
-AUTOPILOTS = tuple(known.key for known in Autopilot)
+AUTOPILOTS = (*(known.key for known in Autopilot), "ardupilot-4.7")
 NAVIGATORS = ("own", "ideal")
 
 app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
@@ -54,7 +54,8 @@ def fly(
     one_port: Annotated[bool, typer.Option("--one-port", help="All vehicles share one port of each link.")] = False,
     speedup: Annotated[str, typer.Option(help="Speed as a multiple of real time, or 'max'.")] = "1",
     autopilot: Annotated[
-        str | None, typer.Option(help="Autopilot of all vehicles: ardupilot or px4.", show_default="the scenario's")
+        str | None,
+        typer.Option(help=f"That of all vehicles: {', '.join(AUTOPILOTS)}.", show_default="the scenario's"),
     ] = None,
     nav: Annotated[
         str,

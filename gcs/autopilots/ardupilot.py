@@ -21,6 +21,8 @@ from gcs.autopilots.columns import (
     LinkBehaviour,
     MissionSupport,
     ParameterFileStyle,
+    ParameterRenaming,
+    RenamedParameter,
     ReturnBehaviour,
     ReturnParameters,
     ReturnSettings,
@@ -37,11 +39,7 @@ _ESTIMATOR = EstimatorReport(MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS,
 
 
 def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
-    """The parameters up to 4.6, in cm and cm/s.
-
-    Copter 4.7 renames them and counts in m and m/s (RTL_ALT_M, RTL_SPEED_MS, ...). It converts stored values, but does
-    not accept the old names.
-    """
+    """The parameters under their names up to 4.6, in cm and cm/s; `_RENAMING` has those of 4.7."""
     return (
         ("RTL_ALT", round(wanted.altitude_m * _CM)),
         ("RTL_ALT_FINAL", 0),
@@ -80,6 +78,37 @@ _FAILSAFE = FailsafeSigns(
         }
     ),
     always_critical=False,
+)
+
+# ArduPilot's page "Parameter Name Changes" (4.6 to 4.7). A recorded 4.7.0-dev of October 2025 has MAV_SYSID, and the
+# old names of all others.
+_RENAMING = ParameterRenaming(
+    since=(4, 7),
+    names=(
+        RenamedParameter("SYSID_THISMAV", "MAV_SYSID"),
+        RenamedParameter("SYSID_MYGCS", "MAV_GCS_SYSID"),
+        RenamedParameter("RTL_ALT", "RTL_ALT_M", _CM),
+        RenamedParameter("RTL_ALT_FINAL", "RTL_ALT_FINAL_M", _CM),
+        RenamedParameter("RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M", _CM),
+        RenamedParameter("RTL_SPEED", "RTL_SPEED_MS", _CM),
+        RenamedParameter("LAND_SPEED", "LAND_SPD_MS", _CM),
+        RenamedParameter("LAND_SPEED_HIGH", "LAND_SPD_HIGH_MS", _CM),
+        RenamedParameter("LAND_ALT_LOW", "LAND_ALT_LOW_M", _CM),
+        RenamedParameter("WPNAV_SPEED", "WP_SPD", _CM),
+        RenamedParameter("WPNAV_SPEED_UP", "WP_SPD_UP", _CM),
+        RenamedParameter("WPNAV_SPEED_DN", "WP_SPD_DN", _CM),
+        RenamedParameter("WPNAV_ACCEL", "WP_ACC", _CM),
+        RenamedParameter("WPNAV_ACCEL_C", "WP_ACC_CNR", _CM),
+        RenamedParameter("WPNAV_ACCEL_Z", "WP_ACC_Z", _CM),
+        RenamedParameter("WPNAV_RADIUS", "WP_RADIUS_M", _CM),
+        RenamedParameter("WPNAV_JERK", "WP_JERK"),
+        RenamedParameter("LOIT_SPEED", "LOIT_SPEED_MS", _CM),
+        RenamedParameter("PILOT_SPEED_UP", "PILOT_SPD_UP", _CM),
+        RenamedParameter("PILOT_SPEED_DN", "PILOT_SPD_DN", _CM),
+        RenamedParameter("PILOT_ACCEL_Z", "PILOT_ACC_Z", _CM),
+        RenamedParameter("PILOT_TKOFF_ALT", "PILOT_TKO_ALT_M", _CM),
+        RenamedParameter("ANGLE_MAX", "ATC_ANGLE_MAX", 100),  # centidegrees in a degree
+    ),
 )
 
 _COMMANDS: dict[int, CommandSource] = {
@@ -182,6 +211,8 @@ ARDUPILOT = AutopilotTraits(
         integers_in_bytes=False,
         item_storage=ARDUPILOT_ITEMS,
         rally_integer_frames=True,  # it takes both, and reports 3 for 6
+        renaming=_RENAMING,
+        system_id="SYSID_THISMAV",
         estimator=_ESTIMATOR,
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),

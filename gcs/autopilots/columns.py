@@ -179,6 +179,23 @@ class FlightBehaviour:
 
 
 @dataclass(frozen=True)
+class RenamedParameter:
+    """A parameter that a newer version has under another name, and perhaps in another unit."""
+
+    old: str
+    new: str
+    per_new: float = 1.0  # units of the old name in one unit of the new name: 100 cm in a metre
+
+
+@dataclass(frozen=True)
+class ParameterRenaming:
+    """The parameters that a version renamed. Development builds of that version may have old or new names."""
+
+    since: tuple[int, int]  # major and minor version
+    names: tuple[RenamedParameter, ...]
+
+
+@dataclass(frozen=True)
 class LinkBehaviour:
     """How an autopilot talks. The defaults are for a vehicle whose autopilot is not in the table."""
 
@@ -188,6 +205,8 @@ class LinkBehaviour:
     integers_in_bytes: bool = False  # PARAM_VALUE holds the bytes of an integer; else its value as a float
     item_storage: ItemStorage = UNKNOWN_STORAGE  # what of each item survives on board
     rally_integer_frames: bool = False  # rally points go in frames 5 and 6, as other positions do; else in 0 and 3
+    renaming: ParameterRenaming | None = None
+    system_id: str = ""  # the parameter with the vehicle's system id
     estimator: EstimatorReport = EstimatorReport(
         MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE
     )

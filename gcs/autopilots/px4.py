@@ -193,6 +193,7 @@ PX4 = AutopilotTraits(
         # It stores the frame that was sent, and returns to points of frames 0 and 3 alone. With 5 or 6 it ignores the
         # point and says "RTL: unsupported MAV_FRAME" every 2 s.
         rally_integer_frames=False,
+        system_id="MAV_SYS_ID",
         estimator=_ESTIMATOR,
         timers=STANDARD,
     ),

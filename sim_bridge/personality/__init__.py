@@ -1,6 +1,7 @@
 """Personalities: one table per autopilot, with its modes, replies, texts, parameters and failsafes, as recorded."""
 
 from sim_bridge.personality.ardupilot.behaviour import ARDUPILOT
+from sim_bridge.personality.ardupilot.renamed_parameters import ARDUPILOT_4_7
 from sim_bridge.personality.boot import Boot, Milestone, Stage
 from sim_bridge.personality.failsafe_settings import Setting
 from sim_bridge.personality.modes import Intent, Mode, Modes
@@ -10,6 +11,8 @@ from sim_bridge.personality.wording import Note
 
 __all__ = [
     "ARDUPILOT",
+    "ARDUPILOT_4_7",
+    "NAMES",
     "PX4",
     "Boot",
     "Intent",
@@ -24,9 +27,13 @@ __all__ = [
     "by_name",
 ]
 
-_ALL = {personality.name: personality for personality in (ARDUPILOT, PX4)}
+_ALL = {personality.name: personality for personality in (ARDUPILOT, PX4, ARDUPILOT_4_7)}
+NAMES = tuple(_ALL)
 
 
 def by_name(name: str) -> Personality:
-    """Return the personality of "ardupilot" or "px4", as scenarios and the command line name it. Raises KeyError."""
+    """Return the personality of a name on the command line: that of an autopilot in scenarios, or "ardupilot-4.7".
+
+    Raises KeyError.
+    """
     return _ALL[name]

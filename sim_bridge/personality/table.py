@@ -67,11 +67,12 @@ class Personality:
     params: tuple[Param, ...]
     param_traits: ParamTraits
     link: LinkTraits
+    edition: str = ""  # the end of its name, where an autopilot is emulated in several versions
 
     @property
     def name(self) -> str:
         """The name in scenarios and on the command line."""
-        return self.identity.autopilot.key
+        return self.identity.autopilot.key + self.edition
 
     def booting_for_real(self) -> Personality:
         """Return the same personality, with the start-up time of the original."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot
 from gcs.cli.main import run as gcs
 from gcs.errors import FlightError, PeerError
@@ -24,10 +25,12 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
 from sim_bridge.fleet import Fleet
+from sim_bridge.personality import by_name
 
 ARDUPILOT = Autopilot.ARDUPILOT
 BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 PARAMETER = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
+STORED = {**PARAMETER, "ardupilot-4.7": "RTL_ALT_M"}
 
 
 def run(scene: Awaitable[None]) -> None:
@@ -54,7 +57,7 @@ def skein(simulation1_plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> I
 
 
 def number(autopilot: str) -> int:
-    return int(Autopilot.named(autopilot))
+    return int(by_name(autopilot).identity.autopilot)
 
 
 def loads_for(plan: Plan, autopilot: str, *, timed: bool = False) -> tuple[VehicleLoad, ...]:
@@ -71,12 +74,12 @@ def parameter(fleet: Fleet, sysid: int, name: str) -> float:
     return fleet._world.vehicles[sysid - 1]._params[name]
 
 
-@BOTH
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "ardupilot-4.7"])
 def test_everything_for_everybody_at_once_and_parameters_back(
     simulation1_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
 ) -> None:
     fleet, link = fleet_of(autopilot, faults=["all:loss=0.05", "all:duplicate=0.05"])
-    loads, name = loads_for(simulation1_plan, autopilot), PARAMETER[autopilot]
+    loads, name = loads_for(simulation1_plan, autopilot), STORED[autopilot]
 
     async def scene() -> None:
         async with Ground.open(link) as ground:
@@ -90,7 +93,9 @@ def test_everything_for_everybody_at_once_and_parameters_back(
                 assert mission == []
                 for kind, items in load.extras:
                     assert compare_missions(items, held_by(fleet, load.sysid, kind), autopilot=ARDUPILOT) == []
-                assert parameter(fleet, load.sysid, name) == pytest.approx(dict(load.parameters)[name])
+                wanted = dict(with_new_names(number(autopilot), load.parameters))[name]
+                assert parameter(fleet, load.sysid, name) == pytest.approx(wanted)
+                assert name in {change.after.name for change in held.changes if change.sysid == load.sysid}
             held.require(simulation1_plan.hash, simulation1_plan.sysids)
             with pytest.raises(FlightError, match="of this plan: all"):
                 held.require("another plan", simulation1_plan.sysids)

@@ -15,6 +15,7 @@ import pytest
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
 
+from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot
 from gcs.link.mission_protocol.item_messages import home_item
 from gcs.mission.export.export import export
@@ -181,7 +182,7 @@ def test_pymavlink_reads_the_parameters(exported: Exported) -> None:
         if firmware is Autopilot.ARDUPILOT:
             loaded = mavparm.MAVParmDict()
             assert loaded.load(str(folder / f"uav{mission.sysid}.param"))
-            assert dict(loaded) == dict(safety.parameters[row])
+            assert dict(loaded) == dict(with_new_names(firmware, safety.parameters[row]))
         else:
             rows = (folder / f"uav{mission.sysid}.params").read_text().splitlines()
             table = [line.split("\t") for line in rows if not line.startswith("#")]

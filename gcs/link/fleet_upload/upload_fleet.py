@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from gcs.autopilots.parameter_names import in_units_of
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.parameter import Parameter, as_kind
@@ -165,7 +166,8 @@ async def _changes(session: Loadable, load: VehicleLoad) -> list[ParameterChange
     changes = []
     for name, value in wanted.items():
         before = values[name]
-        after = Parameter(name, as_kind(name, value, before.kind), before.kind)
+        own = in_units_of(session.autopilot, before.name, name, value)
+        after = Parameter(before.name, as_kind(before.name, own, before.kind), before.kind)
         if after.value != before.value:
             changes.append(ParameterChange(session.sysid, before, after))
     return changes

@@ -10,13 +10,14 @@ import asyncio
 import math
 import time
 from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import Any, TypeVar
 
 import mavsdk
 from mavsdk.plugins import mission_raw, param, telemetry
 
+from gcs.autopilots.parameter_names import spellings
 from gcs.autopilots.traits import Autopilot, link_behaviour
 from gcs.errors import LinkError, PeerError, PeerTimeout
 from gcs.link.endpoints.base import LinkMode, parse_link_spec
@@ -125,8 +126,11 @@ class MavsdkVehicle:
         return tuple(_item(one) for one in raw)
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """Return parameters by name. MAVSDK has one call for integers and one for floats, so both are tried."""
-        return {name: await self.call(f"read {name}", partial(self._read, name)) for name in names}
+        """Return parameters by the requested names, each with the name and unit that this vehicle has for it.
+
+        MAVSDK has one call for integers and one for floats, so both are tried.
+        """
+        return {name: await self._read_any(spellings(self.autopilot, name)) for name in names}
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Set parameters and read each one back."""
@@ -148,6 +152,13 @@ class MavsdkVehicle:
         """Destroy the plugins."""
         for plugin in (self._missions, self._params, self._telemetry):
             plugin.destroy()
+
+    async def _read_any(self, names: tuple[str, ...]) -> Parameter:
+        """The parameter under the first of these names that the vehicle has."""
+        for name in names[:-1]:
+            with suppress(PeerError):
+                return await self.call(f"read {name}", partial(self._read, name))
+        return await self.call(f"read {' or '.join(names)}", partial(self._read, names[-1]))
 
     def _read(self, name: str) -> Parameter:
         try:

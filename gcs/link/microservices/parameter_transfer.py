@@ -10,7 +10,8 @@ Several parameters are read or set by name; each request is repeated until the v
     RUNNING  the last PARAM_VALUE arrived                     DONE
     any      12 requests without answer                       FAILED
 
-Neither autopilot answers a request for an unknown name. An answer by name may carry any index, and values that were not
+Neither autopilot answers a request for an unknown name. So a reader requests a renamed parameter under every name that
+it may have (`gcs.autopilots.parameter_names`). An answer by name may carry any index, and values that were not
 requested arrive in between: only names count.
 """
 
@@ -19,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
+from gcs.autopilots.parameter_names import spellings
 from gcs.autopilots.protocol_timers import ParameterTimers
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
@@ -63,6 +65,7 @@ class ParameterMachine:
         self._waiting = list(dict.fromkeys(names))
         self._requested: dict[str, tuple[int, float]] = {}  # number of requests, time of the next
         self._seen: dict[str, Parameter] = {}
+        self._asked: dict[str, str] = {}  # the requested name, by each name that the vehicle may have for it
 
     @property
     def done(self) -> bool:
@@ -89,17 +92,17 @@ class ParameterMachine:
             self.state is not ParameterState.RUNNING
             or message.name != "PARAM_VALUE"
             or not message.comes_from(self.peer)
-            or message.fields["param_id"] not in self._requested
+            or (name := self._asked.get(message.fields["param_id"], "")) not in self._requested
         ):
             return []
         parameter = decode(message, in_bytes=self._in_bytes)
         if parameter is None:
             return []
-        self._seen[parameter.name] = parameter
+        self._seen[name] = parameter
         if not self._settles(parameter):
             return []
-        del self._requested[parameter.name]
-        self.values[parameter.name] = parameter
+        del self._requested[name]
+        self.values[name] = parameter
         return self._next_requests(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
@@ -114,7 +117,7 @@ class ParameterMachine:
                 self.error = self._timeout_error(name)
                 self.state = ParameterState.FAILED
                 return []
-            messages.append(self._send(name, sent, now_s))
+            messages += self._send(name, sent, now_s)
         return messages
 
     def cancel(self) -> list[Message]:
@@ -127,14 +130,20 @@ class ParameterMachine:
     def _next_requests(self, now_s: float) -> list[Message]:
         messages = []
         while self._waiting and len(self._requested) < _WINDOW:
-            messages.append(self._send(self._waiting.pop(0), 0, now_s))
+            messages += self._send(self._waiting.pop(0), 0, now_s)
         if not self._requested:
             self.state = ParameterState.DONE
         return messages
 
-    def _send(self, name: str, sent: int, now_s: float) -> Message:
+    def _send(self, name: str, sent: int, now_s: float) -> list[Message]:
         self._requested[name] = (sent + 1, now_s + max(self._round_trip.wait_s(sent), self._timers.reply_min_s))
-        return self._request(name)
+        names = self._spellings(name)
+        self._asked |= dict.fromkeys(names, name)
+        return [self._request(one) for one in names]
+
+    def _spellings(self, name: str) -> tuple[str, ...]:
+        """The names under which a parameter is requested."""
+        return (name,)
 
     def _request(self, name: str) -> Message:
         raise NotImplementedError
@@ -143,14 +152,36 @@ class ParameterMachine:
         raise NotImplementedError
 
     def _timeout_error(self, name: str) -> GcsError:
+        names = " or ".join(self._spellings(name))
         return PeerTimeout(
-            f"{self.peer} does not answer for parameter {name}, requested {self._timers.attempts} times.",
+            f"{self.peer} does not answer for parameter {names}, requested {self._timers.attempts} times.",
             hint="its firmware may not have this parameter, or use another name: check its version with `gcs vehicles`",
         )
 
 
 class ParameterReader(ParameterMachine):
-    """Reads parameters by name."""
+    """Reads parameters by name, or by the other name that this version of the autopilot has for them.
+
+    `values` has them by the requested name; `Parameter.name` is the vehicle's own name, and the value is in its unit.
+    `version` is AUTOPILOT_VERSION.flight_sw_version, if it is known.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        peer: Station,
+        autopilot: int,
+        *,
+        version: int | None = None,
+        me: Station = GROUND,
+        timers: ParameterTimers | None = None,
+        round_trip: RttEstimator | None = None,
+    ) -> None:
+        super().__init__(names, peer, autopilot, me=me, timers=timers, round_trip=round_trip)
+        self._autopilot, self._version = autopilot, version
+
+    def _spellings(self, name: str) -> tuple[str, ...]:
+        return spellings(self._autopilot, name, self._version)
 
     def _request(self, name: str) -> Message:
         return read_request(name, self.peer)

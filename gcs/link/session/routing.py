@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from gcs.autopilots.parameter_names import system_id_names
 from gcs.errors import PeerError
 from gcs.link.endpoints.base import Address
 from gcs.link.wire.message import Message
@@ -35,7 +36,7 @@ class DuplicateSystemId(PeerError):
         where = f"both at {first}" if first == second else f"one at {first}, one at {second}"
         super().__init__(
             f"two vehicles claim system id {sysid}: {where}.",
-            hint="give each vehicle its own system id (MAV_SYS_ID on PX4, SYSID_THISMAV on ArduPilot)",
+            hint=f"give each vehicle its own system id ({system_id_names()})",
         )
         self.sysid = sysid
 

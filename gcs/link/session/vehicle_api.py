@@ -44,7 +44,7 @@ class Loadable(Protocol):
         """Return the items on board."""
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """Return parameters by name."""
+        """Return parameters by the requested names, each with the name and unit that this vehicle has for it."""
 
     async def write_parameters(self, parameters: Sequence[Parameter]) -> None:
         """Set parameters in the vehicle's own types."""

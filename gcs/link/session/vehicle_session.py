@@ -278,9 +278,19 @@ class VehicleSession:
             raise ProtocolMisuse("a download ended without result.")
 
     async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """Return parameters by name. Raises `PeerTimeout` that names a parameter without an answer."""
+        """Return parameters by the requested names, each with the name and unit that this vehicle has for it.
+
+        Raises `PeerTimeout` that names a parameter without an answer.
+        """
+        version = self.latest.get("AUTOPILOT_VERSION")
         reader = ParameterReader(
-            names, self.station, self.autopilot, me=self.me, timers=self.timers.parameter, round_trip=self.round_trip
+            names,
+            self.station,
+            self.autopilot,
+            version=None if version is None else int(version.fields["flight_sw_version"]),
+            me=self.me,
+            timers=self.timers.parameter,
+            round_trip=self.round_trip,
         )
         await self.run(reader)
         return reader.values

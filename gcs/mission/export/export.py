@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.export.atomic_folder import replaced
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
@@ -125,7 +126,7 @@ def _rally(material: _Material) -> _Values:
 
 def _parameters(material: _Material) -> _Values:
     for sysid, values in zip(material.plan.sysids, material.safety.parameters, strict=True):
-        yield vehicle_name(sysid), ParameterFile(material.firmware, sysid, values)
+        yield vehicle_name(sysid), ParameterFile(material.firmware, sysid, with_new_names(material.firmware, values))
 
 
 def _setpoints(material: _Material) -> _Values:

@@ -1,7 +1,8 @@
 """Parameter files: `.param` for Mission Planner and MAVProxy, `.params` for QGroundControl.
 
 A line of a `.param` file is `NAME,VALUE`. A line of a `.params` file holds vehicle, component, name, value and
-MAV_PARAM_TYPE, separated by tabs.
+MAV_PARAM_TYPE, separated by tabs. A parameter that a newer version renamed stands in a file under both names, each in
+its own unit: a vehicle takes the names that it has.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 from dataclasses import dataclass
 
 from gcs.autopilots.columns import ParameterFileStyle
+from gcs.autopilots.parameter_names import has_new_names
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 
@@ -35,7 +37,10 @@ def write_parameters(file: ParameterFile) -> str:
         lines = [f"# Onboard parameters for Vehicle {file.sysid}", "#", "# Vehicle-Id Component-Id Name Value Type"]
         lines += [f"{file.sysid}\t{_COMPONENT}\t{name}\t{value!r}\t{_type(value)}" for name, value in file.values]
     else:
-        lines = [f"# vehicle {file.sysid}", *(f"{name},{value!r}" for name, value in file.values)]
+        lines = [f"# vehicle {file.sysid}"]
+        if has_new_names(file.firmware, dict(file.values)):
+            lines.append("# renamed parameters stand here under both names; a vehicle takes those of its version")
+        lines += [f"{name},{value!r}" for name, value in file.values]
     return "\n".join(lines) + "\n"
 
 

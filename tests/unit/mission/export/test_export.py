@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.autopilots.parameter_names import with_new_names
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.frames import geodetic_to_ned
@@ -67,7 +68,8 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         assert read_fence(written[f"uav{sysid}.fence"], "f") == plan_file.geofence
         assert read_rally(written[f"uav{sysid}.rally"], "r") == plan_file.rally
         parameters = read_parameters(written[f"uav{sysid}.param"], "p", Autopilot.ARDUPILOT)
-        assert dict(parameters.values) == json.loads(written[INDEX])["parameters"][str(sysid)]
+        listed = json.loads(written[INDEX])["parameters"][str(sysid)]
+        assert parameters.values == with_new_names(Autopilot.ARDUPILOT, listed.items())
         assert plan_file.rally[0].alt_m * 100 == pytest.approx(dict(parameters.values)["RTL_ALT"])
         history = read_history(written[f"uav{sysid}.history.csv"], "h")
         assert (history.sysid, history.plan_hash) == (sysid, plan.hash)

@@ -18,6 +18,12 @@ def test_mission_planners_table() -> None:
     assert text == "# vehicle 3\nRTL_ALT,5123\nFENCE_ALT_MAX,61.5\n"
 
 
+def test_both_names_of_a_parameter_are_explained() -> None:
+    text = write_parameters(ParameterFile(Autopilot.ARDUPILOT, 3, (*VALUES, ("RTL_ALT_M", 51.23))))
+    assert text.splitlines()[1].startswith("# renamed parameters stand here under both names")
+    assert text.splitlines()[2:] == ["RTL_ALT,5123", "FENCE_ALT_MAX,61.5", "RTL_ALT_M,51.23"]
+
+
 def test_qgroundcontrols_table() -> None:
     text = write_parameters(ParameterFile(Autopilot.PX4, 3, (("RTL_CONE_ANG", 0), ("RTL_RETURN_ALT", 51.23))))
     assert text.splitlines()[-2:] == ["3\t1\tRTL_CONE_ANG\t0\t6", "3\t1\tRTL_RETURN_ALT\t51.23\t9"]
