@@ -184,6 +184,7 @@ ARDUPILOT = AutopilotTraits(
         # It returns to a rally point at the point's altitude or at RTL_ALT, whichever is higher: here both are equal.
         rally_at_return_altitude=True,
         wait_s=5.0,
+        rally_step_m=1.0,
         default_altitude_m=15.0,  # RTL_ALT
         parameters=_return_parameters,
     ),

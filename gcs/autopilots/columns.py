@@ -73,6 +73,7 @@ class ReturnBehaviour:
     altitude_above_home: bool  # the return altitude counts from home; else from the landing point it flies to
     rally_at_return_altitude: bool  # a rally point holds the return altitude; else the ground, and RTL adds to it
     wait_s: float  # above the landing point before the descent
+    rally_step_m: float  # altitudes of rally points are multiples of it, others are cut off
     default_altitude_m: float
     parameters: Callable[[ReturnSettings], ReturnParameters]  # ints for whole-number parameters
 

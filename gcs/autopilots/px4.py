@@ -161,6 +161,7 @@ PX4 = AutopilotTraits(
         altitude_above_home=False,
         rally_at_return_altitude=False,  # it adds RTL_RETURN_ALT to the rally point
         wait_s=0.0,
+        rally_step_m=0.01,
         default_altitude_m=60.0,  # RTL_RETURN_ALT
         parameters=_return_parameters,
     ),

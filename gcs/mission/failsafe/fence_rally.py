@@ -110,13 +110,17 @@ def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
 def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
     """The landing point of each vehicle as its rally point, in the plan's order; altitudes above its own home.
 
-    ArduPilot returns to a rally point at the higher of its altitude and RTL_ALT: here they are equal. PX4 adds
+    ArduPilot returns to a rally point at the higher of its altitude and RTL_ALT. Here they are equal, or in a large
+    fleet the rally point is less than a metre lower: the vehicle holds RTL_ALT, which was verified. PX4 adds
     RTL_RETURN_ALT to the rally point's altitude, so for PX4 that is the ground.
     """
     places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
-    above_m = list(altitudes_m) if firmware.traits.returns.rally_at_return_altitude else ground_m.tolist()
-    return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m, strict=True))
+    returns = firmware.traits.returns
+    above_m = np.array(altitudes_m) if returns.rally_at_return_altitude else ground_m
+    per_m = round(1.0 / returns.rally_step_m)
+    above_m = np.floor(above_m * per_m + 1e-6) / per_m + 0.0  # what it stores
+    return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m.tolist(), strict=True))
 
 
 def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:

@@ -49,7 +49,10 @@ class WorstReturn:
 
 @dataclass(frozen=True)
 class ReturnPlan:
-    """The verified returns of a fleet. Altitudes (V) count from each vehicle's own home, in whole centimetres."""
+    """The verified returns of a fleet. Altitudes (V) count from each vehicle's own home, in whole centimetres.
+
+    Staggered ones are rounded up to what a rally point can hold (ArduPilot: whole metres), and verified after that.
+    """
 
     altitudes_m: tuple[float, ...]
     speeds: ReturnSpeeds
@@ -71,11 +74,14 @@ def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
         if best is None:
             ground_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S))
         base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
-        step_m = max(STEP_MIN_M, _STEP_SHARE * limits.separation_min_m)
-        homes_m = -plan.pads_ned_m[:, 2]
         vehicles = len(plan.sysids)
-        order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m))
-        altitudes_m = _rounded(base_m + step_m * order - homes_m)
+        # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
+        quantum_m = firmware.traits.returns.rally_step_m if vehicles <= _SEARCHED else 1.0 / _CM
+        # Rounding brings two neighbours closer by less than one quantum.
+        step_m = max(STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + quantum_m)
+        homes_m = -plan.pads_ned_m[:, 2]
+        order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m))
+        altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
         worst = _worst(plan, firmware, speeds, altitudes_m) if vehicles > 1 else None
         found = ReturnPlan(
             tuple(altitudes_m.tolist()),
@@ -113,8 +119,10 @@ def _distance(worst: WorstReturn) -> float:
     return worst.distance_m
 
 
-def _rounded(altitudes_m: Array) -> Array:
-    return np.asarray(np.ceil(altitudes_m * _CM - 1e-6) / _CM)
+def _rounded(altitudes_m: Array, quantum_m: float) -> Array:
+    """Altitudes rounded up to multiples of `quantum_m`."""
+    per_m = round(1.0 / quantum_m)
+    return np.asarray(np.ceil(altitudes_m * per_m - 1e-6) / per_m)
 
 
 def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:

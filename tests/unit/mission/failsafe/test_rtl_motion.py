@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gcs.autopilots.storage.stored_fields import StoredAs
 from gcs.autopilots.traits import Autopilot
+from gcs.mavlink import FenceCommand
+from gcs.mission.failsafe.fence_rally import build_rally, build_safety
 from gcs.mission.failsafe.rtl_altitudes import STEP_MIN_M, ReturnPlan, plan_returns
 from gcs.mission.failsafe.rtl_cases import crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances
@@ -145,11 +149,31 @@ def test_returns_clear_the_ground(simulation1_plan: Plan, returns: ReturnPlan) -
 def test_heights_are_levels_a_step_apart(simulation1_plan: Plan, returns: ReturnPlan) -> None:
     tops = np.sort(np.array(returns.altitudes_m) - simulation1_plan.pads_ned_m[:, 2])
     assert returns.step_m == STEP_MIN_M
-    assert np.diff(tops) == pytest.approx(np.full(5, STEP_MIN_M), abs=0.011)
+    assert np.diff(tops) == pytest.approx(np.full(5, STEP_MIN_M), abs=1.0)  # whole metres above homes that differ
+    assert np.diff(tops).min() >= simulation1_plan.scenario.limits.separation_min_m
     assert tops[-1] == pytest.approx(returns.top_m)
-    assert all(round(a * 100) == pytest.approx(a * 100, abs=1e-6) for a in returns.altitudes_m)
     highest = -simulation1_plan.states(np.linspace(-30, 280, 2000))[..., 2].min()
     assert tops[0] >= max(returns.ground_max_m + simulation1_plan.scenario.limits.clearance_min_m, highest) - 0.1
+
+
+def test_return_altitudes_are_what_each_autopilot_stores(simulation1_plan: Plan) -> None:
+    """Up to the next one: ArduPilot's rally points have whole metres, and RTL_ALT with them. Verified after that."""
+    for firmware, per_m in ((ARDUPILOT, 1), (PX4, 100)):
+        returns = plan_returns(simulation1_plan, firmware)
+        safe = build_safety(simulation1_plan, firmware)
+        assert safe.returns.altitudes_m == returns.altitudes_m
+        assert all(round(a * per_m) == pytest.approx(a * per_m, abs=1e-6) for a in returns.altitudes_m)
+        storage = firmware.traits.link.item_storage.of(FenceCommand.RALLY_POINT).z
+        for row, point in enumerate(safe.rally):
+            stored_m = math.trunc(point.alt_m) if storage.stored is StoredAs.WHOLE else point.alt_m
+            assert stored_m == point.alt_m
+            parameters = dict(safe.parameters[row])
+            if firmware is ARDUPILOT:  # it returns at the higher of the two: they are equal, and what was verified
+                assert parameters["RTL_ALT"] == 100 * stored_m == 100 * returns.altitudes_m[row]
+            else:
+                assert parameters["RTL_RETURN_ALT"] == returns.altitudes_m[row]
+        assert returns.worst is not None
+        assert returns.worst.distance_m >= simulation1_plan.scenario.limits.separation_min_m
 
 
 def test_any_other_order_is_no_better(simulation1_plan: Plan, returns: ReturnPlan) -> None:
@@ -252,5 +276,7 @@ def test_a_large_fleet_returns_in_formation(simulation1_plan: Plan) -> None:
     returns = plan_returns(fleet, ARDUPILOT)
     tops = np.array(returns.altitudes_m) - fleet.pads_ned_m[:, 2]
     assert np.ptp(tops) < 0.011
+    rally_m = np.array([point.alt_m for point in build_rally(fleet, ARDUPILOT, returns.altitudes_m)])
+    assert np.array_equal(rally_m, np.floor(returns.altitudes_m))  # below RTL_ALT, which the vehicle then holds
     assert returns.worst is not None
     assert returns.worst.distance_m == pytest.approx(0.5, abs=0.12)  # pads are not level: climbs take different times
