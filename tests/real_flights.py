@@ -1,0 +1,145 @@
+"""Seven flights of real autopilots, thinned, and a ground station that hears them again.
+
+`Recorded` is a link: the vehicles' frames arrive at the times of the recording, in virtual time. Every command that the
+ground station sends is acknowledged; what the vehicles do stays as recorded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import lzma
+import selectors
+import shutil
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import Any, TypeVar
+
+from gcs.flight.recording.flight_state import FlightState, read_flight_state
+from gcs.flight.recording.tlog import Tlog, load_tlog
+from gcs.link.endpoints.base import Address, LinkSpec, Receive, parse_link_spec
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import GROUND, Message
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.plan_file import load_plan
+
+T = TypeVar("T")
+FOLDER = Path(__file__).resolve().parent / "recordings"
+FLIGHTS = tuple(sorted(folder.name for folder in FOLDER.iterdir()))
+WHERE = ("127.0.0.1", 14550)
+_ACCEPTED = 0
+_YIELD_S = 1e-3  # what a turn of the event loop costs that waits for nothing
+
+
+def unpacked(name: str, to: Path) -> Path:
+    """Copy the folder of one flight, its logs unpacked."""
+    folder = to / name
+    folder.mkdir()
+    for path in (FOLDER / name).iterdir():
+        if path.suffix == ".xz":
+            (folder / path.stem).write_bytes(lzma.decompress(path.read_bytes()))
+        else:
+            shutil.copyfile(path, folder / path.name)
+    return folder
+
+
+class Flight:
+    """One recorded flight: its plan, its state, and its last log."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.plan: Plan = load_plan(folder / "plan.skein")[0]
+        self.state: FlightState = read_flight_state(folder)
+        self.log: Tlog = load_tlog(sorted(folder.glob("*.tlog"))[0])
+
+    @property
+    def t0_unix_s(self) -> float:
+        """T0 of the plan."""
+        assert self.state.t0_unix_s is not None
+        return self.state.t0_unix_s
+
+
+class Recorded:
+    """The endpoint of a recorded flight from `begin_unix_s` on."""
+
+    def __init__(self, log: Tlog, begin_unix_s: float) -> None:
+        self.sent: list[Message] = []
+        self.over = asyncio.Event()
+        self._log = log
+        self._begin_unix_s = begin_unix_s
+        self._codec = Codec(*GROUND)
+        self._acks: dict[int, Codec] = {}
+        self._playing: asyncio.Future[None] | None = None
+        self._receive: Receive | None = None
+
+    @property
+    def local_address(self) -> Address:
+        return WHERE
+
+    @property
+    def spec(self) -> LinkSpec:
+        return parse_link_spec(f"udpin:{WHERE[0]}:{WHERE[1]}")
+
+    async def open(self, receive: Receive) -> None:
+        self._receive = receive
+        self._playing = asyncio.ensure_future(self._play(receive))
+
+    def send(self, data: bytes, address: Address | None = None) -> None:
+        message = self._codec.decode_frame(data)
+        assert message is not None
+        self.sent.append(message)
+        if message.name == "COMMAND_LONG":
+            sysid = message.fields["target_system"]
+            fields = {"command": message.fields["command"], "result": _ACCEPTED, "target_system": GROUND.sysid}
+            ack = self._acks.setdefault(sysid, Codec(sysid, 1)).encode(Message("COMMAND_ACK", fields))
+            asyncio.get_running_loop().call_later(0.01, self._hear, ack, sysid)
+
+    def close(self) -> None:
+        if self._playing is not None:
+            self._playing.cancel()
+
+    def _hear(self, data: bytes, sysid: int) -> None:
+        if self._receive is not None:
+            self._receive(data, (WHERE[0], 20000 + sysid))
+
+    async def _play(self, receive: Receive) -> None:
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+        for frame, unix_s in zip(self._log.frames, self._log.unix_s.tolist(), strict=True):
+            if frame.sysid == GROUND.sysid or unix_s < self._begin_unix_s:
+                continue
+            wait_s = began_s + (unix_s - self._begin_unix_s) - loop.time()
+            if wait_s > 0.0:
+                await asyncio.sleep(wait_s)
+            self._hear(frame.data, frame.sysid)
+        self.over.set()
+
+
+class _NoWait(selectors.DefaultSelector):
+    """Waits for nothing: virtual time passes instead."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_s = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        events = super().select(0.0)
+        if not events:
+            if timeout is None:
+                raise RuntimeError("the recording waits for something that never comes")
+            self.now_s += max(timeout, _YIELD_S)
+        return events
+
+
+class _VirtualTime(asyncio.SelectorEventLoop):
+    def __init__(self) -> None:
+        self._no_wait = _NoWait()
+        super().__init__(self._no_wait)
+
+    def time(self) -> float:
+        return self._no_wait.now_s
+
+
+def in_virtual_time(work: Coroutine[Any, Any, T]) -> T:
+    """Run `work` as `asyncio.run` does; waiting takes no time."""
+    with asyncio.Runner(loop_factory=_VirtualTime) as runner:
+        return runner.run(work)

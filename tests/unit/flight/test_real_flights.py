@@ -1,0 +1,92 @@
+"""Flights of real autopilots, heard again: report, replay, monitor and contingency policy say what happened."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from gcs.autopilots.traits import Autopilot
+from gcs.cli.main import run
+from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.progress import Event
+from gcs.flight.sequence.flight import FlightHooks, FlightSequence
+from gcs.flight.sequence.resume import Resume
+from gcs.flight.setup.build_loads import missions_only
+from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.mission.failsafe.rtl_altitudes import plan_returns
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.waypoints.mission_items import build_missions
+from tests.real_flights import FLIGHTS, Flight, Recorded, in_virtual_time, unpacked
+
+FULL = [name for name in FLIGHTS if "fence" not in name]
+STREAMED = [
+    pytest.param(name, marks=() if name == "mixed-stream" else pytest.mark.slow)
+    for name in FULL
+    if "mission" not in name
+]
+# The whole logs tell: root mean square of plan minus estimate, m; delay behind the plan, s; formation error, m.
+SEEN = {
+    "arducopter-4.5.6-follow-wind": ((0.10, 0.17), (-0.005, 0.003), 1.5),
+    "arducopter-4.5.6-mission": ((1.0, 1.4), (0.110, 0.270), 0.31),
+    "arducopter-4.5.6-stream": ((0.16, 0.19), (-0.007, -0.003), 0.37),
+    "mixed-stream": ((0.16, 0.54), (-0.013, -0.004), 1.9),
+    "px4-1.17dev-follow": ((0.46, 0.98), (-0.033, -0.011), 2.27),
+    "px4-1.17dev-stream": ((0.43, 0.52), (-0.017, -0.010), 0.81),
+}
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_the_report_has_the_figures_that_were_seen(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["report", str(unpacked(name, tmp_path)), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (least_m, most_m), (first_s, last_s), formation_m = SEEN[name]
+    assert len(found["vehicles"]) == 6
+    for vehicle in found["vehicles"]:
+        assert least_m <= vehicle["plan_estimate_m"] <= most_m
+        assert first_s <= vehicle["late_s"] <= last_s
+    assert formation_m - 0.1 < found["formation_error_max_m"] < formation_m + 0.02
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_replay_names_every_mode_and_every_vehicle(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["replay", str(unpacked(name, tmp_path))]) == 0
+    said = capsys.readouterr()
+    assert "6 of 6 vehicles heard" in said.out + said.err
+    assert not re.search(r"is in mode \d", said.out + said.err)
+
+
+@pytest.mark.parametrize("name", STREAMED)
+def test_a_whole_flight_passes_without_an_incident(name: str, tmp_path: Path) -> None:
+    recorded = Flight(unpacked(name, tmp_path))
+    events: list[Event] = []
+
+    async def hear() -> FlightSequence:
+        plan, options = recorded.plan, FlightOptions(mode=FlightMode.MISSION)
+        link = Recorded(recorded.log, recorded.t0_unix_s - 5.0)
+        fleet = LinkedFleet([link])
+        await link.open(lambda data, address: fleet._receive(0, data, address))
+        sessions = await fleet.vehicles(plan.sysids, 15.0)
+        sequence = FlightSequence(
+            plan,
+            sessions,
+            options,
+            loads=missions_only(build_missions(plan)),
+            stream=build_stream(plan, 5.0),
+            returns=plan_returns(plan, Autopilot.ARDUPILOT),
+            hooks=FlightHooks(events.append),
+        )
+        await sequence.resume(Resume.RESUME, recorded.t0_unix_s)
+        link.close()
+        return sequence
+
+    heard = in_virtual_time(hear())
+    assert events == []
+    first_s, last_s = SEEN[name][1]
+    assert all(first_s <= late_s <= last_s for late_s in heard.monitor.late_s.values())
