@@ -1,8 +1,8 @@
-"""Words for MAVLink results, commands and mission types in messages. An unknown value keeps its number."""
+"""Words for MAVLink results, commands, mission types, sensors and severities. An unknown value keeps its number."""
 
 from __future__ import annotations
 
-from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType
+from gcs.mavlink import MavCommand, MavResult, MissionResult, MissionType, Severity
 
 _MISSION_RESULT_WORDS = {
     MissionResult.ACCEPTED: "accepted",
@@ -42,6 +42,53 @@ _MISSION_TYPE_WORDS = {
     MissionType.RALLY: "rally points",
     MissionType.ALL: "mission, fence and rally points",
 }
+
+
+# MAV_SYS_STATUS_SENSOR: one word or two for every bit of SYS_STATUS, from bit 0 on
+SENSORS = (
+    "gyro",
+    "accelerometer",
+    "compass",
+    "barometer",
+    "airspeed",
+    "GNSS",
+    "optical flow",
+    "vision position",
+    "laser position",
+    "external position",
+    "rate control",
+    "attitude control",
+    "yaw control",
+    "altitude control",
+    "position control",
+    "motors",
+    "radio control",
+    "second gyro",
+    "second accelerometer",
+    "second compass",
+    "geofence",
+    "attitude estimate",
+    "terrain",
+    "reversed motors",
+    "logging",
+    "battery",
+    "proximity",
+    "satellite link",
+    "arming checks",
+    "obstacle avoidance",
+    "propulsion",
+    "extension",
+)
+
+
+def sensor_names(bits: int) -> tuple[str, ...]:
+    """Return the names of the sensors whose bits of SYS_STATUS are set."""
+    return tuple(name for bit, name in enumerate(SENSORS) if bits >> bit & 1)
+
+
+def severity_name(value: int) -> str:
+    """Return a MAV_SEVERITY in capitals: CRITICAL. An unknown value keeps its number."""
+    return Severity(value).name if value in Severity.__members__.values() else f"severity {value}"
 
 
 def mission_type_words(value: int) -> str:

@@ -12,6 +12,7 @@ from gcs.autopilots.columns import (
     ABOVE_GROUND,
     ABOVE_HOME,
     AMSL,
+    POSITION_FLAGS,
     AutopilotTraits,
     CommandSource,
     EstimatorReport,
@@ -35,7 +36,9 @@ from gcs.mavlink import CopterMode, EkfFlag, MavCommand, MessageId
 _CM = 100
 _ALTITUDE_AND_AREAS = 5  # FENCE_TYPE: not the circle around home, which is on by default and ends 300 m away
 # The PREARM bit of SYS_STATUS turns true before GUIDED can be armed, so readiness is read from these flags.
-_ESTIMATOR = EstimatorReport(MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE)
+_ESTIMATOR = EstimatorReport(
+    MessageId.EKF_STATUS_REPORT, POSITION_FLAGS, EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
+)
 
 
 def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
@@ -201,7 +204,6 @@ ARDUPILOT = AutopilotTraits(
         stream_first_s=0.0,
         lag_s=0.0,  # setpoints that came 0.1 s early put it 0.43 m ahead
         waits_for_time_of_day=True,
-        estimator=_ESTIMATOR,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
         failsafe=_FAILSAFE,
     ),
@@ -215,6 +217,8 @@ ARDUPILOT = AutopilotTraits(
         renaming=_RENAMING,
         system_id="SYSID_THISMAV",
         estimator=_ESTIMATOR,
+        startup_texts=("PreArm: ", "Arm: "),  # PreArm is repeated every 30 s while a condition is missing
+        capacity_parameter="BATT_CAPACITY",
         timers=replace(STANDARD, mission=replace(STANDARD.mission, request_again_min_s=0.0)),  # copies do no harm
     ),
     parameter_file=ParameterFileStyle.MISSION_PLANNER,

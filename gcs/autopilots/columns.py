@@ -22,6 +22,11 @@ from gcs.mavlink import EkfFlag, MessageId, ModeFlag
 AMSL, ABOVE_HOME, ABOVE_GROUND = frozenset({0, 5}), frozenset({3, 6}), frozenset({10, 11})
 
 
+# Of an estimate that a formation flies on. The PREARM bit of SYS_STATUS is not among the conditions: it is about the
+# present mode, which is not the one that a vehicle is armed in.
+POSITION_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_ABS | EkfFlag.POS_VERT_ABS
+
+
 class CommandSource(StrEnum):
     """How it is known whether an autopilot executes a mission command."""
 
@@ -87,7 +92,10 @@ class EstimatorReport:
     forbidden: int
 
     def is_ready(self, name: str, fields: Mapping[str, Any]) -> bool:
-        """Return whether a message of this name with these fields reports a position estimate that is ready."""
+        """Return whether this message reports a position estimate that is ready for flight.
+
+        This is the one definition of ready: waiting before a flight, pre-flight and `gcs vehicles` all call it.
+        """
         if name != self.message.name:
             return False
         flags = fields["flags"]
@@ -142,14 +150,8 @@ class FlightBehaviour:
     stream_first_s: float  # a setpoint stream of this length must precede guided mode, and must not stop in it
     lag_s: float  # delay with which it follows setpoints that arrive on time
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
-    estimator: EstimatorReport
     health_ids: tuple[int, ...]  # messages that report failures in flight
     failsafe: FailsafeSigns = FailsafeSigns()
-
-    @property
-    def estimator_id(self) -> int:
-        """The number of the message that shows whether the position estimate is ready."""
-        return self.estimator.message
 
     def mode_parameters(self, mode: int) -> tuple[float, ...]:
         """Return the parameters of DO_SET_MODE."""
@@ -167,10 +169,6 @@ class FlightBehaviour:
         main, sub = _parts(mode)
         of_main = self.mode_names.get(main << 16, f"mode {main}.{sub}")
         return self.mode_names.get(main << 16 | sub << 24, of_main)
-
-    def position_is_known(self, name: str, fields: Mapping[str, Any]) -> bool:
-        """Return whether this message shows a position estimate that is ready for flight."""
-        return self.estimator.is_ready(name, fields)
 
     def takeoff_parameters(self, height_m: float, home_amsl_m: float) -> tuple[float, ...]:
         """Return the parameters of NAV_TAKEOFF for a vertical climb of `height_m`."""
@@ -209,8 +207,13 @@ class LinkBehaviour:
     renaming: ParameterRenaming | None = None
     system_id: str = ""  # the parameter with the vehicle's system id
     estimator: EstimatorReport = EstimatorReport(
-        MessageId.EKF_STATUS_REPORT, EkfFlag.POS_HORIZ_ABS, EkfFlag.CONST_POS_MODE
+        MessageId.EKF_STATUS_REPORT, POSITION_FLAGS, EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
     )
+    # Sensors that may be enabled and not healthy: pre-flight mentions them. `[preflight]` of a scenario may say else.
+    mentioned_sensors: frozenset[str] = frozenset({"radio control"})
+    # How critical STATUSTEXTs begin that belong to the start-up: they count only once the vehicle is ready.
+    startup_texts: tuple[str, ...] = ()
+    capacity_parameter: str | None = None  # of its battery, mAh; 0 or less: unknown
     timers: ProtocolTimers = STANDARD
 
 

@@ -11,6 +11,7 @@ import math
 from gcs.autopilots.columns import (
     ABOVE_HOME,
     AMSL,
+    POSITION_FLAGS,
     AutopilotTraits,
     CommandSource,
     EstimatorReport,
@@ -42,7 +43,7 @@ from gcs.mavlink import (
 _TAKEOFF_M = 2.5  # MIS_TAKEOFF_ALT: it climbs so far before anything else
 _DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
 # Once it is ready it sets all ten flags, CONST_POS_MODE among them: on PX4 that one means nothing.
-_ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, EkfFlag.POS_HORIZ_ABS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
+_ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, POSITION_FLAGS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
 
 
 def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
@@ -179,7 +180,6 @@ PX4 = AutopilotTraits(
         stream_first_s=1.5,
         lag_s=0.1,  # 0.13 s at 20 Hz, less half a period of waiting for the next setpoint
         waits_for_time_of_day=False,
-        estimator=_ESTIMATOR,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
         failsafe=_FAILSAFE,
     ),
@@ -196,6 +196,8 @@ PX4 = AutopilotTraits(
         rally_integer_frames=False,
         system_id="MAV_SYS_ID",
         estimator=_ESTIMATOR,
+        startup_texts=("Preflight Fail: ", "Arming denied: "),
+        capacity_parameter="BAT1_CAPACITY",
         timers=STANDARD,
     ),
     parameter_file=ParameterFileStyle.QGROUNDCONTROL,

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import sys
 
+from rich.markup import escape
 from rich.table import Table
 
 from gcs.cli.console import Screen
-from gcs.flight.setup.preflight import PreflightCheck
+from gcs.flight.setup.preflight_check import PreflightCheck, complete
 
 
 async def typed_line() -> str:
@@ -30,11 +31,29 @@ async def typed_line() -> str:
 
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
     """Show a table: one row per check, one column per vehicle, failed checks marked, and the requirement."""
-    sysids = list(dict.fromkeys(c.sysid for c in checks))
-    found = {(c.name, c.sysid): c for c in checks}
-    go = all(c.ok for c in checks)
-    table = Table("check", *(str(s) for s in sysids), "required", title="GO" if go else "NO-GO")
-    for name in dict.fromkeys(c.name for c in checks):
-        row = [found[name, s] for s in sysids]
-        table.add_row(name, *((c.measured if c.ok else f"FAILED: {c.measured}") for c in row), row[0].required)
-    screen.show(table)
+    screen.show(checks_table(checks))
+    for check in checks:
+        if check.warning:
+            screen.warn(f"vehicle {check.sysid}: {check.warning}")
+
+
+def checks_table(checks: tuple[PreflightCheck, ...]) -> Table:
+    """Return the table of checks. A check that a vehicle lacks is not reported, and failed."""
+    rows: dict[str, list[PreflightCheck]] = {}
+    for check in complete(checks):
+        rows.setdefault(check.name, []).append(check)
+    waived = [name for name, row in rows.items() if any(c.waived for c in row)]
+    go = all(c.go for row in rows.values() for c in row)
+    title = ("GO" if go else "NO-GO") + (f", waived: {', '.join(waived)}" if waived else "")
+    sysids = dict.fromkeys(str(c.sysid) for row in rows.values() for c in row)
+    table = Table(title=title)
+    for heading in ("check", *sysids, "required"):
+        table.add_column(heading, overflow="fold")
+    for name, row in rows.items():
+        table.add_row(name, *(escape(_cell(c)) for c in row), escape(row[0].required))
+    return table
+
+
+def _cell(check: PreflightCheck) -> str:
+    mark = "WAIVED: " if check.waived else "FAILED: " if not check.ok else "WARNING: " if check.warning else ""
+    return mark + check.measured

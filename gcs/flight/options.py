@@ -34,4 +34,6 @@ class FlightOptions:
     follow: bool = False  # followers fly relative to the reported position of their leader
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE
+    waived: frozenset[str] = frozenset()  # pre-flight checks that do not stop this flight
+    texts_after_upload_s: float = 2.5  # vehicle time: so long a critical text about the upload may take
     limits: DetectionLimits = field(default_factory=DetectionLimits)

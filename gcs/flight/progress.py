@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
@@ -45,18 +46,19 @@ class Snapshot:
 class Event:
     """One incident of a vehicle, or one order to it with the rule behind it."""
 
-    unix_s: float  # GNSS time
-    t_s: float  # plan time
+    unix_s: float  # GNSS time; NaN before it is known
+    t_s: float  # plan time; NaN before T0
     sysid: int
     what: str
     rule: str = ""
 
     def __str__(self) -> str:
-        return f"t = {self.t_s:.1f} s: vehicle {self.sysid} {self.what}. {self.rule}".rstrip(". ")
+        when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"
+        return f"{when}: vehicle {self.sysid} {self.what}. {self.rule}".rstrip(". ")
 
 
 if TYPE_CHECKING:
-    from gcs.flight.setup.preflight import PreflightCheck
+    from gcs.flight.setup.preflight_check import PreflightCheck
 
 
 class InFlight(Protocol):

@@ -23,8 +23,9 @@ from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folde
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
 from gcs.flight.setup.build_loads import loads_built_aside, missions_only
+from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
-from gcs.flight.setup.preflight import PreflightLimits, go_or_no_go, restore_parameters
+from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -36,6 +37,7 @@ from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import Report, verify
+from gcs.scenario.schema.preflight_table import PreflightTable
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -64,7 +66,7 @@ class FlightRun:
     root: Path = Path("flights")
     options: FlightOptions = field(default_factory=FlightOptions)
     safety: bool = True  # with a link: fences, rally points and parameters go along
-    limits: PreflightLimits = field(default_factory=PreflightLimits)
+    limits: PreflightTable | None = None  # None: the scenario's
 
 
 @dataclass(frozen=True)
@@ -122,10 +124,11 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream))
+    checks: list[PreflightCheck] = []
+    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream, checks))
     watcher.lap("fly")
     if order.link is not None:
-        data = {"folder": str(folder), "judged": False, **_skew(late_s)}
+        data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), **_skew(late_s)}
         return Flown(folder, times, late_s, None, data)
     truth = load_truth(folder / "truth.npz")
     verdict = judge(plan, truth, times)
@@ -139,9 +142,15 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 
 async def _fly(
-    order: FlightRun, watcher: Watcher, folder: Path, exported: ExportIndex, navigator: str, stream: SetpointStream
+    order: FlightRun,
+    watcher: Watcher,
+    folder: Path,
+    exported: ExportIndex,
+    navigator: str,
+    stream: SetpointStream,
+    checks: list[PreflightCheck],
 ) -> tuple[FlightTimes, dict[int, float]]:
-    """Return the times of the flight, and the delay of each vehicle behind the plan."""
+    """Return the times of the flight, and the delay of each vehicle behind the plan. `checks` takes the pre-flight."""
     plan, options = order.plan, order.options
     loop = asyncio.get_running_loop()
     fleet: LinkedFleet | None = None
@@ -177,10 +186,12 @@ async def _fly(
                 step=step.value,
                 t0_unix_s=t0_unix_s,
                 pid=os.getpid(),
+                waived=tuple(sorted(options.waived)),
             )
             write_flight_state(folder, state)
 
-        flight = await _flight(order, watcher, exported, fleet, sessions, stream, FlightHooks(on_event, on_step))
+        hooks = FlightHooks(on_event, on_step)
+        flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()
@@ -200,6 +211,7 @@ async def _flight(
     sessions: dict[int, VehicleSession],
     stream: SetpointStream,
     hooks: FlightHooks,
+    checks: list[PreflightCheck],
 ) -> FlightSequence:
     """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
     plan = order.plan
@@ -216,13 +228,33 @@ async def _flight(
         )
 
         async def check_and_confirm() -> None:
-            await go_or_no_go(fleet, sessions, plan, order.limits, watcher.checks)
+            limits, waived = order.limits or plan.scenario.preflight, options.waived
+            checks.extend(await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived))
+            for event in _waived(checks, sessions):
+                hooks.on_event(event)
             await watcher.confirm()
 
         hooks = replace(hooks, on_ready=check_and_confirm)
     same = all(session.autopilot == exported.firmware for session in sessions.values())
     returns = exported.safety.returns if same else None
     return FlightSequence(plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=hooks)
+
+
+def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
+    """Return an event for each check that failed and was waived, for the flight's folder."""
+    now_s = asyncio.get_running_loop().time()
+    times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
+    return [
+        Event(
+            math.nan if (unix_s := times[c.sysid]) is None else unix_s,
+            math.nan,
+            c.sysid,
+            f"failed the pre-flight check {c.name}, waived: {c.measured} (required: {c.required})",
+            f"The operator waived it for this flight: --waive {c.name}",
+        )
+        for c in checks
+        if c.waived
+    ]
 
 
 def _refuse_other_autopilots(plan: Plan, autopilots: dict[int, int]) -> None:

@@ -92,7 +92,16 @@ def fly(
         typer.Option(
             "--reserve",
             metavar="SHARE",
-            help="With --link: least charge left after the flight, of a full battery; default 25%.",
+            help="With --link: least charge left after the flight, of a full battery; default [preflight] reserve.",
+        ),
+    ] = None,
+    waive: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--waive",
+            metavar="CHECK",
+            help="With --link: fly although this pre-flight check fails, by its name; the flight's folder records it. "
+            "Give it once for each check.",
         ),
     ] = None,
     to: Annotated[Path, typer.Option("--to", help="Folder for the folders of flights.")] = Path("flights"),
@@ -115,6 +124,8 @@ def fly(
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
     share = _reserve(reserve, sim)
+    if waive and sim:
+        raise UsageError("--waive applies to vehicles on a --link only", hint="leave --waive out with --sim")
     known = connection(link, systems, signing_key_file, transfer) if link else None
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.plan_argument import Stopwatch, plan_for
@@ -122,8 +133,9 @@ def fly(
     from gcs.flight.options import FlightMode, FlightOptions
     from gcs.flight.run import Emulated, FlightRun
     from gcs.flight.setup.mission_choice import TimeKeeping
-    from gcs.flight.setup.preflight import PreflightLimits
+    from gcs.flight.setup.preflight_check import known_checks
 
+    waived = known_checks(waive or ())
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified)
@@ -132,8 +144,12 @@ def fly(
             f"{len(plan.sysids)} vehicles: one MAVLink network has at most {LARGEST_SYSID} system ids",
             hint="fly a smaller formation; `gcs export` writes files for all vehicles",
         )
-    limits = PreflightLimits() if share is None else PreflightLimits(reserve=share)
-    choices = FlightOptions(follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss))
+    limits = plan.scenario.preflight
+    if share is not None:
+        limits = limits.model_copy(update={"reserve": share})
+    choices = FlightOptions(
+        follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
+    )
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only

@@ -16,7 +16,7 @@ from gcs.flight.lateness import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import limit_text
 from gcs.flight.run import FlightRun, Flown, fly_run
-from gcs.flight.setup.preflight import PreflightCheck
+from gcs.flight.setup.preflight_check import PreflightCheck
 
 CONFIRMATION = "arm"
 _REFRESH_S = 0.25

@@ -92,14 +92,17 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
 def health(report: VehicleReport) -> str:
     """The faults of a vehicle in a few words, or "ready"."""
-    wrong = [f"{name} not healthy" for name in report.ailing]
+    ailing = report.ailing or ()
+    wrong = [f"{name} not healthy" for name in ailing if name not in report.mentioned_sensors]
     if report.estimate_ok is False:
         wrong.append("no position estimate")
     if report.prearm_ok is False:
-        wrong.append("not ready to arm")
+        wrong.append(f"not ready to arm in {report.mode}")
     if report.estimate_ok is None and report.prearm_ok is None:
         wrong.append("no health reported")
-    return ", ".join(wrong) or "ready"
+    wrong += [f"reports: {text}" for text in report.critical_texts]
+    mentioned = [f"{name} not healthy" for name in ailing if name in report.mentioned_sensors]
+    return ", ".join((*(wrong or ["ready"]), *mentioned))
 
 
 def battery(report: VehicleReport) -> str:

@@ -71,8 +71,10 @@ def read_events(path: Path) -> tuple[Event, ...]:
     found = []
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
         try:
-            found.append(Event(**json.loads(line)))
-        except (ValueError, TypeError):
+            data = json.loads(line)
+            times = {key: math.nan for key in ("unix_s", "t_s") if data[key] is None}
+            found.append(Event(**{**data, **times}))
+        except (ValueError, TypeError, KeyError):
             continue
     return tuple(found)
 
@@ -92,8 +94,9 @@ class EventLog:
         self._file.close()
 
     def write(self, event: Event) -> None:
-        """Write one event."""
-        self._file.write(json.dumps(asdict(event)) + "\n")
+        """Write one event; times that are not known yet are null."""
+        data = asdict(event) | {"unix_s": _finite(event.unix_s), "t_s": _finite(event.t_s)}
+        self._file.write(json.dumps(data) + "\n")
         self._file.flush()
 
 

@@ -28,6 +28,7 @@ class FlightState:
     step: str
     t0_unix_s: float | None
     pid: int
+    waived: tuple[str, ...] = ()  # pre-flight checks that this flight was allowed to fail
 
     @property
     def over(self) -> bool:
@@ -62,6 +63,7 @@ def read_flight_state(folder: Path) -> FlightState:
             raise ValueError("another format")
         data["links"] = tuple(map(str, data["links"]))
         data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
+        data["waived"] = tuple(map(str, data.get("waived", ())))
         return FlightState(**data)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         raise FileFormatError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gcs.errors import FileFormatError
+from gcs.flight.progress import Event
 from gcs.flight.recording.flight_folder import EVENTS, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
@@ -60,9 +62,14 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
     said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
     said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
     tracks = _from_record(record, plan.sysids)
-    events = read_events(folder / EVENTS)
+    events = tuple(_placed(event, t0_unix_s) for event in read_events(folder / EVENTS) if math.isfinite(event.unix_s))
     recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes)
     return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
+
+
+def _placed(event: Event, t0_unix_s: float) -> Event:
+    """Return an event from before T0 was known with its time counted from T0."""
+    return replace(event, t_s=event.unix_s - t0_unix_s) if math.isnan(event.t_s) else event
 
 
 def _bare(name: str, logs: list[Tlog]) -> LoadedRecording:

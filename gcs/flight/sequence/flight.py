@@ -37,6 +37,8 @@ from gcs.flight.sequence.takeoff_landing import (
     until_landed,
     until_ready,
 )
+from gcs.flight.sequence.text_watch import TextWatch
+from gcs.flight.setup.preflight_check import MESSAGES
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.command import CommandSender
@@ -101,6 +103,7 @@ class FlightSequence:
             for row, sysid in enumerate(plan.sysids)
         }
         self.time = FleetTime(sessions)
+        self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
         self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start_unix_s = 0
@@ -117,7 +120,7 @@ class FlightSequence:
         return await self._guarded(self._resume(what, t0_unix_s))
 
     async def _guarded(self, flying: Coroutine[Any, Any, T]) -> T:
-        stops = [self.listen(vehicle) for vehicle in self.vehicles.values()]
+        stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
         watch = asyncio.ensure_future(self._watch_links())
         work = asyncio.ensure_future(flying)
         try:
@@ -163,9 +166,12 @@ class FlightSequence:
             self._set_common_start()
         self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
+        texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
         self.contingency = await self._contingency()
+        await self.time.until(texts_end_unix_s)
+        self._refuse_critical_texts()
         self._enter(Step.TAKEOFF)
-        await self._each(take_off)
+        await self._each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
         await self._each(until_hovering)
         airborne_unix_s = self.time.sure_s()
         self._enter(Step.FLY)
@@ -175,6 +181,10 @@ class FlightSequence:
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
         self._raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
+
+    def _refuse_critical_texts(self, sysid: int | None = None) -> None:
+        if MESSAGES not in self.options.waived:
+            self._texts.refuse(sysid)
 
     async def _resume(self, what: Resume, t0_unix_s: float | None) -> float | None:
         await self._each(request_telemetry)

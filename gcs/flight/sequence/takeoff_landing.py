@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +51,7 @@ async def request_telemetry(vehicle: FlightVehicle) -> None:
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
     m = vehicle.behaviour
-    for number in (m.estimator_id, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
+    for number in (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
         await session.set_message_interval(number, 2.0)
 
 
@@ -58,7 +59,7 @@ async def until_ready(vehicle: FlightVehicle) -> None:
     """Wait until a vehicle has a position estimate and reports GNSS time. Raises PeerTimeout."""
     session, options = vehicle.session, vehicle.options
     await session.wait_for(
-        lambda message: vehicle.behaviour.position_is_known(message.name, message.fields),
+        lambda message: session.estimator.is_ready(message.name, message.fields),
         options.ready_timeout_s,
         "a position estimate",
         or_latest=True,
@@ -74,12 +75,13 @@ async def until_ready(vehicle: FlightVehicle) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def take_off(vehicle: FlightVehicle) -> None:
-    """Arm a vehicle and order it to climb to the hover over its pad."""
+async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] = lambda _: None) -> None:
+    """Arm a vehicle and order it to climb to the hover over its pad. `before_arming` may raise to stop it."""
     session, behaviour = vehicle.session, vehicle.behaviour
     pad_up_m = -float(vehicle.plan.pads_ned_m[vehicle.row, 2])
     height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
     await set_mode(vehicle, behaviour.armed_in)
+    before_arming(vehicle.sysid)
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
     await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))

@@ -1,4 +1,6 @@
-"""The pre-flight checks: the report of every vehicle against what the plan requires. A missing report is a no-go.
+"""The pre-flight checks: the report of every vehicle against what the plan requires. What is not reported is a no-go.
+
+Every vehicle has every check of `_KINDS`, so that the table of a fleet has no holes.
 
 Battery: with battery and propellers in the scenario, the flight needs the energy of its plan
 (`gcs.plan.trajectory.energy`). Otherwise a full battery is assumed to hover for `endurance_s`, and the flight needs its
@@ -7,22 +9,21 @@ own duration of that, times `effort` for climbs and wind. `reserve` is left at t
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from gcs.errors import FlightError, GcsError
+from gcs.flight.setup.battery_capacity import capacity_required, compare_capacity
+from gcs.flight.setup.preflight_check import NOT_REPORTED, PreflightCheck
 from gcs.frames import geodetic_to_ned
-from gcs.link.fleet_upload.upload_fleet import ParameterChange, restore
-from gcs.link.session.linked_fleet import LinkedFleet
-from gcs.link.session.status_report import VehicleReport, status_report
-from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import energy_Wh
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.si import local_origin
 
 _RTK_FIXED = 6
@@ -30,53 +31,69 @@ _CONFUSED_M = {True: 0.15, False: 1.5}  # with and without an RTK fix: nearer to
 
 
 @dataclass(frozen=True)
-class PreflightLimits:
-    """The limits for vehicles on their pads."""
+class _Situation:
+    """One vehicle on its pad, and what the plan needs of it."""
 
-    pad_m: float = 3.0  # from its own pad, horizontally
-    height_m: float = 10.0  # GNSS heights err by metres
-    home_m: float = 3.0  # home from its position
-    origin_m: float = 5.0  # its local frame's origin from its pad
-    round_trip_s: float = 1.0
-    endurance_s: float = 900.0  # of hover on a full battery, without [vehicle.power]
-    effort: float = 1.15
-    reserve: float = 0.25  # of a full battery
+    plan: Plan
+    row: int
+    report: VehicleReport
+    limits: PreflightTable
+    needed: float  # share of a full battery
+
+    @property
+    def pad_ned_m(self) -> Array:
+        return np.asarray(self.plan.pads_ned_m[self.row])
+
+    def ned_m(self, place: Home | None) -> Array | None:
+        """Return a place in the plan's frame (3,)."""
+        if place is None:
+            return None
+        origin = local_origin(self.plan.scenario)
+        ned = geodetic_to_ned(np.array(place.lat_deg), np.array(place.lon_deg), np.array(place.alt_amsl_m), origin)
+        return np.asarray(ned, dtype=float).reshape(3)
+
+
+class _Measured(NamedTuple):
+    text: str | None  # None: not reported
+    ok: bool
+    warning: str = ""
+
+
+_ABSENT = _Measured(None, ok=False)
 
 
 @dataclass(frozen=True)
-class PreflightCheck:
-    """One check of one vehicle."""
+class _Kind:
+    """One kind of check: what it requires, which the limits alone say, and how it is measured."""
 
-    sysid: int
-    name: str
-    measured: str
-    required: str
-    ok: bool
+    required: Callable[[Plan, PreflightTable], str]
+    measure: Callable[[_Situation], _Measured]
 
 
 def preflight(
-    plan: Plan, reports: Mapping[int, VehicleReport], limits: PreflightLimits | None = None
+    plan: Plan, reports: Mapping[int, VehicleReport], limits: PreflightTable | None = None
 ) -> tuple[PreflightCheck, ...]:
-    """Return every check of every vehicle, in the plan's order."""
-    limits = limits or PreflightLimits()
+    """Return every check of every vehicle, in the plan's order. What is not reported is a no-go.
+
+    The limits are those of the scenario unless others are given.
+    """
+    limits = limits or plan.scenario.preflight
     needed = battery_needed(plan, limits)
     checks = []
     for row, sysid in enumerate(plan.sysids):
-        checks += _checks(plan, row, reports[sysid], limits)
-        checks.append(_battery(sysid, reports[sysid].battery_share, float(needed[row]), plan, limits))
+        report = reports.get(sysid)
+        for name, kind in _KINDS.items():
+            found = _ABSENT
+            if report is not None:
+                found = kind.measure(_Situation(plan, row, report, limits, float(needed[row])))
+            text = NOT_REPORTED if found.text is None else found.text
+            checks.append(
+                PreflightCheck(sysid, name, text, kind.required(plan, limits), found.ok, warning=found.warning)
+            )
     return tuple(checks)
 
 
-def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
-    """Raises `FlightError` that names the failed checks, six at most."""
-    bad = [c for c in checks if not c.ok]
-    if bad:
-        listed = "; ".join(f"vehicle {c.sysid}: {c.name}: {c.measured} (required: {c.required})" for c in bad[:6])
-        more = f"; and {len(bad) - 6} more" if len(bad) > 6 else ""
-        raise FlightError(f"no-go: {listed}{more}.", hint="fix the failed checks, then run again; no vehicle was armed")
-
-
-def battery_needed(plan: Plan, limits: PreflightLimits) -> Array:
+def battery_needed(plan: Plan, limits: PreflightTable) -> Array:
     """Return the share of a full battery that the flight needs, per vehicle (V,), without the reserve."""
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     if taken_Wh is None or power is None:
@@ -85,7 +102,87 @@ def battery_needed(plan: Plan, limits: PreflightLimits) -> Array:
     return taken_Wh / power.battery_Wh
 
 
-def _reserve_text(plan: Plan, limits: PreflightLimits) -> str:
+def _disarmed(now: _Situation) -> _Measured:
+    return _Measured("armed" if now.report.armed else "disarmed", not now.report.armed)
+
+
+def _estimate(now: _Situation) -> _Measured:
+    good = now.report.estimate_ok
+    return _ABSENT if good is None else _Measured("healthy" if good else "not healthy", good)
+
+
+def _sensors(now: _Situation) -> _Measured:
+    """A sensor that is only mentioned may be ailing; one that the scenario requires must be there."""
+    ailing, limits = now.report.ailing, now.limits
+    if ailing is None:
+        return _ABSENT
+    tolerated = {*now.report.mentioned_sensors, *limits.mentioned_sensors} - {*limits.required_sensors}
+    bad = [name for name in ailing if name not in tolerated]
+    bad += [
+        f"{name} not enabled"
+        for name in limits.required_sensors
+        if name not in (now.report.working or ()) and name not in ailing
+    ]
+    mentioned = [name for name in ailing if name in tolerated]
+    text = ", ".join(bad) or "healthy"
+    return _Measured(text + (f" (mentioned: {', '.join(mentioned)} not healthy)" if mentioned else ""), not bad)
+
+
+def _sensors_required(_: Plan, limits: PreflightTable) -> str:
+    return "healthy" + (f", also {', '.join(limits.required_sensors)}" if limits.required_sensors else "")
+
+
+def _pad(now: _Situation) -> _Measured:
+    place = now.ned_m(now.report.position)
+    if place is None:
+        return _ABSENT
+    away_m = np.linalg.norm(now.plan.pads_ned_m[:, :2] - place[:2], axis=1)
+    nearest, own_m = int(np.argmin(away_m)), float(away_m[now.row])
+    sure_m = _CONFUSED_M[now.report.fix_type == _RTK_FIXED]
+    wrong = nearest != now.row and own_m - away_m[nearest] > sure_m
+    text = f"{own_m:.2f} m away" + (f", on the pad of vehicle {now.plan.sysids[nearest]}" if wrong else "")
+    return _Measured(text, bool(not wrong and own_m <= now.limits.pad_m))
+
+
+def _height(now: _Situation) -> _Measured:
+    place = now.ned_m(now.report.position)
+    if place is None:
+        return _ABSENT
+    high_m = float(now.pad_ned_m[2] - place[2])
+    return _Measured(f"{high_m:+.1f} m", abs(high_m) <= now.limits.height_m)
+
+
+def _home(now: _Situation) -> _Measured:
+    place = now.ned_m(now.report.position)
+    return _distance(now.ned_m(now.report.home), now.pad_ned_m if place is None else place, now.limits.home_m)
+
+
+def _local_frame(now: _Situation) -> _Measured:
+    return _distance(now.ned_m(now.report.origin), now.pad_ned_m, now.limits.origin_m)
+
+
+def _distance(place: Array | None, expected: Array, most_m: float) -> _Measured:
+    if place is None:
+        return _ABSENT
+    away_m = float(np.linalg.norm((place - expected)[:2]))
+    return _Measured(f"{away_m:.2f} m away", away_m <= most_m)
+
+
+def _clock(now: _Situation) -> _Measured:
+    sync = now.report.timesync
+    if sync is None:
+        return _ABSENT
+    return _Measured(f"{1e3 * sync.round_trip_s:.0f} ms round trip", sync.round_trip_s <= now.limits.round_trip_s)
+
+
+def _battery(now: _Situation) -> _Measured:
+    share = now.report.battery_share
+    have = "charge not reported" if share is None else f"has {share:.0%}"
+    enough = share is not None and share >= now.needed + now.limits.reserve
+    return _Measured(f"{have}, needs {now.needed:.0%}", enough)
+
+
+def _battery_required(plan: Plan, limits: PreflightTable) -> str:
     """The required reserve, and what the need is computed from."""
     power = plan.scenario.vehicle.power
     if power is None:
@@ -95,99 +192,27 @@ def _reserve_text(plan: Plan, limits: PreflightLimits) -> str:
     return f"{limits.reserve:.0%} left ({known})"
 
 
-def _checks(plan: Plan, row: int, report: VehicleReport, limits: PreflightLimits) -> list[PreflightCheck]:
-    sysid = plan.sysids[row]
-
-    def check(name: str, measured: str | None, required: str, ok: bool) -> PreflightCheck:
-        return PreflightCheck(sysid, name, measured or "not reported", required, ok and measured is not None)
-
-    pads = plan.pads_ned_m
-    place = _ned(plan, report.position)
-    checks = [
-        check("disarmed", "armed" if report.armed else "disarmed", "disarmed", not report.armed),
-        check("position estimate", _health(report.estimate_ok), "healthy", bool(report.estimate_ok)),
-        check("sensors", ", ".join(report.ailing) or "healthy", "healthy", not report.ailing),
-    ]
-    if place is None:
-        checks.append(check("pad", None, f"within {limits.pad_m:g} m", False))
-    else:
-        away_m = np.linalg.norm(pads[:, :2] - place[:2], axis=1)
-        nearest = int(np.argmin(away_m))
-        sure_m = _CONFUSED_M[report.fix_type == _RTK_FIXED]
-        wrong = nearest != row and away_m[row] - away_m[nearest] > sure_m
-        measured = f"{away_m[row]:.2f} m away" + (f", on the pad of vehicle {plan.sysids[nearest]}" if wrong else "")
-        checks.append(
-            check("pad", measured, f"within {limits.pad_m:g} m", not wrong and float(away_m[row]) <= limits.pad_m)
-        )
-        high_m = float(pads[row, 2] - place[2])
-        checks.append(
-            check("height", f"{high_m:+.1f} m", f"within {limits.height_m:g} m", abs(high_m) <= limits.height_m)
-        )
-    checks += [
-        check("home", *_distance(_ned(plan, report.home), pads[row] if place is None else place, limits.home_m)),
-        check("local frame", *_distance(_ned(plan, report.origin), pads[row], limits.origin_m)),
-    ]
-    sync = report.timesync
-    trip = None if sync is None else f"{1e3 * sync.round_trip_s:.0f} ms round trip"
-    required = f"at most {1e3 * limits.round_trip_s:.0f} ms"
-    checks.append(check("clock", trip, required, sync is not None and sync.round_trip_s <= limits.round_trip_s))
-    return checks
+def _capacity(now: _Situation) -> _Measured:
+    """A vehicle computes its charge from its own capacity, so a wrong one makes every limit of charge wrong."""
+    found = compare_capacity(now.report, now.plan.scenario.vehicle.power, now.limits.capacity_tolerance)
+    return _Measured(found.text, ok=True, warning=found.warning)
 
 
-def _battery(sysid: int, share: float | None, needed: float, plan: Plan, limits: PreflightLimits) -> PreflightCheck:
-    have = "charge not reported" if share is None else f"has {share:.0%}"
-    enough = share is not None and share >= needed + limits.reserve
-    return PreflightCheck(sysid, "battery", f"{have}, needs {needed:.0%}", _reserve_text(plan, limits), enough)
+def _messages(now: _Situation) -> _Measured:
+    texts = now.report.critical_texts
+    return _Measured("; ".join(texts) or "none", not texts)
 
 
-def _distance(place: Array | None, expected: Array, most_m: float) -> tuple[str | None, str, bool]:
-    """What is measured, what is required, and whether that is met."""
-    required = f"within {most_m:g} m"
-    if place is None:
-        return None, required, False
-    away_m = float(np.linalg.norm((place - expected)[:2]))
-    return f"{away_m:.2f} m away", required, away_m <= most_m
-
-
-def _ned(plan: Plan, place: Home | None) -> Array | None:
-    if place is None:
-        return None
-    origin = local_origin(plan.scenario)
-    ned = geodetic_to_ned(np.array(place.lat_deg), np.array(place.lon_deg), np.array(place.alt_amsl_m), origin)
-    return np.asarray(ned, dtype=float).reshape(3)
-
-
-def _health(good: bool | None) -> str | None:
-    return None if good is None else ("healthy" if good else "not healthy")
-
-
-async def go_or_no_go(
-    fleet: LinkedFleet,
-    sessions: Mapping[int, VehicleSession],
-    plan: Plan,
-    limits: PreflightLimits,
-    show: Callable[[tuple[PreflightCheck, ...]], None],
-) -> tuple[PreflightCheck, ...]:
-    """Return the checks of all vehicles, after `show`. Raises `FlightError` for a no-go, `DuplicateSystemId`."""
-    requests = ((sysid, status_report(s, fleet.where(s.station.sysid))) for sysid, s in sessions.items())
-    sysids, surveys = zip(*requests, strict=True)
-    reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
-    fleet.check()
-    checks = preflight(plan, reports, limits)
-    show(checks)
-    refuse_no_go(checks)
-    return checks
-
-
-async def restore_parameters(
-    sessions: Mapping[int, VehicleSession], changes: tuple[ParameterChange, ...], say: Callable[[str], None]
-) -> None:
-    """Restore the parameters from before the upload. A failure is reported by `say`, not raised: the flight is over."""
-    if not changes:
-        return
-    try:
-        await restore(sessions, changes)
-    except GcsError as error:
-        say(f"WARNING: not all parameters were restored: {error.message}")
-    else:
-        say(f"{len(changes)} parameters restored")
+_KINDS = {
+    "disarmed": _Kind(lambda _, __: "disarmed", _disarmed),
+    "position estimate": _Kind(lambda _, __: "healthy", _estimate),
+    "sensors": _Kind(_sensors_required, _sensors),
+    "pad": _Kind(lambda _, limits: f"within {limits.pad_m:g} m", _pad),
+    "height": _Kind(lambda _, limits: f"within {limits.height_m:g} m", _height),
+    "home": _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
+    "local frame": _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
+    "clock": _Kind(lambda _, limits: f"at most {1e3 * limits.round_trip_s:.0f} ms", _clock),
+    "battery": _Kind(_battery_required, _battery),
+    "capacity": _Kind(capacity_required, _capacity),
+    "messages": _Kind(lambda _, __: "no critical text", _messages),
+}

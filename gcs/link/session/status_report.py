@@ -1,6 +1,7 @@
-"""The status report of one vehicle: identity, health, position, battery and link quality, from requested messages.
+"""The status report of one vehicle: identity, health, position, battery and link quality.
 
-Nothing is changed on board. Every message is requested once; a message that does not arrive gives None.
+Nothing is changed on board. A streamed message counts while it is fresh; any other one is requested. A message that
+does not arrive gives None.
 """
 
 from __future__ import annotations
@@ -11,36 +12,20 @@ from dataclasses import dataclass
 
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
 from gcs.autopilots.traits import link_behaviour
-from gcs.errors import GcsError
 from gcs.link.microservices.timesync import TimeSample, TimeSync
+from gcs.link.session.newest_message import FRESH_S, newest_message
 from gcs.link.session.routing import identity
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
-from gcs.mavlink import PREARM_CHECK, EkfFlag, MavState, MessageId
+from gcs.mavlink import PREARM_CHECK, MavState, MessageId
+from gcs.mavlink_names import sensor_names
 from gcs.mission.model import Home
 
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
-_GOOD_FLAGS = EkfFlag.ATTITUDE | EkfFlag.VELOCITY_HORIZ | EkfFlag.POS_HORIZ_ABS | EkfFlag.POS_VERT_ABS
-_BAD_FLAGS = EkfFlag.CONST_POS_MODE | EkfFlag.UNINITIALIZED
 _UNKNOWN_mV = 0xFFFF
 _VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
-_SENSORS = {
-    0: "gyro",
-    1: "accelerometer",
-    2: "compass",
-    3: "barometer",
-    5: "GNSS",
-    13: "position control",
-    15: "motors",
-    16: "radio control",
-    20: "geofence",
-    21: "attitude estimate",
-    22: "terrain",
-    24: "logging",
-    25: "battery",
-}
 
 
 @dataclass(frozen=True)
@@ -58,7 +43,7 @@ class VehicleReport:
     state: str  # MAV_STATE
     prearm_ok: bool | None
     estimate_ok: bool | None
-    ailing: tuple[str, ...]  # sensors that are enabled and not healthy
+    ailing: tuple[str, ...] | None  # sensors that are enabled and not healthy
     home: Home | None
     position: Home | None
     origin: Home | None  # of its local frame
@@ -69,12 +54,17 @@ class VehicleReport:
     loss: float | None  # share of lost frames
     timesync: TimeSample | None
     heartbeat_age_s: float
+    working: tuple[str, ...] | None = None  # sensors that are enabled and healthy
+    mentioned_sensors: tuple[str, ...] = ()  # those that this autopilot flies without
+    capacity_parameter: str | None = None  # the name of its battery's capacity
+    capacity_mAh: float | None = None  # 0 or less: unknown on board
+    critical_texts: tuple[str, ...] = ()  # STATUSTEXTs of severity CRITICAL or worse since it was found
 
 
 async def status_report(session: VehicleSession, where: str = "") -> VehicleReport:
     """Return the report of one vehicle. It takes some round trips, at most a few seconds."""
     clock = asyncio.ensure_future(measure_clock(session))
-    filter_id = link_behaviour(session.autopilot).estimator.message
+    filter_id = session.estimator.message
     wanted = (
         MessageId.AUTOPILOT_VERSION,
         MessageId.SYS_STATUS,
@@ -84,7 +74,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         MessageId.HOME_POSITION,
         MessageId.GPS_GLOBAL_ORIGIN,
     )
-    reported = {message_id: await _requested(session, message_id) for message_id in wanted}
+    reported = {message_id: await newest_message(session, message_id, _fresh_s(message_id)) for message_id in wanted}
     version, status, receiver = (reported[i] for i in (wanted[0], wanted[1], wanted[3]))
     estimate = reported[filter_id]
     return VehicleReport(
@@ -98,8 +88,8 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         armed=session.armed,
         state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
         prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK),
-        estimate_ok=None if estimate is None else estimate_is_good(estimate),
-        ailing=() if status is None else _unhealthy(status),
+        estimate_ok=None if estimate is None else session.estimator.is_ready(estimate.name, estimate.fields),
+        ailing=None if status is None else _sensors(status, healthy=False),
         home=_position(reported[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
         position=_position(reported[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
         origin=_position(reported[MessageId.GPS_GLOBAL_ORIGIN], "latitude", "longitude", "altitude"),
@@ -110,6 +100,9 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         loss=session.quality.loss,
         timesync=await clock,
         heartbeat_age_s=session.heartbeat_age_s(),
+        working=None if status is None else _sensors(status, healthy=True),
+        mentioned_sensors=tuple(sorted(link_behaviour(session.autopilot).mentioned_sensors)),
+        critical_texts=session.texts.critical(session.ready_since_s),
     )
 
 
@@ -143,28 +136,14 @@ async def measure_clock(session: VehicleSession, exchanges: int = _EXCHANGES) ->
     return sync.best
 
 
-def estimate_is_good(message: Message) -> bool:
-    """Return whether the estimator's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS) report a valid position.
-
-    PX4 also sets "constant position" (0x80) when the estimate is healthy, so the flag is ignored there.
-    """
-    flags = int(message.fields["flags"])
-    bad = _BAD_FLAGS if message.name == "EKF_STATUS_REPORT" else 0
-    return flags & _GOOD_FLAGS == _GOOD_FLAGS and not flags & bad
-
-
 def version_text(version: int) -> str:
     """Return AUTOPILOT_VERSION.flight_sw_version as text: 4.5.6, 1.17.0-alpha."""
     kind = version & 0xFF
     return f"{version >> 24 & 0xFF}.{version >> 16 & 0xFF}.{version >> 8 & 0xFF}{_VERSION_TYPES.get(kind, '')}"
 
 
-async def _requested(session: VehicleSession, message_id: MessageId) -> Message | None:
-    try:
-        timers = session.timers
-        return await session.request_message(message_id, timers.status_reply_s, timers=timers.status)
-    except GcsError:
-        return None
+def _fresh_s(message_id: MessageId) -> float:
+    return math.inf if message_id is MessageId.AUTOPILOT_VERSION else FRESH_S  # it does not change
 
 
 def _state(status: int) -> str:
@@ -174,10 +153,11 @@ def _state(status: int) -> str:
         return f"state {status}"
 
 
-def _unhealthy(status: Message) -> tuple[str, ...]:
+def _sensors(status: Message, *, healthy: bool) -> tuple[str, ...]:
+    """Return the enabled sensors that are healthy, or that are not."""
     fields = status.fields
-    bits = fields["onboard_control_sensors_enabled"] & ~fields["onboard_control_sensors_health"] & ~PREARM_CHECK
-    return tuple(_SENSORS.get(bit, f"sensor {bit}") for bit in range(32) if bits >> bit & 1)
+    enabled, health = fields["onboard_control_sensors_enabled"], fields["onboard_control_sensors_health"]
+    return sensor_names(enabled & (health if healthy else ~health) & ~PREARM_CHECK)
 
 
 def _position(message: Message | None, lat: str, lon: str, alt: str) -> Home | None:

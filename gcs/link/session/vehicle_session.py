@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import random
-from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 
@@ -22,13 +21,13 @@ from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
 from gcs.link.microservices.rtt import RttEstimator
-from gcs.link.microservices.statustext import StatusText, StatusTextJoiner
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.receiver import reader
 from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.quality import LinkQuality
+from gcs.link.session.vehicle_texts import VehicleTexts
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
@@ -51,18 +50,19 @@ class VehicleSession:
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
-        own = timers or link_behaviour(int(heartbeat.fields["autopilot"])).timers
-        self.round_trip = RttEstimator(own.round_trip)
+        behaviour = link_behaviour(int(heartbeat.fields["autopilot"]))
+        self.estimator = behaviour.estimator
+        self.ready_since_s: float | None = None  # event loop time since which its estimate is ready for flight
+        self.round_trip = RttEstimator((timers or behaviour.timers).round_trip)
         self.latest: dict[str, Message] = {}  # the last message of each name
         self.latest_s: dict[str, float] = {}  # ... and its arrival, event loop time
-        self.texts: deque[tuple[float, StatusText]] = deque(maxlen=200)  # event loop time, text
+        self.texts = VehicleTexts(behaviour.startup_texts)
         self._send = send
         self._own_timers = timers
         self._transfer = transfer
         self._numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
         self._offers_files: bool | None = None
         self._loop = asyncio.get_running_loop()
-        self._joiner = StatusTextJoiner()
         self._machines: list[tuple[Machine, asyncio.Event]] = []
         self._listeners: list[Callable[[Message], None]] = []
         self._mission_lock = asyncio.Lock()
@@ -98,6 +98,11 @@ class VehicleSession:
         """Return the local time since its last heartbeat, s."""
         return self._loop.time() - self.latest_s["HEARTBEAT"]
 
+    def fresh(self, name: str, at_most_s: float) -> Message | None:
+        """Return the last message of this name if it is at most so old, local time."""
+        arrived_s = self.latest_s.get(name)
+        return self.latest[name] if arrived_s is not None and self._loop.time() - arrived_s <= at_most_s else None
+
     def send(self, message: Message) -> None:
         """Send a message to the vehicle's address. The caller sets the target fields."""
         self._send(message)
@@ -113,7 +118,10 @@ class VehicleSession:
         self.latest_s[message.name] = now_s
         self.clock.receive(message, now_s)
         if message.name == "STATUSTEXT":
-            self._keep_texts(self._joiner.receive(message, now_s), now_s)
+            self.texts.receive(message, now_s)
+        elif message.name == self.estimator.message.name:
+            ready = self.estimator.is_ready(message.name, message.fields)
+            self.ready_since_s = (self.ready_since_s or now_s) if ready else None
         for machine, wake in self._machines:
             answers = machine.receive(message, now_s)
             self._send_all(answers)
@@ -124,7 +132,7 @@ class VehicleSession:
 
     def tick(self, now_s: float) -> None:
         """End the wait for lost chunks of STATUSTEXT. Only the fleet calls it."""
-        self._keep_texts(self._joiner.tick(now_s), now_s)
+        self.texts.tick(now_s)
 
     async def wait_for(
         self,
@@ -179,7 +187,7 @@ class VehicleSession:
                 await self.run(machine)
             except CommandRefused as refusal:
                 await asyncio.sleep(timers.reason_s)
-                reason = "; ".join(t.text for at_s, t in self.texts if at_s >= began_s - timers.reason_s)
+                reason = "; ".join(t.text for at_s, t in self.texts.kept if at_s >= began_s - timers.reason_s)
                 raise (refusal.because(reason) if reason else refusal) from None
             if machine.ack is None:
                 raise ProtocolMisuse("a command ended without acknowledgement and without error.")
@@ -355,9 +363,6 @@ class VehicleSession:
     def _send_all(self, messages: list[Message]) -> None:
         for message in messages:
             self._send(message)
-
-    def _keep_texts(self, texts: list[StatusText], now_s: float) -> None:
-        self.texts.extend((now_s, text) for text in texts)
 
     def _silence_hint(self) -> str:
         age_s = self.heartbeat_age_s()

@@ -35,6 +35,7 @@ from gcs.scenario.schema.formation_table import (
     Generator,
     ShapeTable,
 )
+from gcs.scenario.schema.preflight_table import PreflightTable
 
 __all__ = [
     "START_SHAPE",
@@ -55,6 +56,7 @@ __all__ = [
     "Performance",
     "PlannedWind",
     "Power",
+    "PreflightTable",
     "Range",
     "Relief",
     "Ripple",
@@ -109,6 +111,11 @@ class Power(Part):
     """The battery and the propellers, for the energy a flight takes."""
 
     battery_Wh: Positive = Field(description="energy of a full battery, nominal voltage times capacity, Wh")
+    battery_V: Positive | None = Field(
+        default=None,
+        description="nominal voltage of the battery, V; left out: 3.7 V for each cell of the reported voltage",
+        exclude_if=lambda volt: volt is None,
+    )
     rotor_radius_m: Positive = Field(description="radius of a propeller, m")
     figure_of_merit: Annotated[Number, Field(gt=0, le=1)] = Field(
         description="ideal power of momentum theory over the power drawn: propeller, motor, speed controller"
@@ -365,3 +372,4 @@ class Scenario(Part):
     mission: MissionOptions = MissionOptions()
     sensors: SensorsTable = SensorsTable()
     judge: Judge = Judge()
+    preflight: PreflightTable = Field(default=PreflightTable(), exclude_if=lambda table: table == PreflightTable())

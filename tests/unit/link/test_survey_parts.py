@@ -5,8 +5,9 @@ import random
 import pytest
 
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
+from gcs.autopilots.traits import Autopilot
 from gcs.link.session.quality import LinkQuality
-from gcs.link.session.status_report import estimate_is_good, version_text
+from gcs.link.session.status_report import version_text
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 
@@ -38,12 +39,12 @@ def test_versions():
 
 @pytest.mark.parametrize(("flags", "good"), [(0x33F, True), (0xA7, False), (0x33F | 0x80, False), (0x400, False)])
 def test_ardupilot_filter_flags_as_recorded(flags, good):
-    assert estimate_is_good(Message("EKF_STATUS_REPORT", {"flags": flags})) is good
+    assert Autopilot.ARDUPILOT.traits.link.estimator.is_ready("EKF_STATUS_REPORT", {"flags": flags}) is good
 
 
 @pytest.mark.parametrize(("flags", "good"), [(1023, True), (229, False)])
 def test_px4_filter_flags_as_recorded(flags, good):
-    assert estimate_is_good(Message("ESTIMATOR_STATUS", {"flags": flags})) is good
+    assert Autopilot.PX4.traits.link.estimator.is_ready("ESTIMATOR_STATUS", {"flags": flags}) is good
 
 
 def frames(count):

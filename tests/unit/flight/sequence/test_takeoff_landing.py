@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.columns import FlightBehaviour
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, link_behaviour
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
@@ -33,6 +33,10 @@ from gcs.plan.trajectory.plan import Plan
 ARDUPILOT, PX4 = (known.traits.flight for known in (Autopilot.ARDUPILOT, Autopilot.PX4))
 BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
 ON_THE_GROUND = 1  # MAV_LANDED_STATE
+
+
+def autopilot_of(behaviour: FlightBehaviour) -> Autopilot:
+    return next(known for known in Autopilot if known.traits.flight is behaviour)
 
 
 class _NoWait(selectors.DefaultSelector):
@@ -71,7 +75,7 @@ class Vehicle:
 
     def heartbeat(self) -> Message:
         fields = {
-            "autopilot": next(known for known in Autopilot if known.traits.flight is self.behaviour),
+            "autopilot": autopilot_of(self.behaviour),
             "base_mode": int(ModeFlag.CUSTOM),
         }
         fields["base_mode"] |= int(ModeFlag.ARMED) if self.armed else 0
@@ -211,6 +215,11 @@ def test_nothing_is_expected_that_was_not_asked_for(behaviour: FlightBehaviour) 
     live(vehicle, None, request_telemetry)
     asked = {int(fields["param1"]): fields["param2"] for fields in vehicle.heard}
     assert {fields["command"] for fields in vehicle.heard} == {MavCommand.SET_MESSAGE_INTERVAL}
-    wanted = {MessageId.LOCAL_POSITION_NED, MessageId.SYSTEM_TIME, behaviour.estimator_id, *behaviour.health_ids}
+    wanted = {
+        MessageId.LOCAL_POSITION_NED,
+        MessageId.SYSTEM_TIME,
+        link_behaviour(autopilot_of(behaviour)).estimator.message,
+        *behaviour.health_ids,
+    }
     assert wanted <= set(asked)
     assert all(interval_us > 0.0 for interval_us in asked.values())

@@ -9,12 +9,14 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.errors import FlightError
-from gcs.flight.setup.preflight import PreflightLimits, battery_needed, preflight, refuse_no_go
+from gcs.flight.setup.preflight import battery_needed, preflight
+from gcs.flight.setup.preflight_check import refuse_no_go
 from gcs.frames import ned_to_geodetic
 from gcs.link.microservices.timesync import TimeSample
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
 from gcs.plan.trajectory.energy import energy_Wh
+from gcs.scenario.schema.preflight_table import PreflightTable
 from gcs.scenario.schema.scenario import Power
 from gcs.scenario.si import local_origin
 
@@ -57,7 +59,8 @@ def moved(plan, row, north_m, down_m=0.0):
         ("position estimate", lambda plan: {"estimate_ok": False}),
         ("position estimate", lambda plan: {"estimate_ok": None}),
         ("sensors", lambda plan: {"ailing": ("compass",)}),
-        ("pad", lambda plan: {"position": None}),
+        ("sensors", lambda plan: {"ailing": None}),
+        ("messages", lambda plan: {"critical_texts": ("RTL: unsupported MAV_FRAME",)}),
         ("height", lambda plan: {"position": moved(plan, 1, 0.0, -30.0)}),
         ("home", lambda plan: {"home": None}),
         ("home", lambda plan: {"home": moved(plan, 1, 50.0)}),
@@ -102,7 +105,7 @@ def with_power(plan, power):
 
 
 def test_a_battery_nobody_described_lasts_for_the_flight_and_a_reserve(simulation1_plan, reports):
-    plan, limits = with_power(simulation1_plan, None), PreflightLimits(endurance_s=1200.0, effort=1.0, reserve=0.2)
+    plan, limits = with_power(simulation1_plan, None), PreflightTable(endurance_s=1200.0, effort=1.0, reserve=0.2)
     duration_s = plan.t_end_s - plan.t_start_s
     assert battery_needed(plan, limits) == pytest.approx(duration_s / 1200.0)
     (first, *_) = [c for c in preflight(plan, reports, limits) if c.name == "battery"]
@@ -117,7 +120,7 @@ def test_the_plans_own_energy_counts_where_the_vehicle_is_described(simulation1_
     rotors = {"rotor_radius_m": 0.038, "figure_of_merit": 0.5}
     taken_Wh = float(energy_Wh(with_power(simulation1_plan, Power(battery_Wh=1.0, **rotors))).max())
     plan = with_power(simulation1_plan, Power(battery_Wh=taken_Wh / (0.7 - spare), **rotors))
-    checks = [c for c in preflight(plan, reports, PreflightLimits(reserve=0.3)) if c.name == "battery"]
+    checks = [c for c in preflight(plan, reports, PreflightTable(reserve=0.3)) if c.name == "battery"]
     assert [c.ok for c in checks] == [ok] * 6
     assert checks[0].measured.startswith("has 100%, needs ")
     assert checks[0].required.startswith("30% left (of ")

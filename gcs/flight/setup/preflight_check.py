@@ -1,0 +1,95 @@
+"""One pre-flight check of one vehicle, its name, and what a set of checks allows: go, no-go, waived for one flight."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from gcs.errors import FlightError, UsageError
+
+MESSAGES = "messages"
+CHECKS = {
+    "disarmed": "the vehicle is not armed",
+    "position estimate": "the estimator's flags are those that a flight needs",
+    "sensors": "every enabled sensor is healthy, those excepted that are only mentioned",
+    "pad": "the vehicle stands on its own pad",
+    "height": "its height is that of its pad",
+    "home": "its home is where it stands",
+    "local frame": "the origin of its local frame is at its pad",
+    "clock": "TIMESYNC is answered in time",
+    "battery": "the charge is enough for the plan and the reserve",
+    "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
+    MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",
+}
+_PROOFS = {
+    "read-back": "what is on board must be what was sent",
+    "verification": "a plan that failed verification is not flown",
+}
+NOT_REPORTED = "not reported"
+
+
+@dataclass(frozen=True)
+class PreflightCheck:
+    """One check of one vehicle. A failed one is a no-go unless it is waived; a warning is none."""
+
+    sysid: int
+    name: str
+    measured: str
+    required: str
+    ok: bool
+    warning: str = ""
+    waived: bool = False
+
+    @property
+    def go(self) -> bool:
+        """Whether the vehicle may be armed as far as this check is concerned."""
+        return self.ok or self.waived
+
+
+def complete(checks: Iterable[PreflightCheck]) -> tuple[PreflightCheck, ...]:
+    """Return the checks, and for each that a vehicle lacks a failed one: not reported."""
+    given = tuple(checks)
+    found = {(c.name, c.sysid): c for c in given}
+    required = {c.name: c.required for c in reversed(given)}
+    sysids = dict.fromkeys(c.sysid for c in given)
+    return tuple(
+        found.get((name, sysid)) or PreflightCheck(sysid, name, NOT_REPORTED, required[name], ok=False)
+        for sysid in sysids
+        for name in dict.fromkeys(c.name for c in given)
+    )
+
+
+def waive(checks: Iterable[PreflightCheck], names: Collection[str]) -> tuple[PreflightCheck, ...]:
+    """Return the checks, with failed ones of these names waived."""
+    return tuple(replace(c, waived=True) if not c.ok and c.name in names else c for c in checks)
+
+
+def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
+    """Raises `FlightError` that names the failed checks, six at most."""
+    bad = [c for c in complete(checks) if not c.go]
+    if bad:
+        listed = "; ".join(f"vehicle {c.sysid}: {c.name}: {c.measured} (required: {c.required})" for c in bad[:6])
+        more = f"; and {len(bad) - 6} more" if len(bad) > 6 else ""
+        options = " ".join(dict.fromkeys(f"--waive '{c.name}'" if " " in c.name else f"--waive {c.name}" for c in bad))
+        raise FlightError(
+            f"no-go: {listed}{more}.",
+            hint="fix the failed checks, then run again; no vehicle was armed. To fly once in spite of them, add "
+            + options,
+        )
+
+
+def checks_data(checks: Iterable[PreflightCheck]) -> list[dict[str, Any]]:
+    """Return the checks as plain values, for `--json` and the flight's folder."""
+    return [{**asdict(c), "go": c.go} for c in complete(checks)]
+
+
+def known_checks(names: Iterable[str]) -> frozenset[str]:
+    """Return names of checks that may be waived. Raises `UsageError` for others."""
+    found = frozenset(names)
+    for name in sorted(found):
+        if name in _PROOFS:
+            raise UsageError(f"--waive {name}: {name} is never waived: {_PROOFS[name]}", hint="leave --waive out")
+        if name not in CHECKS:
+            raise UsageError(f"--waive {name}: there is no such check", hint=f"give one of {', '.join(CHECKS)}")
+    return found
