@@ -93,11 +93,7 @@ class Air:
         if uploads_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
             machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)
         began_s = self.now_s
-        self._send(machine.start(self.now_s), GROUND)
-        while not machine.done:
-            self._step(machine)
-            if self.now_s - began_s > _LIMIT_S:
-                raise RuntimeError("the delivery does not end")
+        self.run(machine)
         last = as_file if machine is not by_items and by_items.sent == 0 else by_items
         sent_s = self.now_s if last.sending_ended_s is None else last.sending_ended_s
         first = int(self.autopilot is Autopilot.ARDUPILOT)
@@ -114,6 +110,15 @@ class Air:
             by_items.sent,
             last is as_file,
         )
+
+    def run(self, machine: Machine) -> None:
+        """Until this machine has ended."""
+        began_s = self.now_s
+        self._send(machine.start(self.now_s), GROUND)
+        while not machine.done:
+            self._step(machine)
+            if self.now_s - began_s > _LIMIT_S:
+                raise RuntimeError("the delivery does not end")
 
     def _step(self, machine: Machine) -> None:
         tick_s = self._tick_s if self.shelf.waits else float("inf")

@@ -67,6 +67,7 @@ MISSIONS = MissionTraits(
     stateless_reads=True,
     cancellable=False,
     clears_all=False,
+    partial_writes=True,
     first_is_current=False,
     second_station=MissionAnswer(MissionResult.DENIED),
     busy=SILENCE,
@@ -80,6 +81,7 @@ MISSIONS = MissionTraits(
     unknown_type=MissionAnswer(MissionResult.UNSUPPORTED),
     unknown_type_read=MissionAnswer(MissionResult.UNSUPPORTED),
     bad_shape=MissionAnswer(MissionResult.ERROR, "Fence validation failed", Severity.WARNING),
+    bad_range=MissionAnswer(MissionResult.ERROR, "Flight plan update rejected", Severity.WARNING),
     home_outside=SILENCE,
     home_outside_after_s=0.0,
 )

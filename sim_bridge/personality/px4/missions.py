@@ -63,6 +63,7 @@ MISSIONS = MissionTraits(
     stateless_reads=False,
     cancellable=True,
     clears_all=True,
+    partial_writes=False,
     first_is_current=True,
     second_station=MissionAnswer(MissionResult.ERROR),
     busy=MissionAnswer(MissionResult.ERROR, "WPM: REJ. CMD: Busy\t"),
@@ -76,6 +77,7 @@ MISSIONS = MissionTraits(
     unknown_type=MissionAnswer(MissionResult.NO_SPACE),
     unknown_type_read=None,
     bad_shape=MissionAnswer(MissionResult.ERROR),
+    bad_range=SILENCE,
     home_outside=MissionAnswer(None, "Geofence invalid, doesn't contain Home position\t"),
     home_outside_after_s=0.5,
 )

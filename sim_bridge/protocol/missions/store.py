@@ -5,6 +5,7 @@ Uploads: the vehicle requests every item.
     MISSION_COUNT                    -> request of item 0         (or NO_SPACE, or busy)
     the requested item               -> request of the next       (or a refusal, which ends the upload)
     the last item                    -> MISSION_ACK ACCEPTED
+    MISSION_WRITE_PARTIAL_LIST       -> request of the first item of the range
     another item                     -> `wrong_sequence`
     retry_s without the item         -> the same request
     timeout_s without any item       -> `timed_out`
@@ -66,6 +67,7 @@ class MissionStore:
         self._check_fence_s: float | None = None
         self._handlers: dict[str, Callable[[Message, int, float], list[Message]]] = {
             "MISSION_COUNT": self._on_count,
+            "MISSION_WRITE_PARTIAL_LIST": self._on_partial_write,
             "MISSION_ITEM": self._on_item,
             "MISSION_ITEM_INT": self._on_item,
             "MISSION_ACK": self._on_ack,
@@ -182,6 +184,19 @@ class MissionStore:
         upload = Upload(*peer, kind, count, traits.int_requests, now_s, now_s)
         if not count:
             return self._complete(upload, now_s)
+        self._uploads[kind] = upload
+        return self._request_item(upload, now_s)
+
+    def _on_partial_write(self, message: Message, kind: int, now_s: float) -> list[Message]:
+        traits, peer = self._traits, message.source
+        if not traits.partial_writes:
+            return []
+        first, last = int(message.fields["start_index"]), int(message.fields["end_index"])
+        one_by_one = kind in self._items and traits.storage[kind].item_by_item
+        if not one_by_one or not 0 <= first <= last <= len(self._items[kind]):
+            return self._answer(traits.bad_range, peer, kind)
+        # Even an upload of another ground station gives way to it.
+        upload = Upload(*peer, kind, last + 1, traits.int_requests, now_s, now_s, first=first)
         self._uploads[kind] = upload
         return self._request_item(upload, now_s)
 

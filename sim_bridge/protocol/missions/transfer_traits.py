@@ -67,6 +67,7 @@ class MissionTraits:
     stateless_reads: bool  # items can be read without a MISSION_REQUEST_LIST first
     cancellable: bool  # a MISSION_ACK of the ground station can end the transfer
     clears_all: bool  # mission type 255 clears all types
+    partial_writes: bool  # MISSION_WRITE_PARTIAL_LIST replaces single items; else it gets no answer
     first_is_current: bool  # item 0 reads back as `current` before the first flight
     second_station: MissionAnswer
     busy: MissionAnswer  # to the same ground station, during a transfer
@@ -80,6 +81,7 @@ class MissionTraits:
     unknown_type: MissionAnswer  # in a MISSION_COUNT
     unknown_type_read: MissionAnswer | None  # None: MISSION_COUNT 0
     bad_shape: MissionAnswer
+    bad_range: MissionAnswer  # of a partial write
     home_outside: MissionAnswer  # sent some time after a fence was stored that is invalid or does not contain home
     home_outside_after_s: float
 
@@ -91,17 +93,18 @@ class Upload:
     peer_sysid: int
     peer_compid: int
     kind: int
-    count: int
+    count: int  # of all items, the first of them item 0
     int_requests: bool
     requested_s: float
     heard_s: float
     items: list[MissionItem] = field(default_factory=list)
     float_warned: bool = False
+    first: int = 0  # of a partial write: the first item to replace, the last one is `count` - 1
 
     @property
     def seq(self) -> int:
         """The next item to receive."""
-        return len(self.items)
+        return self.first + len(self.items)
 
 
 @dataclass

@@ -1,0 +1,1 @@
+"""Partial writes: single items of a mission on board are replaced."""
