@@ -28,7 +28,7 @@ class FlightOptions:
     ready_timeout_s: float = 90.0
     phase_timeout_s: float = 60.0
     lost_after_s: float = 4.0
-    # In mission mode: vehicle time between the upload and the common start, beside twice the take-off's duration.
+    # In mission mode: vehicle time from the upload to the provisional start, beside twice the take-off's duration.
     start_after_takeoff_s: float = 45.0
     telemetry_rate_hz: float = 10.0
     follow: bool = False  # followers fly relative to the reported position of their leader

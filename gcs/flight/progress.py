@@ -44,7 +44,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class Event:
-    """One incident of a vehicle, or one order to it with the rule behind it."""
+    """One incident of a vehicle, or one order to it with the rule behind it; `sysid` 0 is the whole fleet."""
 
     unix_s: float  # GNSS time; NaN before it is known
     t_s: float  # plan time; NaN before T0
@@ -54,7 +54,8 @@ class Event:
 
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"
-        return f"{when}: vehicle {self.sysid} {self.what}. {self.rule}".rstrip(". ")
+        subject = f"vehicle {self.sysid}" if self.sysid else "all vehicles"
+        return f"{when}: {subject} {self.what}. {self.rule}".rstrip(". ")
 
 
 if TYPE_CHECKING:

@@ -124,12 +124,14 @@ def fly(
     folder: Path | None = None,
     after: Callable[[World], Any] | None = None,
     stop: tuple[Step, float] | None = None,
+    enough: Callable[[FlightSequence], bool] | None = None,
     **options: Any,
 ) -> Flown:
     """Fly a plan with faults of the emulated vehicles; `during` is called again and again meanwhile.
 
     With `safety` fences, rally points and parameters are loaded as well; `folder` gets the telemetry; vehicles go on
-    until `after` returns. `stop` ends it as Ctrl-C does, so many seconds after the beginning of a step.
+    until `after` returns. `stop` ends it as Ctrl-C does, so many seconds after the beginning of a step, `enough` as
+    soon as it is true.
     """
     port = free_port()
     world_options = WorldOptions(
@@ -138,7 +140,7 @@ def fly(
     with running_fleet(plan.scenario, world_options) as world:
         mode = options.pop("mode", FlightMode.STREAM)
         settings = FlightOptions(mode=mode, lead_s=LEAD_S, **options)
-        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder, stop))
+        flown = asyncio.run(_fly(plan, world, port, settings, during, safety, folder, stop, enough))
         if after is not None:
             after(world)
         return flown
@@ -153,6 +155,7 @@ async def _fly(
     safety: bool,
     folder: Path | None,
     stop: tuple[Step, float] | None,
+    enough: Callable[[FlightSequence], bool] | None,
 ) -> Flown:
     async with AsyncExitStack() as stack:
         log = None if folder is None else stack.enter_context(TelemetryLog(folder / "telemetry.tlog", lambda: None))
@@ -174,8 +177,9 @@ async def _fly(
         )
         flown = Flown(plan, flight, world, events=events)
         looking = asyncio.ensure_future(_look(world, flight, during))
+        work = asyncio.ensure_future(flight.run())
+        watching = asyncio.ensure_future(_cancel_when(enough, flight, work))
         try:
-            work = asyncio.ensure_future(flight.run())
             flown.times = await work
         except GcsError as error:
             flown.error = error
@@ -183,6 +187,7 @@ async def _fly(
             flown.stopped = True
         finally:
             looking.cancel()
+            watching.cancel()
         return flown
 
 
@@ -197,6 +202,15 @@ def take_over(world: World, sysid: int, mode: int) -> None:
     """Have a pilot put a vehicle into a mode."""
     params = {"param1": 1.0, "param2": float(mode)} | {f"param{n}": 0.0 for n in range(3, 8)}
     say(world, sysid, "COMMAND_LONG", command=int(MavCommand.DO_SET_MODE), confirmation=0, **params)
+
+
+async def _cancel_when(
+    enough: Callable[[FlightSequence], bool] | None, flight: FlightSequence, work: asyncio.Future[Any]
+) -> None:
+    while enough is not None and not work.done():
+        if enough(flight):
+            work.cancel()
+        await asyncio.sleep(0.01)
 
 
 async def _look(world: World, flight: FlightSequence, during: Callable[[World, FlightSequence], Any] | None) -> None:

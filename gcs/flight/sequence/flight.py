@@ -7,10 +7,9 @@ for whatever reason, the vehicles in the air are ordered to land.
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,13 +17,14 @@ import numpy as np
 from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
 from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import FlightError, GcsError, PeerError
+from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
+from gcs.flight.sequence.common_start import CommonStart
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
@@ -47,7 +47,6 @@ from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream
-from gcs.mission.waypoints.mission_items import starting_at
 from gcs.own_process import in_own_process
 from gcs.plan.trajectory.plan import Plan
 
@@ -106,7 +105,7 @@ class FlightSequence:
         self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
         self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
         self._leaving_s = self.loads[0].mission.leaves_s
-        self._start_unix_s = 0
+        self._start: CommonStart | None = None
 
     async def run(self) -> FlightTimes:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
@@ -163,7 +162,8 @@ class FlightSequence:
             await self._hooks.on_ready()
         self._enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
-            self._set_common_start()
+            self._start = CommonStart(self.sessions, self.time, self.loads, self._provisional_ahead_s())
+            self.loads = self._start.loads
         self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
         texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
@@ -305,23 +305,31 @@ class FlightSequence:
                 hint="see events.jsonl in the flight's folder for incidents and orders",
             )
 
-    def _set_common_start(self) -> None:
-        """Set the GNSS second at which missions leave the hover, late enough to upload, arm and take off before it."""
+    def _provisional_ahead_s(self) -> float:
+        """Time enough to upload, arm and take off before the provisional start."""
         takeoff = self.plan.phase("takeoff")
-        ahead_s = self.options.start_after_takeoff_s + 2.0 * (takeoff.end_s - takeoff.start_s)
-        self._start_unix_s = math.ceil(self.time.sure_s() + ahead_s)
-        self.loads = tuple(replace(x, mission=starting_at(x.mission, self._start_unix_s)) for x in self.loads)
+        return self.options.start_after_takeoff_s + 2.0 * (takeoff.end_s - takeoff.start_s)
 
     async def _fly_missions(self) -> float:
-        """Switch all vehicles to their missions, which wait in the hover for the common start; return T0."""
+        """Agree on a start, switch all vehicles to their missions, which wait in the hover for it; return T0."""
+        start, held = self._start, self.held
+        if start is None or held is None:
+            raise ProtocolMisuse("missions were to be flown before they were uploaded.")
+        said: list[str] = []
+        self.held = held = await start.bring_forward(held, said.append)
+        self.loads = start.loads
+        held.require(self.plan.hash, self.plan.sysids)
+        t0_unix_s = start.unix_s - self._leaving_s
+        now_s = self.time.sure_s()
+        for what in said:
+            self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
         await self._each(start_mission)
-        late_s = self.time.sure_s() - self._start_unix_s
+        late_s = self.time.sure_s() - start.unix_s
         if late_s > 0:
             raise FlightError(
                 f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
                 hint="fly again; a slow link needs more time between upload and start",
             )
-        t0_unix_s = self._start_unix_s - self._leaving_s
         self.streamer.stand_by(t0_unix_s)
         async with alongside(self.streamer.run()):
             await self._watch_over(t0_unix_s)

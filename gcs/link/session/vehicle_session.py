@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import random
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 
 from gcs.autopilots.flight_modes import autopilot_name
@@ -23,6 +23,7 @@ from gcs.link.microservices.parameter_transfer import ParameterReader, Parameter
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
+from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
 from gcs.link.mission_protocol.receiver import reader
 from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
@@ -327,6 +328,26 @@ class VehicleSession:
     async def upload_mission(self, mission: VehicleMission) -> VerifiedUpload | FileUpload:
         """Upload a mission, with home as item 0 if the autopilot requires it. Raises as `upload_items` does."""
         return await self.upload_items(self.as_sent(mission.items, mission.home))
+
+    async def replace_items(self, items: Mapping[int, MissionItem], *, look_first: bool = False) -> None:
+        """Replace items of the mission on board, by their index without home; read them back and compare.
+
+        Also for a vehicle in flight. With `look_first` items that are on board already are not sent. Raises
+        `PeerError`; each of them on board is then the old one or the new one.
+        """
+        first = int(self.home_is_item_0)
+        async with self._mission_lock:
+            await self.run(
+                ItemRewrite(
+                    {first + index: item for index, item in items.items()},
+                    self.station,
+                    self.autopilot,
+                    me=self.me,
+                    timers=self.timers.mission,
+                    round_trip=self.round_trip,
+                    look_first=look_first,
+                )
+            )
 
     def as_sent(self, items: Sequence[MissionItem], home: Home) -> tuple[MissionItem, ...]:
         """Return the items of a mission as this autopilot requires them."""

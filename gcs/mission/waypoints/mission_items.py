@@ -253,6 +253,11 @@ def starting_at(mission: VehicleMission, unix_s: int) -> VehicleMission:
     )
 
 
+def timed_waits(mission: VehicleMission) -> tuple[int, ...]:
+    """Return the indices of the items of a mission with a common start that wait until a time of day."""
+    return (1, *(index for index, _ in mission.gates))
+
+
 def _until(unix_s: int) -> MissionItem:
     minutes, second = divmod(unix_s % _DAY_S, 60)
     hour, minute = divmod(minutes, 60)

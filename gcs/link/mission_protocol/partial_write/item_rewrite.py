@@ -4,6 +4,7 @@ MISSION_WRITE_PARTIAL_LIST names a range of items; here always one. ArduPilot an
 
     state    event                                       next     sends
     IDLE     start                                       OFFERED  MISSION_WRITE_PARTIAL_LIST of the first item
+    IDLE     start, with `look_first`                    READING  MISSION_REQUEST_INT of the first item
     OFFERED  MISSION_REQUEST(_INT) of the item           SENT     the item
     OFFERED  its wait passed                             OFFERED  MISSION_WRITE_PARTIAL_LIST
     OFFERED  MISSION_ACK of refusal                      FAILED; ERROR, DENIED or CANCELLED: at the fourth
@@ -54,7 +55,10 @@ class RewriteState(Enum):
 
 
 class ItemRewrite:
-    """The items `items`, by their number on the wire, in place of those on board."""
+    """The items `items`, by their number on the wire, in place of those on board.
+
+    With `look_first` an item that is on board already is not sent.
+    """
 
     def __init__(
         self,
@@ -66,6 +70,7 @@ class ItemRewrite:
         timers: MissionTimers | None = None,
         round_trip: RttEstimator | None = None,
         tries: int = 8,
+        look_first: bool = False,
     ) -> None:
         self.peer = peer
         self.me = me
@@ -76,6 +81,7 @@ class ItemRewrite:
         self._round_trip = round_trip or RttEstimator()
         self._waiting = sorted(items.items())
         self._tries = tries
+        self._look_first = look_first
         self._tries_left = tries
         self._repeats = 0
         self._refusals = 0
@@ -134,7 +140,7 @@ class ItemRewrite:
                 return self._await(now_s, [self._question()])
 
     def cancel(self) -> list[Message]:
-        """End it. The item on board is then the old one or the new one; ArduPilot cannot be told to stop."""
+        """End it. The item on board is then the old one or the new one: ArduPilot has no message that stops it."""
         if not self.done:
             self._fail(PeerError(f"the change of mission item {self._seq} of {self.peer} was cancelled."))
         return []
@@ -178,6 +184,8 @@ class ItemRewrite:
         except PeerError as error:
             return self._fail(error)
         differences = compare_missions([self._waiting[0][1]], [on_board], autopilot=self._autopilot)
+        if differences and self._look_first and self._tries_left == self._tries:
+            return self._offer_again(now_s)
         if differences:
             self._failure = self._failure or read_back_error(self.peer, MissionType.MISSION, differences)
             return self._offer_again(now_s)
@@ -191,7 +199,7 @@ class ItemRewrite:
             self.state = RewriteState.DONE
             return []
         self._progressed(now_s)
-        return self._offer_again(now_s)
+        return self._ask_back(now_s) if self._look_first else self._offer_again(now_s)
 
     def _offer_again(self, now_s: float) -> list[Message]:
         if self._tries_left <= 0 and self._failure is not None:

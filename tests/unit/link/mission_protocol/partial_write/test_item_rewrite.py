@@ -1,4 +1,4 @@
-"""One item of a stored mission is replaced, whatever the link does: this item and no other, and never believed wrongly."""
+"""One item of a stored mission is replaced: that item and no other, and it is never believed wrongly."""
 
 from __future__ import annotations
 
@@ -40,12 +40,15 @@ def same(ours, theirs):
     st.sampled_from([0.0, 0.05, 0.4]),
     st.sampled_from([0.0, 0.02, 0.3]),
     st.lists(st.integers(1, 11), min_size=1, max_size=3, unique=True),
+    st.booleans(),
 )
-def test_what_is_believed_is_on_board_and_nothing_else_has_changed(seed, loss, round_trip_s, mischief, numbers):
+def test_what_is_believed_is_on_board_and_nothing_else_has_changed(
+    seed, loss, round_trip_s, mischief, numbers, look_first
+):
     air = Air(AP, Weather(round_trip_s, loss, mischief, mischief), seed)
     before = air.shelf.items()
     wanted = {number: until(float(number)) for number in numbers}
-    machine = ItemRewrite(wanted, VEHICLE, AP)
+    machine = ItemRewrite(wanted, VEHICLE, AP, look_first=look_first)
     air.run(machine)
     after = air.shelf.items()
     assert len(after) == len(before)
@@ -88,6 +91,17 @@ def test_a_vehicle_that_refuses_every_item_is_named():
     air.run(machine)
     assert isinstance(machine.error, MissionRefused)
     assert air.shelf.items() == before
+
+
+def test_what_is_there_already_is_not_sent():
+    air = Air(AP, CALM, 0)
+    air.run(ItemRewrite({2: until(56.0)}, VEHICLE, AP))
+    air.shelf.rejects = True
+    before = air.sent[GROUND]
+    again = ItemRewrite({2: until(56.0)}, VEHICLE, AP, look_first=True)
+    air.run(again)
+    assert again.error is None
+    assert air.sent[GROUND] == before + 1
 
 
 def test_an_acknowledgement_proves_nothing():
