@@ -16,7 +16,13 @@ from gcs.errors import GcsError
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
-from gcs.flight.contingency.manoeuvres import LegsReference, hold_reference, return_reference, spread_reference
+from gcs.flight.contingency.manoeuvres import (
+    LegsReference,
+    ReturnReference,
+    hold_reference,
+    return_reference,
+    spread_reference,
+)
 from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, USABLE_M, Action, Choices, Order, State
 from gcs.flight.monitor import Monitor, VehicleView
 from gcs.flight.offboard.streamer import Streamer
@@ -25,6 +31,7 @@ from gcs.flight.progress import Event
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.wire.message import Message
+from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.plan.trajectory.plan import Plan
 
@@ -68,7 +75,8 @@ class ContingencyExecutor:
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in vehicles.items()}
         self._now_s = -math.inf  # fleet time, computed once for many messages
-        self._returning: dict[int, LegsReference] = {}
+        self._routes = ReturnRoutes(plan)
+        self._returning: dict[int, LegsReference | ReturnReference] = {}
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
     def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
@@ -201,12 +209,21 @@ class ContingencyExecutor:
             case Action.HOLD | Action.SPREAD | Action.RETURN:
                 watch.obeys = frozenset({*watch.obeys, m.guided, m.land, m.returning})
                 track = self._reference(order, view, vehicle.row, begin_s)
+                if track is None:
+                    rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
+                    self._carry_out(Order(order.sysid, Action.LAND, rule), t_s)
+                    return
                 if order.action is Action.RETURN:
                     self._returning[order.sysid] = track
                 self._start(order.sysid, partial(self._streamer.take_over, vehicle, track))
 
-    def _reference(self, order: Order, view: VehicleView, row: int, begin_s: float) -> LegsReference:
-        """The reference trajectory of an order, from the vehicle's predicted position at plan time `begin_s`."""
+    def _reference(
+        self, order: Order, view: VehicleView, row: int, begin_s: float
+    ) -> LegsReference | ReturnReference | None:
+        """The reference trajectory of an order, from the vehicle's predicted position at plan time `begin_s`.
+
+        None: a return without a way.
+        """
         assert self._monitor.t0_unix_s is not None
         ahead_s = min(max(begin_s - (view.unix_s - self._monitor.t0_unix_s), 0.0), 1.0)
         position, velocity = view.position_ned_m + view.velocity_ned_mps * ahead_s, view.velocity_ned_mps
@@ -216,17 +233,10 @@ class ContingencyExecutor:
             return hold_reference(position, velocity, yaw, begin_s)
         if order.action is Action.SPREAD:
             return spread_reference(position, velocity, yaw, begin_s, SPREAD_M)
+        home = self._plan.pads_ned_m[row]
+        top_down_m = float(home[2]) - self.returns.altitudes_m[row]
         speeds = self.returns.speeds
-        return return_reference(
-            position,
-            velocity,
-            yaw,
-            begin_s,
-            self._plan.pads_ned_m[row],
-            float(self.returns.altitudes_m[row]),
-            (speeds.climb_mps, speeds.cruise_mps, speeds.sink_mps),
-            _HOVER_M,
-        )
+        return return_reference(position, velocity, yaw, begin_s, self._routes, home, top_down_m, speeds, _HOVER_M)
 
     async def _change_mode(self, vehicle: FlightVehicle, mode: int) -> None:
         await set_mode(vehicle, mode)

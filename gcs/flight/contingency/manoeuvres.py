@@ -6,15 +6,19 @@ Their acceleration is bounded, and all of them end at rest.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
+from gcs.mission.failsafe.return_routes import ReturnRoutes
+from gcs.mission.failsafe.routed_motion import ACCEL_MPS2, PiecewiseMotion, routed_motion, stops
+from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 
-BRAKE_MPS2 = 1.5  # a fifth of what a tilt of 60 degrees gives: any multicopter is able to
+BRAKE_MPS2 = ACCEL_MPS2
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 
@@ -113,28 +117,56 @@ def spread_reference(
     return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
 
 
+class ReturnReference:
+    """A return that begins at plan time `begin_s`, as it was verified."""
+
+    def __init__(self, motion: PiecewiseMotion, begin_s: float, yaw_ned_rad: float) -> None:
+        self.begin_s = begin_s
+        self.end_s = begin_s + float(motion.times_s[0, -1])
+        self._times_s: list[float] = motion.times_s[0].tolist()
+        self._places, self._velocities = motion.places[0], motion.velocities[0]
+        self._yaw_ned_rad = yaw_ned_rad
+
+    def at(self, k: int, t_s: float) -> Values:
+        """Return the setpoint of the return at plan time `t_s`."""
+        del k
+        passed_s = t_s - self.begin_s
+        piece = bisect_right(self._times_s, passed_s)
+        if piece == 0 or piece == len(self._times_s):  # waits to begin, or rests
+            knot = 0 if piece == 0 else -1
+            return (*self._places[knot].tolist(), *self._velocities[knot].tolist(), 0.0, 0.0, 0.0, self._yaw_ned_rad)
+        begin_s, end_s = self._times_s[piece - 1], self._times_s[piece]
+        start = self._velocities[piece - 1]
+        push = (self._velocities[piece] - start) / (end_s - begin_s)
+        left_s = passed_s - begin_s
+        position = self._places[piece - 1] + start * left_s + push * left_s**2 / 2
+        return (*position.tolist(), *(start + push * left_s).tolist(), *push.tolist(), self._yaw_ned_rad)
+
+
 def return_reference(
     position: Array,
     velocity: Array,
     yaw_ned_rad: float,
     begin_s: float,
-    home_ned_m: Array,
-    altitude_m: float,
-    speeds_mps: tuple[float, float, float],
+    routes: ReturnRoutes,
+    end_ned_m: Array,
+    top_down_m: float,
+    speeds: ReturnSpeeds,
     end_above_m: float,
-) -> LegsReference:
-    """Return a reference as returns are verified: brake, climb to `altitude_m` above home, fly there straight, descend.
+) -> ReturnReference | None:
+    """Return a reference as returns are verified: brake, climb to `top_down_m`, follow the way to the end, descend.
 
-    A higher vehicle keeps its altitude. It ends `end_above_m` above home. `speeds_mps`: climb, cruise, sink.
+    The way leads round no-fly zones and keeps inside the fence; None without a way. A higher vehicle keeps its
+    altitude. It ends `end_above_m` above `end_ned_m`.
     """
-    climb, cruise, sink = speeds_mps
-    stop = braking(position, velocity)
-    here = stop.start + stop.travel
-    top = min(float(here[2]), float(home_ned_m[2]) - altitude_m)
-    over_here, over_home = np.array([here[0], here[1], top]), np.array([home_ned_m[0], home_ned_m[1], top])
-    low = np.array([home_ned_m[0], home_ned_m[1], max(float(home_ned_m[2]) - end_above_m, top)])
-    legs = [stop, leg(here, over_here, climb), leg(over_here, over_home, cruise), leg(over_home, low, sink)]
-    return LegsReference(legs, begin_s, yaw_ned_rad)
+    stop = stops(position[None], velocity[None], np.array([begin_s]), routes)
+    here = stop.end_ned_m[0]
+    way = routes.way_ned_m(here, end_ned_m, begin_s)
+    if way is None:
+        return None
+    top = np.array([min(top_down_m, float(here[2]))])
+    low = np.array([float(end_ned_m[2]) - end_above_m])
+    return ReturnReference(routed_motion(stop, way[None], top, low, speeds), begin_s, yaw_ned_rad)
 
 
 class RejoinReference:

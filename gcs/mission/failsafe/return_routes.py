@@ -54,6 +54,7 @@ class ReturnRoutes:
         climb_s = 2.0 * float(np.ptp(limits.height_m)) / limits.speed_ned_mps[2]
         self._return_s = longest_m / (_SLOWEST_SHARE * min(limits.speed_ned_mps[:2])) + climb_s
         self._graphs: dict[tuple[int, float], _Graph] = {}
+        self._forbidden: dict[int, shapely.Geometry] = {}
 
     def way_ned_m(self, from_ned_m: Array, to_ned_m: Array, t_s: float = 0.0) -> Array | None:
         """The shortest way (W, 2) of a return that begins at `t_s`; None without a way.
@@ -90,14 +91,29 @@ class ReturnRoutes:
                     break
         return Ways(points, lengths)
 
+    def depth_m(self, tracks_m: Array, t_s: Array) -> Array:
+        """The length (N,) of tracks (N, P, 2) in no-fly zones and outside the fence at plan times (N,)."""
+        lines, inside_m = shapely.linestrings(tracks_m), np.zeros(len(tracks_m))
+        windows = np.floor(t_s / _WINDOW_S).astype(int) if self._moves else np.zeros(len(tracks_m), dtype=int)
+        for window in np.unique(windows).tolist():
+            if window not in self._forbidden:
+                self._forbidden[window] = self._avoided(window, 0.0, _WINDOW_S)
+                shapely.prepare(self._forbidden[window])
+            area = self._forbidden[window]
+            rows = np.flatnonzero((windows == window) & shapely.intersects(area, lines))
+            inside_m[rows] = shapely.length(shapely.intersection(lines[rows], area))
+        return inside_m
+
     def _graph(self, window: int, clearance_m: float) -> _Graph:
         if (window, clearance_m) not in self._graphs:
-            self._graphs[window, clearance_m] = _Graph(lambda more_m: self._avoided(window, clearance_m + more_m))
+            self._graphs[window, clearance_m] = _Graph(
+                lambda more_m: self._avoided(window, clearance_m + more_m, _WINDOW_S + self._return_s)
+            )
         return self._graphs[window, clearance_m]
 
-    def _avoided(self, window: int, clearance_m: float) -> shapely.Geometry:
+    def _avoided(self, window: int, clearance_m: float, for_s: float) -> shapely.Geometry:
         begin_s = window * _WINDOW_S
-        zones = [swept_area(z, clearance_m, begin_s, begin_s + _WINDOW_S + self._return_s) for z in self._zones]
+        zones = [swept_area(zone, clearance_m, begin_s, begin_s + for_s) for zone in self._zones]
         return shapely.union_all([*zones, outside_area(self._inclusion, clearance_m)])
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,16 +15,29 @@ from gcs.flight.contingency.manoeuvres import (
     SPREAD_MPS2,
     LegsReference,
     RejoinReference,
+    ReturnReference,
     hold_reference,
     return_reference,
     spread_reference,
 )
 from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory
+from gcs.mission.failsafe.return_routes import ReturnRoutes
+from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.plan import Plan
 
 places = st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(-50, -3)).map(np.array)
 speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.array)
 STEP_S = 0.02
+flown = st.tuples(st.floats(50, 550), st.floats(-40, 40), st.floats(-50, -3)).map(np.array)
+SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=0.0)
+
+
+@pytest.fixture(scope="module")
+def open_routes(plan_of: Callable[[str], Plan]) -> ReturnRoutes:
+    """The ways of a plan without no-fly zones: straight."""
+    plan = plan_of("field/scenario.toml")
+    return ReturnRoutes(replace(plan, scenario=plan.scenario.model_copy(update={"no_fly": ()})))
 
 
 def sampled(course: ReferenceTrajectory, begin_s: float, end_s: float) -> tuple[Array, Array, Array]:
@@ -32,7 +48,7 @@ def sampled(course: ReferenceTrajectory, begin_s: float, end_s: float) -> tuple[
     return values[:, :3], values[:, 3:6], values[:, 6:9]
 
 
-def consistent(course: LegsReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
+def consistent(course: LegsReference | ReturnReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
     """Velocity is position's rate; nothing jumps; it ends at rest."""
     place, velocity, acceleration = sampled(course, course.begin_s, course.end_s + 1.0)
     np.testing.assert_allclose(np.diff(place, axis=0) / STEP_S, (velocity[1:] + velocity[:-1]) / 2, atol=0.02)
@@ -61,12 +77,15 @@ def test_spreading_ends_above(place: Array, velocity: Array) -> None:
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
 
 
-@settings(deadline=None)
-@given(places, speeds, places, st.floats(5.0, 60.0))
-def test_returning_climbs_crosses_and_sinks(place: Array, velocity: Array, over: Array, level_m: float) -> None:
+@settings(max_examples=40, deadline=None)
+@given(flown, speeds, flown, st.floats(5.0, 60.0))
+def test_returning_climbs_crosses_and_sinks(
+    open_routes: ReturnRoutes, place: Array, velocity: Array, over: Array, level_m: float
+) -> None:
     home = np.array([over[0], over[1], -2.0])
-    course = return_reference(place, velocity, 0.0, 5.0, home, level_m, (2.0, 5.0, 1.0), 1.0)
-    path, rate, _ = consistent(course)
+    course = return_reference(place, velocity, 0.0, 5.0, open_routes, home, home[2] - level_m, SPEEDS, 1.0)
+    assert course is not None
+    path, rate, _ = consistent(course, 3.4)  # harder and sideways where it would leave the fence
     stop = hold_reference(place, velocity, 0.0, 5.0)
     moving = np.arange(5.0, course.end_s + 1.0, STEP_S)[: len(path)] > stop.end_s
     level = np.hypot(*(path[:, :2] - path[-1, :2]).T)
