@@ -6,6 +6,7 @@ others: on a link their numbers stay plain ints, and `link_behaviour` has defaul
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
 
@@ -88,6 +89,18 @@ def link_behaviour(autopilot: int) -> LinkBehaviour:
     return _UNKNOWN if row is None else row.link
 
 
-def titles() -> str:
-    """Return the names of all autopilots in the table, for messages: "ArduCopter and PX4"."""
-    return " and ".join(known.title for known in Autopilot)
+# The autopilot of all vehicles, or that of each, in the plan's order.
+FleetFirmware = Autopilot | Sequence[Autopilot]
+
+
+def one_each(firmware: FleetFirmware, vehicles: int) -> tuple[Autopilot, ...]:
+    """Return the autopilot of each vehicle. Raises `ValueError` for a list of another length."""
+    each = (firmware,) * vehicles if isinstance(firmware, Autopilot) else tuple(firmware)
+    if len(each) != vehicles:
+        raise ValueError(f"{len(each)} autopilots for {vehicles} vehicles")
+    return each
+
+
+def titles(autopilots: Iterable[Autopilot] = tuple(Autopilot)) -> str:
+    """Return the names of these autopilots, or of all in the table, for messages: "ArduCopter and PX4"."""
+    return " and ".join(known.title for known in dict.fromkeys(autopilots))

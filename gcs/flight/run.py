@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.autopilots.traits import Autopilot
-from gcs.errors import PeerError, UsageError, VerificationError
+from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
 from gcs.flight.lateness import skew_s
 from gcs.flight.options import FlightMode, FlightOptions
@@ -22,7 +21,7 @@ from gcs.flight.progress import Event, FlightTimes, Step, Watcher
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
-from gcs.flight.setup.build_loads import loads_built_aside, missions_only
+from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_other_autopilots
 from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
@@ -222,7 +221,7 @@ async def _flight(
     else:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.keeping.mode is FlightMode.MISSION:
-            _refuse_other_autopilots(plan, autopilots)
+            refuse_other_autopilots(plan, (autopilots[sysid] for sysid in plan.sysids))
         loads = await loads_built_aside(
             plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported
         )
@@ -235,7 +234,7 @@ async def _flight(
             await watcher.confirm()
 
         hooks = replace(hooks, on_ready=check_and_confirm)
-    same = all(session.autopilot == exported.firmware for session in sessions.values())
+    same = exported.autopilots == tuple(sessions[sysid].autopilot for sysid in plan.sysids)
     returns = exported.safety.returns if same else None
     return FlightSequence(plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=hooks)
 
@@ -255,17 +254,6 @@ def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -
         for c in checks
         if c.waived
     ]
-
-
-def _refuse_other_autopilots(plan: Plan, autopilots: dict[int, int]) -> None:
-    """Raises `PeerError` for a vehicle without the scenario's autopilot: missions are timed for that one."""
-    firmware = Autopilot.named(plan.scenario.mission.autopilot)
-    for sysid, autopilot in autopilots.items():
-        if autopilot != firmware:
-            raise PeerError(
-                f"vehicle {sysid} does not run {firmware.title}, the autopilot that the missions are timed for.",
-                hint="set mission.autopilot to the autopilot of the vehicles, or fly with --mode stream",
-            )
 
 
 def _simulator_options(order: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, titles
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     DebugOption,
@@ -46,7 +46,9 @@ def export(
     ] = None,
     autopilot: Annotated[
         str | None,
-        typer.Option("--autopilot", help=f"{' or '.join(AUTOPILOTS)}.", show_default="the scenario's"),
+        typer.Option(
+            "--autopilot", help=f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", show_default="those of the scenario"
+        ),
     ] = None,
     altitude: Annotated[
         str,
@@ -140,7 +142,7 @@ def export(
             "folder": to,
             "files": index.sha256,
             "plan_hash": index.plan_hash,
-            "firmware": index.firmware.key,
+            "firmware": index.firmware_data(plan.sysids),
             "altitude": index.altitude,
             "waypoints": index.waypoints,
             "timing": None if index.timing is None else index.timing.data(),
@@ -158,7 +160,7 @@ def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     report = index.report
     if report is None:
         return
-    how = "at the planned speeds" if index.timing is None else f"as a model of {index.firmware.title} flies them"
+    how = "at the planned speeds" if index.timing is None else f"as a model of {titles(index.autopilots)} flies them"
     text = f"missions, read back and computed {how}: at least {report.clearance_min_m:.2f} m above ground"
     if report.closest is not None:
         first, second = (plan.sysids[row] for row in report.closest.pair)
@@ -171,7 +173,7 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
     timing = index.timing
     if timing is None:
         return
-    title = f"predicted for {index.firmware.title}"
+    title = f"predicted for {titles(index.autopilots)}"
     table = Table("vehicle", "largest delay", "largest distance from plan", "RMS distance", title=title)
     for one in timing.vehicles[:_SHOWN]:
         late = f"{one.late_s:+.2f} s at {one.late_at_s:.0f} s"

@@ -227,10 +227,10 @@ class FlightSequence:
         self._hooks.on_step(step, self.monitor.t0_unix_s)
 
     async def _contingency(self) -> ContingencyExecutor:
-        firmware = Autopilot(next(iter(self.vehicles.values())).session.autopilot)
         returns = self._returns
         if returns is None:
-            returns = await in_own_process(plan_returns, self.plan, firmware)
+            each = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
+            returns = await in_own_process(plan_returns, self.plan, each)
         return ContingencyExecutor(
             plan=self.plan,
             vehicles=self.vehicles,
@@ -243,12 +243,12 @@ class FlightSequence:
         )
 
     def _check_mode(self) -> None:
-        late = [v.sysid for v in self.vehicles.values() if not v.behaviour.waits_for_time_of_day]
+        late = [v for v in self.vehicles.values() if not v.behaviour.waits_for_time_of_day]
         if self.options.mode is FlightMode.MISSION and late:
+            named = ", ".join(f"vehicle {v.sysid} ({autopilot_name(v.session.autopilot)})" for v in late)
             raise PeerError(
-                f"missions on {autopilot_name(self.vehicles[late[0]].session.autopilot)} (vehicle {late[0]}) cannot "
-                "start together: it cannot wait until a time of day.",
-                hint="fly it with --mode stream",
+                f"missions cannot start together: a mission cannot wait until a time of day on {named}.",
+                hint="fly with --mode stream, which keeps all vehicles on time",
             )
 
     async def _fly_stream(self) -> float:

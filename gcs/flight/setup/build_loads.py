@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+from gcs.autopilots.flight_modes import autopilot_name
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import PeerError
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
@@ -16,6 +17,7 @@ from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
 from gcs.own_process import in_own_process
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.si import names_autopilots
 
 
 def build_loads(
@@ -30,31 +32,54 @@ def build_loads(
     """Return the load of every vehicle of the plan, each for its own autopilot (MAV_AUTOPILOT by system id).
 
     Missions are those of an export, with its checks. `timed` ones have speeds corrected for the autopilot; the others
-    have the plan's own speeds, which autopilots do not keep. What `exported` has for an autopilot is not built again.
-    With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings about
-    returns. Raises `PeerError` for an autopilot that missions are not written for, `ScenarioError` for missions that it
-    does not store, and `VerificationError` for missions that failed verification.
+    have the plan's own speeds, which autopilots do not keep. What `exported` has for these autopilots is not built
+    again. With `safety` a load has the fence, the rally point and the parameters too, and `warn` gets the warnings
+    about returns. Raises `PeerError` as `fleet_autopilots`, `ScenarioError` for missions that an autopilot does not
+    store, and `VerificationError` for missions that failed verification.
     """
-    loads: dict[int, VehicleLoad] = {}
-    for autopilot in sorted(set(autopilots.values())):
-        firmware = _firmware(autopilots, autopilot)
-        if exported is not None and exported.firmware is firmware and not exported.refused:
-            safe, missions = exported.safety, exported.missions
-        else:
-            safe = build_safety(plan, firmware)
-            missions = _missions(plan, MissionOrder(firmware, timed=timed), safe)
-        ours = {sysid for sysid, number in autopilots.items() if number == autopilot}
-        loads |= {m.sysid: VehicleLoad(m) for m in missions if m.sysid in ours}
-        if not safety:
-            continue
-        for text in return_warnings(plan, safe.returns):
-            warn(text)
-        fence = fence_items(safe.fence.geofence)
-        for row, sysid in enumerate(plan.sysids):
-            if sysid in ours:
-                rally = rally_items([safe.rally[row]])
-                loads[sysid] = VehicleLoad(loads[sysid].mission, fence, rally, safe.parameters[row])
-    return tuple(loads[sysid] for sysid in plan.sysids)
+    each = fleet_autopilots(plan, autopilots)
+    if exported is not None and exported.autopilots == each and not exported.refused:
+        safe, missions = exported.safety, exported.missions
+    else:
+        safe = build_safety(plan, each)
+        missions = _missions(plan, MissionOrder(each, timed=timed), safe)
+    if not safety:
+        return missions_only(missions)
+    for text in return_warnings(plan, safe.returns):
+        warn(text)
+    fence = fence_items(safe.fence.geofence)
+    return tuple(
+        VehicleLoad(mission, fence, rally_items([rally]), parameters)
+        for mission, rally, parameters in zip(missions, safe.rally, safe.parameters, strict=True)
+    )
+
+
+def fleet_autopilots(plan: Plan, autopilots: Mapping[int, int]) -> tuple[Autopilot, ...]:
+    """Return the autopilot of each vehicle of the plan, from MAV_AUTOPILOT by system id.
+
+    Raises `PeerError` for an autopilot that missions are not written for, and for another one than the scenario names
+    for this vehicle.
+    """
+    every = tuple(_firmware(sysid, autopilots[sysid]) for sysid in plan.sysids)
+    if names_autopilots(plan.scenario):
+        refuse_other_autopilots(plan, every)
+    return every
+
+
+def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
+    """Raises `PeerError` for vehicles that run another autopilot than the scenario says."""
+    rows = zip(plan.sysids, autopilots, plan.autopilots, strict=True)
+    other = [
+        f"vehicle {sysid} runs {autopilot_name(found)}, the scenario says {wanted.title}"
+        for sysid, found, wanted in rows
+        if found != wanted
+    ]
+    if other:
+        raise PeerError(
+            f"{'; '.join(other)}.",
+            hint="set mission.autopilot, or autopilot in [[formation.vehicle]], to what each vehicle runs. If the "
+            "scenario is right, check the vehicles' system ids (--map)",
+        )
 
 
 async def loads_built_aside(
@@ -67,6 +92,7 @@ async def loads_built_aside(
     exported: ExportIndex | None = None,
 ) -> tuple[VehicleLoad, ...]:
     """Return what `build_loads` does, computed beside the event loop. Raises what it raises."""
+    fleet_autopilots(plan, autopilots)
     loads, warnings = await in_own_process(
         _with_warnings, plan, autopilots, timed=timed, safety=safety, exported=exported
     )
@@ -95,11 +121,10 @@ def _missions(plan: Plan, order: MissionOrder, safe: Safety) -> tuple[VehicleMis
     return made.missions
 
 
-def _firmware(autopilots: Mapping[int, int], autopilot: int) -> Autopilot:
+def _firmware(sysid: int, autopilot: int) -> Autopilot:
     try:
         return Autopilot(autopilot)
     except ValueError:
-        sysid = next(i for i, number in autopilots.items() if number == autopilot)
         raise PeerError(
             f"vehicle {sysid} runs autopilot number {autopilot}; missions are written for {titles()}.",
             hint="export the missions with `gcs export` and load them with its own ground station",

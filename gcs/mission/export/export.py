@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.autopilots.parameter_names import with_new_names
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.mission.export.atomic_folder import replaced
 from gcs.mission.export.index import ExportIndex, Smoothing, index_document
 from gcs.mission.export.mission_files import MissionOrder, make_missions
@@ -25,6 +25,7 @@ from gcs.mission.formats.tables.setpoint_table import StreamFile
 from gcs.mission.model import Altitude
 from gcs.mission.setpoints.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
+from gcs.mission.waypoints.placement import Deviation
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def export(
     folder: Path | str,
     *,
     formats: Iterable[str | Format] | None = None,
-    firmware: Autopilot | None = None,
+    firmware: FleetFirmware | None = None,
     altitude: Altitude = Altitude.RELATIVE,
     setpoint_rate_hz: float | None = None,
     smooth_m: float | None = None,
@@ -48,42 +49,45 @@ def export(
 ) -> ExportIndex:
     """Write the files of these formats (names, or rows of your own; docs/formats.md) and index.json into `folder`.
 
-    The folder holds the old export until the new one is complete. Autopilot and rate are the scenario's unless given.
-    `smooth_m` smooths the setpoints to within this distance of the plan. `timed` missions have speeds corrected for the
-    autopilot; others have the plan's own speeds. `start_s` is the time of day (UTC, s) at which all vehicles leave the
-    hover; `gates` need it. Raises `UsageError` if the folder holds a file that no export wrote, or if the autopilot has
-    no gates. Raises `ScenarioError` for missions that the autopilot cannot store, and OSError as the file system does.
-    Raises `VerificationError` if missions as written or the smoothed path violate a limit. If `formats` is not given,
-    such missions are left out instead, and the index says why.
+    The folder holds the old export until the new one is complete. Autopilots (one for all vehicles or one each) and
+    rate are the scenario's unless given. `smooth_m` smooths the setpoints to within this distance of the plan. `timed`
+    missions have speeds corrected for the autopilot; others have the plan's own speeds. `start_s` is the time of day
+    (UTC, s) at which all vehicles leave the hover; `gates` need it. Raises `UsageError` if the folder holds a file that
+    no export wrote, or if an autopilot has no gates. Raises `ScenarioError` for missions that an autopilot cannot
+    store, and OSError as the file system does. Raises `VerificationError` if missions as written or the smoothed path
+    violate a limit. If `formats` is not given, such missions are left out instead, and the index says why.
     """
     wanted = DEFAULT if formats is None else select_formats(formats)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
-    firmware = Autopilot.named(plan.scenario.mission.autopilot) if firmware is None else firmware
-    order = MissionOrder(firmware, altitude, timed, gates, start_s)
+    autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
+    order = MissionOrder(autopilots, altitude, timed, gates, start_s)
     order.refuse_impossible()
     with replaced(Path(folder)) as files:
-        safety = build_safety(plan, firmware)
+        safety = build_safety(plan, autopilots)
         path = None if smooth_m is None else smoothed(plan, smooth_m)
         made = make_missions(plan, order, safety, wanted)
         if made.refusal is not None and formats is not None:
             raise made.refusal
         for name, text in made.files.items():
             files.write(name, text)
-        material = _Material(plan, firmware, safety, rate_hz, path)
+        material = _Material(plan, autopilots, safety, rate_hz, path)
         for content, values in _VALUES.items():
             rows = [row for row in wanted if row.content is content]
             for stem, value in values(material) if rows else ():
                 for row in rows:
-                    files.write(row.file_name(stem, firmware), row.write(value))
+                    files.write(row.file_name(stem, material.by_stem.get(stem, autopilots[0])), row.write(value))
         index = ExportIndex(
             plan.scenario.name,
             plan.hash,
-            firmware,
+            autopilots,
             altitude,
             rate_hz,
-            len(made.legs.t_s),
+            max(len(legs.t_s) for legs in made.legs.values()),
             max(len(m.items) for m in made.missions),
-            made.legs.error,
+            Deviation(
+                max(legs.error.path_m for legs in made.legs.values()),
+                max(legs.error.time_m for legs in made.legs.values()),
+            ),
             dict(sorted(files.sha256.items())),
             safety,
             made.report,
@@ -106,10 +110,15 @@ class _Material:
     """The data from which files other than missions are made."""
 
     plan: Plan
-    firmware: Autopilot
+    autopilots: tuple[Autopilot, ...]
     safety: Safety
     rate_hz: float
     path: SmoothPath | None
+
+    @property
+    def by_stem(self) -> dict[str, Autopilot]:
+        """The autopilot of each vehicle by the name of its files."""
+        return dict(zip(map(vehicle_name, self.plan.sysids), self.autopilots, strict=True))
 
 
 _Values = Iterator[tuple[str, Any]]  # name of a file without suffix, and what it holds
@@ -125,8 +134,9 @@ def _rally(material: _Material) -> _Values:
 
 
 def _parameters(material: _Material) -> _Values:
-    for sysid, values in zip(material.plan.sysids, material.safety.parameters, strict=True):
-        yield vehicle_name(sysid), ParameterFile(material.firmware, sysid, with_new_names(material.firmware, values))
+    rows = zip(material.plan.sysids, material.autopilots, material.safety.parameters, strict=True)
+    for sysid, firmware, values in rows:
+        yield vehicle_name(sysid), ParameterFile(firmware, sysid, with_new_names(firmware, values))
 
 
 def _setpoints(material: _Material) -> _Values:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,7 @@ class ExportIndex:
 
     scenario: str
     plan_hash: str
-    firmware: Autopilot
+    autopilots: tuple[Autopilot, ...]  # of each vehicle, in the plan's order
     altitude: Altitude
     setpoint_rate_hz: float
     waypoints: int  # positions with a planned time, per vehicle
@@ -49,6 +50,12 @@ class ExportIndex:
     refused: str = ""  # why the missions of the default formats are left out
     missions: tuple[VehicleMission, ...] = field(default=(), repr=False)
 
+    def firmware_data(self, sysids: Sequence[int]) -> str | dict[str, str]:
+        """The autopilot of all vehicles, or that of each by system id, for index.json and `--json`."""
+        if len(set(self.autopilots)) == 1:
+            return self.autopilots[0].key
+        return {str(sysid): known.key for sysid, known in zip(sysids, self.autopilots, strict=True)}
+
 
 def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
     """The index as a JSON document."""
@@ -56,7 +63,7 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
         "version": _VERSION,
         "scenario": index.scenario,
         "plan_hash": index.plan_hash,
-        "firmware": index.firmware.key,
+        "firmware": index.firmware_data(plan.sysids),
         "altitude": index.altitude.value,
         "setpoint_rate_hz": index.setpoint_rate_hz,
         "waypoints": index.waypoints,

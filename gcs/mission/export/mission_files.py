@@ -1,4 +1,4 @@
-"""The missions of an export: built for an autopilot, written, read back, flown by a model, and verified."""
+"""The missions of an export: built for each vehicle's autopilot, written, read back, flown by a model, verified."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each, titles
 from gcs.errors import UsageError, VerificationError
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.export.verify_export import check_written, refuse_broken, refuse_untimely, verify_box
@@ -31,19 +31,21 @@ _IN_THE_AIR = VerificationError(
 
 @dataclass(frozen=True)
 class MissionOrder:
-    """The autopilot that missions are for, and how they keep the plan's times."""
+    """The autopilot that missions are for, one for all or one each, and how they keep the plan's times."""
 
-    firmware: Autopilot
+    firmware: FleetFirmware
     altitude: Altitude = Altitude.RELATIVE
     timed: bool = True  # speeds corrected for the autopilot
     gates: int = 0
     start_s: int | None = None  # time of day, UTC, at which all vehicles leave the hover
 
     def refuse_impossible(self) -> None:
-        """Raise `UsageError` for gates or starts that this autopilot does not have."""
-        if (self.gates or self.start_s is not None) and not self.firmware.traits.flight.waits_for_time_of_day:
+        """Raise `UsageError` for gates or starts that one of the autopilots does not have."""
+        every = (self.firmware,) if isinstance(self.firmware, Autopilot) else tuple(self.firmware)
+        unable = [known for known in every if not known.traits.flight.waits_for_time_of_day]
+        if (self.gates or self.start_s is not None) and unable:
             raise UsageError(
-                f"{self.firmware.title} cannot wait until a time of day, so gates and a common start are not available "
+                f"{titles(unable)} cannot wait until a time of day, so gates and a common start are not available "
                 "on it.",
                 hint="fly the setpoint stream, which keeps all vehicles on time",
             )
@@ -65,9 +67,9 @@ class MissionOrder:
 
 @dataclass(frozen=True)
 class MadeMissions:
-    """Missions, their legs, their files by name, and the result of their check."""
+    """Missions, their legs by autopilot, their files by name, and the result of their check."""
 
-    legs: TimedLegs
+    legs: dict[Autopilot, TimedLegs]
     missions: tuple[VehicleMission, ...]
     files: dict[str, str | bytes]
     report: FleetReport | None
@@ -81,35 +83,37 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     Raises `ScenarioError` if the autopilot cannot store them, and `VerificationError` if missions at the plan's own
     speeds fail verification. Missions at corrected speeds return a `refusal` instead.
     """
-    firmware, altitude = order.firmware, order.altitude
+    altitude = order.altitude
+    autopilots = one_each(order.firmware, len(plan.sysids))
     formats = [row for row in formats if row.content is Content.MISSION]
+    corrected = order.corrected and bool(formats) and plan.begin_state is None
+    if corrected:
+        legs = {known: corrected_legs(plan, known, order.gates) for known in dict.fromkeys(autopilots)}
+    else:
+        legs = dict.fromkeys(autopilots, timed_legs(plan))
+    missions = build_missions(plan, legs, firmware=autopilots, altitude=altitude)
     if plan.begin_state is not None:
-        legs = timed_legs(plan)
-        missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
         return MadeMissions(legs, missions, {}, None, None, _IN_THE_AIR if formats else None)
-    corrected = order.corrected and bool(formats)
-    legs = corrected_legs(plan, firmware, order.gates) if corrected else timed_legs(plan)
-    missions = build_missions(plan, legs, firmware=firmware, altitude=altitude)
     if order.start_s is not None:
         missions = tuple(starting_at(mission, order.start_s) for mission in missions)
     if not formats:
         return MadeMissions(legs, missions, {}, None, None)
-    held = _held(missions, firmware, safety)
+    held = _held(missions, autopilots, safety)
     files: dict[str, str | bytes] = {}
     read: list[list[MissionFile]] = []
     for row in formats:
-        written = {row.file_name(file.source, firmware): row.write(file) for file in held}
+        written = {row.file_name(file.source, file.firmware): row.write(file) for file in held}
         pairs = zip(written.items(), held, strict=True)
         read.append([_read_back(row, name, data, file) for (name, data), file in pairs])
         files |= written
-    leaves_s = None if order.start_s is None else legs.left_s
-    report = check_written(plan, firmware, read, timed=corrected, leaves_s=leaves_s)
-    timing = predicted(plan, firmware, legs, missions, report.flights) if corrected else None
+    leaves_s = None if order.start_s is None else legs[autopilots[0]].left_s
+    report = check_written(plan, autopilots, read, timed=corrected, leaves_s=leaves_s)
+    timing = predicted(plan, autopilots, legs, missions, report.flights) if corrected else None
     try:
         refuse_broken(report)
         verify_box(plan, missions, altitude)
         if timing is not None:
-            refuse_untimely(plan, firmware, timing)
+            refuse_untimely(plan, autopilots, timing)
     except VerificationError as refusal:
         if timing is None:
             raise
@@ -117,10 +121,10 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     return MadeMissions(legs, missions, files, report, timing)
 
 
-def _held(missions: Sequence[VehicleMission], firmware: Autopilot, safety: Safety) -> list[MissionFile]:
+def _held(missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot], safety: Safety) -> list[MissionFile]:
     """The contents of each vehicle's mission files, the same for every format."""
     held = []
-    for mission, rally in zip(missions, safety.rally, strict=True):
+    for mission, firmware, rally in zip(missions, autopilots, safety.rally, strict=True):
         speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
         speed_mps = round(sum(speeds) / len(speeds), 1)
         name = vehicle_name(mission.sysid)

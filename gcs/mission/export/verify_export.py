@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.frames import geodetic_to_ned
 from gcs.mission.check.fleet_check import FleetReport, check_fleet
@@ -30,7 +30,7 @@ STREAM_INSTEAD = "fly the setpoint stream instead (--format setpoints): it keeps
 
 def check_written(
     plan: Plan,
-    firmware: Autopilot,
+    autopilots: Sequence[Autopilot],
     fleets: Sequence[Sequence[MissionFile]],
     *,
     timed: bool = False,
@@ -48,7 +48,8 @@ def check_written(
         limits = replace(limits, leaves_s=leaves_s)
     if timed:
         limits = replace(limits, overspeed=OVERSPEED)
-        modelled = AutopilotFlight(ability_of(plan.quadrotor, scenario.limits), climb_s(plan, firmware))
+        climbs_s = {known: climb_s(plan, known) for known in set(autopilots)}
+        modelled = AutopilotFlight(ability_of(plan.quadrotor, scenario.limits), climbs_s)
         report = check_fleet(first, surroundings_of(scenario), limits, modelled)
     else:
         report = check_fleet(first, surroundings_of(scenario), limits)
@@ -97,14 +98,15 @@ def refuse_broken(report: FleetReport) -> None:
     )
 
 
-def refuse_untimely(plan: Plan, firmware: Autopilot, timing: Timing) -> None:
+def refuse_untimely(plan: Plan, autopilots: Sequence[Autopilot], timing: Timing) -> None:
     """Raise `VerificationError` if vehicles may violate the separation, or miss a gate, because of their timing."""
     near, required_m = timing.nearest, plan.scenario.judge.separation_min_m
     if near is not None and near.distance_m < required_m:
         first, second = near.sysids
+        pair = titles(autopilots[plan.sysids.index(sysid)] for sysid in near.sysids)
         raise VerificationError(
             f"not fit for mission mode: vehicles {first} and {second} may come within {near.distance_m:.2f} m at "
-            f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {firmware.title} may be "
+            f"{near.t_s:.1f} s ({required_m:g} m required). Two vehicles under {pair} may be "
             f"{near.apart_s:g} s apart in time.",
             hint=f"{STREAM_INSTEAD}; --untimed writes missions with the plan's own speeds, without this check",
         )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.failsafe.fence_areas import inclusion_corners, planned_places_m
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
@@ -59,16 +59,17 @@ class Safety:
     parameters: tuple[tuple[tuple[str, int | float], ...], ...]
 
 
-def build_safety(plan: Plan, firmware: Autopilot) -> Safety:
-    """The fence, the rally points and the returns of a plan, for one autopilot."""
-    returns = plan_returns(plan, firmware)
+def build_safety(plan: Plan, firmware: FleetFirmware) -> Safety:
+    """The fence, the rally points and the returns of a plan, for the autopilot of all vehicles or that of each."""
+    autopilots = one_each(firmware, len(plan.sysids))
+    returns = plan_returns(plan, autopilots)
     hover_m = -plan.states(np.array([plan.airborne_s]))[:, 0, 2]
     homes_m = -plan.pads_ned_m[:, 2]
     parameters = tuple(
-        return_parameters(firmware, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
-        for row in range(len(plan.sysids))
+        return_parameters(known, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
+        for row, known in enumerate(autopilots)
     )
-    return Safety(build_fence(plan), build_rally(plan, firmware, returns.altitudes_m), returns, parameters)
+    return Safety(build_fence(plan), build_rally(plan, autopilots, returns.altitudes_m), returns, parameters)
 
 
 def build_fence(plan: Plan) -> Fence:
@@ -107,7 +108,7 @@ def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
     return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]
 
 
-def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
+def build_rally(plan: Plan, firmware: FleetFirmware, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
     """The landing point of each vehicle as its rally point, in the plan's order; altitudes above its own home.
 
     ArduPilot returns to a rally point at the higher of its altitude and RTL_ALT. Here they are equal, or in a large
@@ -116,9 +117,9 @@ def build_rally(plan: Plan, firmware: Autopilot, altitudes_m: Sequence[float]) -
     """
     places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
     ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
-    returns = firmware.traits.returns
-    above_m = np.array(altitudes_m) if returns.rally_at_return_altitude else ground_m
-    per_m = round(1.0 / returns.rally_step_m)
+    rows = [known.traits.returns for known in one_each(firmware, len(places))]
+    above_m = np.where([row.rally_at_return_altitude for row in rows], np.array(altitudes_m), ground_m)
+    per_m = np.round([1.0 / row.rally_step_m for row in rows])
     above_m = np.floor(above_m * per_m + 1e-6) / per_m + 0.0  # what it stores
     return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m.tolist(), strict=True))
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.physics.quadrotor import Array
@@ -63,8 +63,12 @@ class ReturnPlan:
     crossings: tuple[Crossing, ...]
 
 
-def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
-    """The return altitudes of a plan's fleet, and the fastest return that keeps the separation, both verified."""
+def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
+    """The return altitudes of a plan's fleet, and the fastest return that keeps the separation, both verified.
+
+    `firmware` is the autopilot of all vehicles, or that of each.
+    """
+    rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
     ground_m = 0.0
@@ -76,9 +80,11 @@ def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
         base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
         vehicles = len(plan.sysids)
         # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
-        quantum_m = firmware.traits.returns.rally_step_m if vehicles <= _SEARCHED else 1.0 / _CM
+        quantum_m = np.array([row.rally_step_m if vehicles <= _SEARCHED else 1.0 / _CM for row in rows])
         # Rounding brings two neighbours closer by less than one quantum.
-        step_m = max(STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + quantum_m)
+        step_m = max(
+            STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + float(quantum_m.max())
+        )
         homes_m = -plan.pads_ned_m[:, 2]
         order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m))
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
@@ -102,7 +108,7 @@ def plan_returns(plan: Plan, firmware: Autopilot) -> ReturnPlan:
     return best
 
 
-def _worst(plan: Plan, firmware: Autopilot, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
+def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
     """The nearest two vehicles of all returns, to homes and to the nearer of home and rally point."""
     if len(altitudes_m) > _SEARCHED:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
@@ -119,17 +125,18 @@ def _distance(worst: WorstReturn) -> float:
     return worst.distance_m
 
 
-def _rounded(altitudes_m: Array, quantum_m: float) -> Array:
-    """Altitudes rounded up to multiples of `quantum_m`."""
-    per_m = round(1.0 / quantum_m)
+def _rounded(altitudes_m: Array, quantum_m: Array) -> Array:
+    """Altitudes (..., V) rounded up to multiples of each vehicle's `quantum_m` (V,)."""
+    per_m = np.round(1.0 / quantum_m)
     return np.asarray(np.ceil(altitudes_m * per_m - 1e-6) / per_m)
 
 
-def _speeds(plan: Plan, firmware: Autopilot, share: float) -> ReturnSpeeds:
+def _speeds(plan: Plan, firmware: FleetFirmware, share: float) -> ReturnSpeeds:
     """Return speeds: a share of the plan's speed limit, in whole cm/s. ArduPilot waits 5 s before it descends."""
+    every = one_each(firmware, len(plan.sysids))
     north, east, vertical = plan.scenario.limits.speed_ned_mps
     cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
-    return ReturnSpeeds(vertical, cruise_mps, vertical, firmware.traits.returns.wait_s)
+    return ReturnSpeeds(vertical, cruise_mps, vertical, max(known.traits.returns.wait_s for known in every))
 
 
 def _stagger_order(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
 from gcs.physics.quadrotor import POSITION
 from gcs.scenario.environment.no_fly import displacement_m, outline
@@ -34,7 +34,7 @@ class Crossing:
 
 def return_cases(
     plan: Plan,
-    firmware: Autopilot,
+    firmware: FleetFirmware,
     speeds: ReturnSpeeds,
     period_s: float,
     within: tuple[float, float] | None = None,
@@ -48,9 +48,12 @@ def return_cases(
     rally = np.broadcast_to(plan.landing_points_ned_m[:, None], start.shape)
     away = [np.linalg.norm(start[..., :2] - end[..., :2], axis=-1) for end in (homes, rally)]
     nearest = np.where((away[0] <= away[1])[..., None], homes, rally)
-    datum = [-homes[..., 2], -(homes if firmware.traits.returns.altitude_above_home else nearest)[..., 2]]
+    rows = [known.traits.returns for known in one_each(firmware, len(start))]
+    above_home = np.array([row.altitude_above_home for row in rows])[:, None]
+    datum = [-homes[..., 2], -np.where(above_home, homes[..., 2], nearest[..., 2])]
+    waits_s = np.array([row.wait_s for row in rows])
     return [
-        Returning(name, t_s, start, end, height, speeds)
+        Returning(name, t_s, start, end, height, speeds, waits_s)
         for name, end, height in zip(("home", "nearest"), (homes, nearest), datum, strict=True)
     ]
 

@@ -17,7 +17,7 @@ Motion = tuple[Array, Array]  # times since the return began (..., K), places (.
 
 @dataclass(frozen=True)
 class ReturnSpeeds:
-    """Speeds of a return, m/s, and the wait above its end, s."""
+    """Speeds of a return, m/s, and the longest wait above its end, s."""
 
     climb_mps: float
     cruise_mps: float
@@ -30,6 +30,7 @@ class Returning:
     """Begins and ends (V, N, 3) of a fleet's returns from instants t_s (N,).
 
     `datum_m` (V, N) is the height that return altitudes count from: that of home, on PX4 that of the return's end.
+    `waits_s` (V,) are the waits above the ends, if they differ between vehicles.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Returning:
     to_ned_m: Array
     datum_m: Array
     speeds: ReturnSpeeds
+    waits_s: Array | None = None
 
     def motion(self, row: int, altitude_m: Array | float) -> Motion:
         """Motions of one vehicle from every instant. Altitudes of shape (..., 1) give times (..., N, K).
@@ -50,7 +52,8 @@ class Returning:
         flat_m = np.broadcast_to(np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]), shape)
         climb_s = (start[:, 2] - top_down) / speeds.climb_mps
         sink_s = np.maximum(end[:, 2] - top_down, 0.0) / speeds.sink_mps
-        steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.full(shape, speeds.wait_s), sink_s]
+        wait_s = speeds.wait_s if self.waits_s is None else float(self.waits_s[row])
+        steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.full(shape, wait_s), sink_s]
         places = np.empty((*shape, len(steps), 3))
         places[..., :2, :2] = start[:, None, :2]
         places[..., 2:, :2] = end[:, None, :2]

@@ -27,7 +27,7 @@ def return_parameters(
         cruise_mps=speeds.cruise_mps,
         climb_mps=speeds.climb_mps,
         sink_mps=speeds.sink_mps,
-        wait_s=speeds.wait_s,
+        wait_s=firmware.traits.returns.wait_s,
         fence_top_m=float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M)),
         takeoff_m=takeoff_m,
     )

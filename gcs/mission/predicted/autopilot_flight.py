@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -42,10 +43,10 @@ class _Segment:
 class AutopilotFlight:
     """Predicts missions by the models of their autopilots. Legs that vehicles have in common are flown once."""
 
-    def __init__(self, ability: Ability = UNLIMITED, climb_s: float = 0.0) -> None:
-        """For vehicles with this ability, which all leave the ground `climb_s` before the hover."""
+    def __init__(self, ability: Ability = UNLIMITED, climb_s: Mapping[Autopilot, float] | None = None) -> None:
+        """For vehicles with this ability, which leave the ground `climb_s` before the hover, all of one autopilot."""
         self._ability = ability
-        self.climb_s = climb_s
+        self.climb_s = climb_s or {}
         self._flown: list[tuple[Autopilot, NavigatorOrders, _Segment]] = []
 
     def __call__(self, mission: MissionFile, around: Surroundings) -> PredictedFlight:
@@ -136,7 +137,7 @@ class _Modelled(Flying):
             tuple(vector(*stop.place) for stop in stops),
             tuple(stop.speed_mps for stop in stops),
             tuple(stop.hold_s for stop in stops),
-            self.t_s - self.up_s + self.modelled.climb_s,
+            self.t_s - self.up_s + self.modelled.climb_s.get(self.mission.firmware, 0.0),
         )
         why = _too_long(orders)
         try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -81,13 +81,16 @@ class Timing:
 
 def predicted(
     plan: Plan,
-    firmware: Autopilot,
-    legs: TimedLegs,
+    autopilots: Sequence[Autopilot],
+    legs: Mapping[Autopilot, TimedLegs],
     missions: Sequence[VehicleMission],
     flights: Sequence[PredictedFlight],
 ) -> Timing:
-    """The timing of all missions, from flights that leave the end of their take-off together."""
-    t_s = np.arange(legs.left_s, plan.phase("landing").start_s, _GRID_S)
+    """The timing of all missions, from flights that leave the end of their take-off together.
+
+    `autopilots` are those of the vehicles, `legs` those of each autopilot.
+    """
+    t_s = np.arange(min(each.left_s for each in legs.values()), plan.phase("landing").start_s, _GRID_S)
     flown = np.empty((len(missions), len(t_s), 3))
     late, early = [], []
     for row, (mission, flight) in enumerate(zip(missions, flights, strict=True)):
@@ -109,10 +112,10 @@ def predicted(
         ]
     return Timing(
         tuple(vehicles),
-        _spread_s(late),
-        _nearest(plan, t_s, flown, firmware.traits.apart_s),
+        _spread_s(autopilots, late),
+        _nearest(plan, t_s, flown, [known.traits.apart_s for known in autopilots]),
         float(max((one[-1] for one in late), key=abs)),
-        tuple(np.min(early, axis=0).round(3).tolist()) if legs.gates else (),
+        tuple(np.min(early, axis=0).round(3).tolist()) if any(each.gates for each in legs.values()) else (),
     )
 
 
@@ -181,26 +184,34 @@ def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array)
     )
 
 
-def _spread_s(late: Sequence[Array]) -> float:
-    if len({len(one) for one in late}) > 1:
-        return math.nan  # a vehicle at rest has fewer waypoints
-    return float(np.nanmax(np.ptp(np.array(late), axis=0)))
+def _spread_s(autopilots: Sequence[Autopilot], late: Sequence[Array]) -> float:
+    """The largest difference between vehicles of one autopilot: those of another have other waypoints."""
+    spreads = []
+    for known in set(autopilots):
+        ours = [late_s for late_s, other in zip(late, autopilots, strict=True) if other is known]
+        if len({len(one) for one in ours}) > 1:
+            return math.nan  # a vehicle at rest has fewer waypoints
+        spreads.append(float(np.nanmax(np.ptp(np.array(ours), axis=0))))
+    return max(spreads)
 
 
-def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> NearMiss | None:
-    """The least distance of one vehicle to the positions of another within `apart_s`; rows of flown (V, N, 3)."""
+def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float]) -> NearMiss | None:
+    """The least distance of one vehicle to the positions of another within their `apart_s`; rows of flown (V, N, 3).
+
+    Of two autopilots the larger time counts.
+    """
     if len(flown) < 2:
         return None
-    steps = np.unique(np.linspace(-apart_s, apart_s, _SHIFTS))
-    best = NearMiss(math.inf, math.nan, (0, 0), apart_s)
-    for first, second in _near_pairs(plan, t_s, flown, apart_s):
-        for shift_s in steps.tolist():
+    best = NearMiss(math.inf, math.nan, (0, 0), max(apart_s))
+    for first, second in _near_pairs(plan, t_s, flown, max(apart_s)):
+        pair_s = max(apart_s[first], apart_s[second])
+        for shift_s in np.unique(np.linspace(-pair_s, pair_s, _SHIFTS)).tolist():
             other = np.stack([np.interp(t_s + shift_s, t_s, flown[second, :, axis]) for axis in range(3)], axis=-1)
             distance_m = np.linalg.norm(flown[first] - other, axis=-1)
             at = int(np.argmin(distance_m))
             if distance_m[at] < best.distance_m:
                 pair = (plan.sysids[first], plan.sysids[second])
-                best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, apart_s)
+                best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, pair_s)
     return best
 
 

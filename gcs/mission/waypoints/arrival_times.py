@@ -55,7 +55,7 @@ def navigator_of(plan: Plan, firmware: Autopilot) -> Navigator:
 
 
 def climb_s(plan: Plan, firmware: Autopilot) -> float:
-    """The longest climb to the hover, s: autopilots climb at a speed of their own."""
+    """The longest climb to the hover, s, of vehicles with this autopilot: each climbs at a speed of its own."""
     hover_ned_m = plan.motion(np.array([plan.airborne_s]))[0][:, 0, POSITION]
     return float((plan.pads_ned_m[:, 2] - hover_ned_m[:, 2]).max()) / firmware.traits.missions.climb_mps[0]
 

@@ -8,13 +8,14 @@ waypoints.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
@@ -74,31 +75,34 @@ def timed_legs(plan: Plan) -> TimedLegs:
 
 def build_missions(
     plan: Plan,
-    legs: TimedLegs | None = None,
+    legs: TimedLegs | Mapping[Autopilot, TimedLegs] | None = None,
     *,
-    firmware: Autopilot | None = None,
+    firmware: FleetFirmware | None = None,
     altitude: Altitude = Altitude.RELATIVE,
 ) -> tuple[VehicleMission, ...]:
     """One mission per vehicle, in the plan's order: takeoff, delay, timed legs, hold, land.
 
-    Missions are for `firmware`, or else for the scenario's autopilot. Relative altitudes count from the vehicle's own
-    home, the ground under its pad. Raises `ScenarioError` for more items than the autopilot stores, and for altitudes
-    that it refuses.
+    Missions are for `firmware`, or else for the scenario's autopilots. `legs` may differ between autopilots. Relative
+    altitudes count from the vehicle's own home, the ground under its pad. Raises `ScenarioError` for more items than an
+    autopilot stores, and for altitudes that it refuses.
     """
-    firmware = Autopilot.named(plan.scenario.mission.autopilot) if firmware is None else firmware
-    if altitude.frame not in firmware.frames:
-        raise ScenarioError(
-            f"{firmware.title} refuses altitudes above the ground in missions.",
-            hint="give --altitude relative or --altitude amsl",
-        )
-    legs = legs or timed_legs(plan)
-    missions = tuple(_vehicle_mission(plan, row, legs, firmware, altitude) for row in range(len(plan.sysids)))
-    longest = firmware.home_is_item_0 + max(len(m.items) for m in missions)
-    if longest > firmware.items_max:
-        raise ScenarioError(
-            f"A mission has {longest} items; {firmware.title} stores at most {firmware.items_max}.",
-            hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
-        )
+    autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
+    for known in set(autopilots):
+        if altitude.frame not in known.frames:
+            raise ScenarioError(
+                f"{known.title} refuses altitudes above the ground in missions.",
+                hint="give --altitude relative or --altitude amsl",
+            )
+    if not isinstance(legs, Mapping):
+        legs = dict.fromkeys(autopilots, legs or timed_legs(plan))
+    missions = tuple(_vehicle_mission(plan, row, legs[known], known, altitude) for row, known in enumerate(autopilots))
+    for known, mission in zip(autopilots, missions, strict=True):
+        count = known.home_is_item_0 + len(mission.items)
+        if count > known.items_max:
+            raise ScenarioError(
+                f"A mission has {count} items; {known.title} stores at most {known.items_max}.",
+                hint=f"raise mission.tolerance_m, now {plan.scenario.mission.tolerance_m} m",
+            )
     return missions
 
 
