@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,15 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.mission.failsafe.return_routes import ReturnRoutes
+from gcs.mission.failsafe.routed.routed_returns import (
+    NoWay,
+    RoutedReturns,
+    highest_under_ways_m,
+    nearest_pair,
+    routed_returns,
+    without_way,
+)
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.physics.quadrotor import Array
@@ -31,7 +40,7 @@ if TYPE_CHECKING:
 STEP_MIN_M = 2.0
 _STEP_SHARE = 1.25  # of the plan's separation
 _ALL_ORDERS, _SEARCHED = 8, 12  # vehicles
-_COARSE_S, _FINE_S, _FINEST_S, _GROUND_S = 8.0, 0.5, 0.05, 2.0
+_COARSE_S, _FINE_S, _FINEST_S, _GROUND_S, _ROUTED_S = 8.0, 0.5, 0.05, 2.0, 1.0
 _IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
 _CM = 100.0
 _CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
@@ -60,7 +69,9 @@ class ReturnPlan:
     ground_max_m: float  # under any return track, above the origin's height
     top_m: float  # the highest vehicle, above the origin's height
     worst: WorstReturn | None  # None for a single vehicle
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[Crossing, ...]  # of straight returns, as autopilots fly them
+    routed: WorstReturn | None = None  # as `worst`, of returns that the ground station flies round no-fly zones
+    no_way: tuple[NoWay, ...] = ()
 
 
 def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
@@ -71,12 +82,15 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
+    routes = ReturnRoutes(plan)
+    routed = routed_returns(plan, routes, _ROUTED_S)
     ground_m = 0.0
     for share in _CRUISE_SHARES:
         speeds = _speeds(plan, firmware, share)
         coarse = return_cases(plan, firmware, speeds, _COARSE_S)
         if best is None:
-            ground_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S))
+            straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S))
+            ground_m = max(straight_m, highest_under_ways_m(plan, routed))
         base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
         vehicles = len(plan.sysids)
         # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
@@ -99,13 +113,38 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
             tuple(c for case in return_cases(plan, firmware, speeds, _FINE_S) for c in crossings(plan, case)),
         )
         if worst is None or worst.distance_m >= limits.separation_min_m:
-            return found
-        if best is None or best.worst is None or worst.distance_m > best.worst.distance_m:
+            found = _with_routed(plan, routes, routed, found)
+            if found.routed is None or found.routed.distance_m >= limits.separation_min_m:
+                return found
+        if best is None or _least_m(found) > _least_m(best):
             best = found
         if vehicles > _SEARCHED:
             break
     assert best is not None
-    return best
+    return best if best.routed is not None else _with_routed(plan, routes, routed, best)
+
+
+def _least_m(found: ReturnPlan) -> float:
+    return min(worst.distance_m for worst in (found.worst, found.routed) if worst is not None)
+
+
+def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], found: ReturnPlan) -> ReturnPlan:
+    """The returns with those of the ground station verified as well."""
+    found = replace(found, no_way=tuple(without_way(plan, cases)))
+    if found.worst is None:
+        return found
+    top_down_m = plan.pads_ned_m[:, 2] - np.array(found.altitudes_m)
+    speeds = replace(found.speeds, wait_s=0.0)
+    worst = WorstReturn(math.inf, plan.t_start_s, (0, 0), "")
+    for period_s in (_ROUTED_S, _FINEST_S):
+        if period_s == _FINEST_S:
+            around = max(worst.t_s - _ROUTED_S, plan.t_start_s), min(worst.t_s + _ROUTED_S, plan.t_end_s)
+            cases = routed_returns(plan, routes, period_s, around)
+        for case in cases:
+            least_m, t_s, (i, j) = nearest_pair(case, top_down_m, speeds, plan.scenario.limits.separation_min_m)
+            if least_m < worst.distance_m:
+                worst = WorstReturn(least_m, t_s, (plan.sysids[i], plan.sysids[j]), case.name)
+    return replace(found, routed=worst)
 
 
 def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:

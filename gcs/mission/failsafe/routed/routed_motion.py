@@ -33,26 +33,17 @@ class PiecewiseMotion:
     places: Array
     velocities: Array
 
-    def at(self, t_s: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (N, I, 3) at times (N, I) since the begin."""
-        last = self.times_s.shape[1] - 2
-        piece = np.stack(
-            [np.searchsorted(knots, row, side="right") for knots, row in zip(self.times_s, t_s, strict=True)]
-        )
-        piece = np.clip(piece - 1, 0, last)
-        begin, end = (np.take_along_axis(self.times_s, at, axis=1) for at in (piece, piece + 1))
-        place, start, stop = (
-            np.take_along_axis(values, at[..., None], axis=1)
-            for values, at in ((self.places, piece), (self.velocities, piece), (self.velocities, piece + 1))
-        )
-        passed = np.clip(t_s - begin, 0.0, end - begin)[..., None]
-        change = (stop - start) / np.maximum(end - begin, 1e-9)[..., None]
-        over = (t_s >= end)[..., None] & (piece == last)[..., None]
-        return (
-            place + start * passed + change * passed**2 / 2,
-            start + change * passed,
-            np.where(over, 0.0, change),
-        )
+    def places_at(self, t_s: Array) -> Array:
+        """Positions (N, I, 3) at times (N, I) since the begin."""
+        count = self.times_s.shape[1]
+        rows = zip(self.times_s, t_s, strict=True)
+        piece = np.stack([knots.searchsorted(looks, side="right") for knots, looks in rows])
+        piece = np.clip(piece, 1, count - 1) - 1 + count * np.arange(len(t_s))[:, None]
+        times_s, places, speeds = self.times_s.reshape(-1), self.places.reshape(-1, 3), self.velocities.reshape(-1, 3)
+        begin_s, end_s = times_s[piece], times_s[piece + 1]
+        passed_s = np.clip(t_s - begin_s, 0.0, end_s - begin_s)
+        part = passed_s**2 / np.maximum(2 * (end_s - begin_s), 1e-9)  # of the change of velocity
+        return places[piece] + speeds[piece] * (passed_s - part)[..., None] + speeds[piece + 1] * part[..., None]
 
 
 class _Knots:
