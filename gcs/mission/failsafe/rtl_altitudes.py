@@ -134,14 +134,13 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
     if found.worst is None:
         return found
     top_down_m = plan.pads_ned_m[:, 2] - np.array(found.altitudes_m)
-    speeds = replace(found.speeds, wait_s=0.0)
     worst = WorstReturn(math.inf, plan.t_start_s, (0, 0), "")
     for period_s in (_ROUTED_S, _FINEST_S):
         if period_s == _FINEST_S:
             around = max(worst.t_s - _ROUTED_S, plan.t_start_s), min(worst.t_s + _ROUTED_S, plan.t_end_s)
             cases = routed_returns(plan, routes, period_s, around)
         for case in cases:
-            least_m, t_s, (i, j) = nearest_pair(case, top_down_m, speeds, plan.scenario.limits.separation_min_m)
+            least_m, t_s, (i, j) = nearest_pair(case, top_down_m, found.speeds, plan.scenario.limits.separation_min_m)
             if least_m < worst.distance_m:
                 worst = WorstReturn(least_m, t_s, (plan.sysids[i], plan.sysids[j]), case.name)
     return replace(found, routed=worst)

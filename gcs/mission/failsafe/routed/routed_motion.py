@@ -43,7 +43,9 @@ class PiecewiseMotion:
         begin_s, end_s = times_s[piece], times_s[piece + 1]
         passed_s = np.clip(t_s - begin_s, 0.0, end_s - begin_s)
         part = passed_s**2 / np.maximum(2 * (end_s - begin_s), 1e-9)  # of the change of velocity
-        return places[piece] + speeds[piece] * (passed_s - part)[..., None] + speeds[piece + 1] * part[..., None]
+        return np.asarray(
+            places[piece] + speeds[piece] * (passed_s - part)[..., None] + speeds[piece + 1] * part[..., None]
+        )
 
 
 class _Knots:
@@ -113,7 +115,7 @@ def routed_motion(
 ) -> PiecewiseMotion:
     """The motions of N returns: ways (N, W, 2) begin where vehicles stop, at heights top_down_m (N,), and end there.
 
-    They end at `end_down_m` (N,).
+    They end at `end_down_m` (N,), and do not wait before they descend.
     """
     zero, up = np.zeros(len(ways_m)), np.array([[0.0, 0.0, -1.0]])
     knots = _Knots(stop.places, stop.velocities)
@@ -124,7 +126,6 @@ def routed_motion(
     points = np.concatenate([ways_m, tops], axis=2)
     knots.straight(points[:, 0], up, (zero, zero), speeds.climb_mps)
     _follow(knots, points, speeds.cruise_mps)
-    knots.add(np.full(len(ways_m), speeds.wait_s), np.zeros_like(stop.places), points[:, -1])
     low = np.column_stack([points[:, -1, :2], np.maximum(end_down_m, top_down_m)])
     knots.straight(low, -up, (zero, zero), speeds.sink_mps)
     return knots.motion()
