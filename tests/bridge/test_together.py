@@ -43,7 +43,10 @@ def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
 def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed_5_m_off(
     hop: Plan, tmp_path: Path
 ) -> None:
-    """Definition 1's error grows twice and goes away twice; it is in the flight's record as well."""
+    """The push goes into Definition 1's error and out again, the wind, which moves all, never does.
+
+    The flight's record has the error as well.
+    """
     flown = fly(hop, "all:wind=0,8@20", "1:push=0,5.5@28..29.2", follow=True, folder=tmp_path)
     assert flown.error is None
     assert flown.events == []
@@ -55,7 +58,7 @@ def test_the_shape_comes_back_after_a_step_of_wind_and_after_a_leader_was_pushed
     assert pushed_s - blown_s > 6.0
     assert error[(t_s > 0.0) & (t_s < blown_s)].max() < 0.1
     gusty = (t_s > blown_s) & (t_s < blown_s + 5.0)
-    assert 0.15 < error[gusty].max() < 1.0
+    assert error[gusty].max() < 0.15
     assert error[(t_s > pushed_s - 1.5) & (t_s < pushed_s - 1.0)].max() < 0.15
     assert 4.0 < off[0, (t_s > 0.0) & (t_s < hop.flight_s)].max() < 7.0  # pushed 5 m off
     assert error[(t_s > pushed_s) & (t_s < pushed_s + 4.0)].max() > 2.0

@@ -39,6 +39,7 @@ SANS_IO = (
     "gcs/flight/contingency/manoeuvres.py",
     "gcs/flight/contingency/policy.py",
     "gcs/flight/offboard/deadlines.py",
+    "gcs/flight/offboard/deviation.py",
     "gcs/flight/offboard/leader_follower.py",
     "gcs/flight/offboard/reference_trajectory.py",
     "gcs/link/ftp",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gcs.flight.offboard.deadlines import Scheduler
+from gcs.flight.offboard.deviation import SentSetpoints
 from gcs.flight.offboard.reference_trajectory import ReferenceTrajectory, Values
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
@@ -21,6 +22,7 @@ class Streamed:
     clock: VehicleClock
     pad_ned_m: Array  # (3,) origin of its own local frame
     reference: ReferenceTrajectory
+    sent: SentSetpoints = field(default_factory=SentSetpoints)
 
     @property
     def sysid(self) -> int:
@@ -43,6 +45,7 @@ def numbered_message(scheduler: Scheduler, vehicle: Streamed, k: int) -> Message
     values = vehicle.reference.at(k, t_s)
     if values is None:
         return None
+    vehicle.sent.add(scheduler.t0_unix_s + t_s, values)
     stamp_ms = vehicle.clock.boot_ms(scheduler.t0_unix_s + t_s) or 0
     return setpoint_message(vehicle.station, stamp_ms, vehicle.pad_ned_m, values)
 

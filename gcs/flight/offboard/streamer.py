@@ -13,7 +13,7 @@ from gcs.aio import each, sleep_sharply
 from gcs.flight.contingency.manoeuvres import RejoinReference
 from gcs.flight.monitor import VehicleView
 from gcs.flight.offboard.deadlines import Grid, Scheduler
-from gcs.flight.offboard.leader_follower import FollowReference, LeaderDeviation
+from gcs.flight.offboard.leader_follower import FollowerState, FollowReference, FormationFollowing
 from gcs.flight.offboard.reference_trajectory import PlanReference, ReferenceTrajectory
 from gcs.flight.offboard.setpoint_messages import Streamed, numbered_message, send_due, wait_s
 from gcs.flight.options import FlightMode, FlightOptions
@@ -54,7 +54,7 @@ class Streamer:
         self._time = time
         self._options = options
         self._stream = stream
-        self._leader: LeaderDeviation | None = None
+        self._following: FormationFollowing | None = None
         self._emulated = options.lead_s > 0.0
         self._loop = asyncio.get_running_loop()
         self._woken = asyncio.Event()
@@ -160,22 +160,24 @@ class Streamer:
 
     def promote(self, sysid: int, begin_s: float, fade_s: float) -> None:
         """Make a vehicle the leader from plan time `begin_s` on; it is back on the plan after `fade_s`."""
-        leader = self._leader
-        if leader is None:
+        following = self._following
+        if following is None:
             return
-        leader.advance(begin_s)
+        off_m, off_mps, _ = following.at(sysid, begin_s)
         timed = PlanReference(self._stream, self._fleet[sysid].row)
-        self.streamed[sysid].reference = RejoinReference(timed, leader.position_m, leader.velocity_mps, begin_s, fade_s)
-        leader.lead(self._fleet[sysid].view)
+        self.streamed[sysid].reference = RejoinReference(timed, off_m, off_mps, begin_s, fade_s)
+        following.lead(self._fleet[sysid].view)
 
     def _let_follow(self, t0_unix_s: float) -> None:
-        sysid = self._plan.sysids[self._plan.leader]
-        self._leader = LeaderDeviation(self._plan, t0_unix_s)
-        self._leader.lead(self._fleet[sysid].view)
-        for vehicle in self._fleet.values():
-            if vehicle.sysid != sysid:
-                timed = PlanReference(self._stream, vehicle.row)
-                self.streamed[vehicle.sysid].reference = FollowReference(timed, self._leader, len(self._stream.t_s) - 1)
+        leader = self._plan.sysids[self._plan.leader]
+        followers = [vehicle for vehicle in self._fleet.values() if vehicle.sysid != leader]
+        states = {one.sysid: FollowerState(one.view, self.streamed[one.sysid].sent) for one in followers}
+        following = self._following = FormationFollowing(self._plan, t0_unix_s, states)
+        following.lead(self._fleet[leader].view)
+        last = len(self._stream.t_s) - 1
+        for one in followers:
+            timed = PlanReference(self._stream, one.row)
+            self.streamed[one.sysid].reference = FollowReference(timed, following, one.sysid, last)
 
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
         """Stream from now on; before the plan's first setpoint, that setpoint at rest."""

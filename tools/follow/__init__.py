@@ -1,0 +1,1 @@
+"""Recorded leaders and followers, joined to a loop that answers to setpoints."""
