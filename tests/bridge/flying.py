@@ -59,6 +59,17 @@ def hop_scenario(field_scenario: Scenario) -> Scenario:
     return Scenario.model_validate(data)
 
 
+def mixed_scenario(field_scenario: Scenario) -> Scenario:
+    """The same flight with a fourth vehicle behind; 1 and 3 run ArduCopter, 2 and 4 run PX4."""
+    data = hop_scenario(field_scenario).model_dump(mode="json")
+    data.update(name="mixed", title="Mixed")
+    vehicles = data["formation"]["vehicle"]
+    vehicles.append({"sysid": 4, "position_m": [-8.66, 0.0, 8.0]})
+    for row in (1, 3):
+        vehicles[row]["autopilot"] = "px4"
+    return Scenario.model_validate(data)
+
+
 def is_order(event: Event) -> bool:
     """Whether an event is an order, not an incident."""
     return event.what == "released" or event.what.startswith("ordered to ")

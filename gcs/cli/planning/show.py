@@ -83,8 +83,19 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move",
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or "none: the formation is rigid",
-        "autopilot": scenario.mission.autopilot,
+        "autopilot": _autopilots(scenario),
     }
+
+
+def _autopilots(scenario: Scenario) -> str:
+    """The autopilot of all vehicles, or the vehicles of each."""
+    from gcs.scenario.si import autopilots, sysids
+
+    rows = list(zip(sysids(scenario), autopilots(scenario), strict=True))
+    kinds = dict.fromkeys(known for _, known in rows)
+    if len(kinds) == 1:
+        return rows[0][1].key
+    return "; ".join(f"{kind.key}: {', '.join(str(sysid) for sysid, k in rows if k is kind)}" for kind in kinds)
 
 
 def _plan(plan: Plan) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
 from gcs.flight.sequence.resume import Resume
-from gcs.flight.setup.build_loads import missions_only
+from gcs.flight.setup.build_loads import fleet_autopilots, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.mission.failsafe.rtl_altitudes import plan_returns
 from gcs.mission.setpoints.setpoint_stream import build_stream
@@ -90,3 +90,36 @@ def test_a_whole_flight_passes_without_an_incident(name: str, tmp_path: Path) ->
     assert events == []
     first_s, last_s = SEEN[name][1]
     assert all(first_s <= late_s <= last_s for late_s in heard.monitor.late_s.values())
+
+
+def test_each_vehicle_of_a_mixed_fleet_gets_what_its_own_autopilot_needs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """1, 3 and 5 are ArduCopters, 2, 4 and 6 PX4s, which were sent everything 0.1 s earlier: both keep time."""
+    folder = unpacked("mixed-stream", tmp_path)
+    assert run(["report", str(folder), "--json"]) == 0
+    reported = {vehicle["sysid"]: vehicle for vehicle in json.loads(capsys.readouterr().out)["vehicles"]}
+    recorded = Flight(folder)
+
+    async def hear() -> FlightSequence:
+        link = Recorded(recorded.log, recorded.t0_unix_s - 5.0)
+        fleet = LinkedFleet([link])
+        await link.open(lambda data, address: fleet._receive(0, data, address))
+        plan = recorded.plan
+        sessions = await fleet.vehicles(plan.sysids, 15.0)
+        loads, stream = missions_only(build_missions(plan)), build_stream(plan, 5.0)
+        sequence = FlightSequence(plan, sessions, FlightOptions(), loads=loads, stream=stream)
+        link.close()
+        return sequence
+
+    sequence = in_virtual_time(hear())
+    each = fleet_autopilots(recorded.plan, {sysid: s.autopilot for sysid, s in sequence.sessions.items()})
+    assert each == (Autopilot.ARDUPILOT, Autopilot.PX4) * 3
+    for sysid, known in zip(recorded.plan.sysids, each, strict=True):
+        least_m, most_m = (0.16, 0.20) if known is Autopilot.ARDUPILOT else (0.47, 0.54)
+        assert least_m <= reported[sysid]["plan_estimate_m"] <= most_m
+        lead_s = 0.0 if known is Autopilot.ARDUPILOT else 0.1
+        assert sequence.vehicles[sysid].behaviour.lag_s == lead_s
+        assert abs(reported[sysid]["late_s"]) < 0.015
+    returns = plan_returns(recorded.plan, each)
+    assert [altitude_m == round(altitude_m) for altitude_m in returns.altitudes_m[::2]] == [True] * 3
