@@ -71,6 +71,7 @@ class ReplyTraits:
     unknown_mode: MavResult  # ACCEPTED: without any effect
     unknown_stream: MavResult
     unknown_message: MavResult
+    nothing_newer: MavResult  # a request for a message whose contents were sent already
     unsupported: frozenset[int]  # commands that only the other autopilots support
     formats: bool  # supports STORAGE_FORMAT, which takes time
     mode_acks: int  # number of acknowledgements of a mode change
@@ -93,6 +94,8 @@ class StreamTraits:
     unsent: frozenset[int]  # messages that this autopilot does not have
     mute: frozenset[int]  # messages it never sends although it accepts a rate for them
     groups: Mapping[int, frozenset[int]]  # the groups of REQUEST_DATA_STREAM
+    # How often the contents of a message change, s: a request is denied while they are those of the last message.
+    contents_s: Mapping[int, float]
     fast_share: float  # the real share of a requested rate above 5 Hz
     local_from: Milestone  # first milestone with LOCAL_POSITION_NED
     global_from: Milestone  # first milestone with GLOBAL_POSITION_INT; without a position before PLACED

@@ -15,6 +15,7 @@ class ParamTraits:
     bytes_in_float: bool  # integers are sent as the bytes of the float; else as numbers
     converts: bool  # a value set with another type is converted; else it has no effect
     takes_nan: bool
+    capacity: str  # the parameter that holds the capacity of the battery, mAh
     hash_name: str  # sent before a list, to check a cached copy; "" if there is none
     banner: tuple[str, ...] = ()  # STATUSTEXTs sent with a list
 

@@ -182,7 +182,9 @@ class CommandServer:
     def _request(self, number: int) -> CommandAnswer:
         if not self._telemetry.knows(number):
             return CommandAnswer(self._replies.unknown_message)
-        message = self._telemetry.build(number)
+        if not self._telemetry.has_newer(number):
+            return CommandAnswer(self._replies.nothing_newer)
+        message = self._telemetry.build_requested(number)
         return CommandAnswer(MavResult.ACCEPTED, [message] if message is not None else [])
 
     def _home(self) -> list[Message]:

@@ -49,7 +49,7 @@ class Conversation:
         self._telemetry = Telemetry(Sources(instruments, autopilot, self._failsafe, personality))
         self._texts = StatusTextSender(personality.replies.numbered_texts)
         self._commands = CommandServer(autopilot, self._telemetry)
-        self._params = ParamServer(personality, sysid)
+        self._params = ParamServer(personality, sysid, instruments.capacity_mAh)
         self._store = MissionStore(
             self.station,
             personality.missions,

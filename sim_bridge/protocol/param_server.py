@@ -26,13 +26,17 @@ _FLOAT = struct.Struct("<f")
 class ParamServer:
     """Name, value and type of every parameter, in order."""
 
-    def __init__(self, personality: Personality, sysid: int) -> None:
+    def __init__(self, personality: Personality, sysid: int, capacity_mAh: float | None = None) -> None:
+        """`capacity_mAh` of the vehicle's own battery; None: as recorded."""
         self._traits = personality.param_traits
         self._table = {param.name: param for param in personality.params}
         self._index = {name: index for index, name in enumerate(self._table)}
         self._values = {param.name: stored(param.value, param.kind) for param in personality.params}
         self._setters = {param.sets: param for param in personality.params if param.sets is not None}
         self._values[self._traits.sysid] = float(sysid)
+        if capacity_mAh is not None:
+            name = self._traits.capacity
+            self._values[name] = stored(capacity_mAh, self._table[name].kind)
         self._changes: list[Message] = []
 
     def remember(self, earlier: ParamServer) -> None:

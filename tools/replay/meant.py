@@ -244,6 +244,37 @@ MEANT: Sequence[Meant] = (
         r"rate of GLOBAL_POSITION_INT: 1\.4\d -> 2\.\d+ Hz",
         "telemetry is not held back while items are transferred",
     ),
+    # Requests
+    Meant(
+        "px4-*",
+        "params",
+        r"PARAM_VALUE BAT1_CAPACITY param_value: -1 -> \d+",
+        "an emulated vehicle is set to the battery of its scenario",
+    ),
+    Meant(
+        "px4-*",
+        "requests",
+        r"COMMAND_ACK 512 result: (0 -> 2|2 -> 0)|(missing|extra) (SYS_STATUS|ESTIMATOR_STATUS)",
+        "which of ten requests finds something newer depends on the instant; how many do is compared by a test",
+    ),
+    Meant(
+        "*",
+        "requests",
+        r"order: \w+( \d+)? after \w+( \d+)?|extra (AUTOPILOT_VERSION|HOME_POSITION|GPS_GLOBAL_ORIGIN)",
+        "messages that are streamed at 2 Hz begin at another instant",
+    ),
+    Meant(
+        "px4-*",
+        "requests",
+        r"rate of (ESTIMATOR_STATUS|EXTENDED_SYS_STATE|SYSTEM_TIME|GPS_GLOBAL_ORIGIN|GPS_RAW_INT): [\d.]+ -> [\d.]+ Hz",
+        "requested messages count as well, and the file leaves out what came faster than 5 Hz",
+    ),
+    Meant(
+        "arducopter-*",
+        "requests",
+        r"missing (GPS_GLOBAL_ORIGIN|HOME_POSITION|STATUSTEXT (EKF3 IMU|Field Elevation|GPS 1: detected as).*)",
+        "the recorded vehicle was switched on 7 s before the scene; the emulated one is ready when it begins",
+    ),
 )
 
 

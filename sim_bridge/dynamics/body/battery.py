@@ -61,7 +61,7 @@ class PowerTrain:
             self,
             propeller_radius_m=power.rotor_radius_m,
             efficiency=power.figure_of_merit,
-            capacity_Ah=power.battery_Wh / (_NOMINAL_CELL_V * self.cells),
+            capacity_Ah=power.battery_Wh / (power.battery_V or _NOMINAL_CELL_V * self.cells),
         )
 
     def cube_coefficient(self, q: Quadrotor) -> float:

@@ -182,6 +182,7 @@ _STREAMS = StreamTraits(
         11: frozenset({MessageId.VFR_HUD}),
         12: frozenset({MessageId.SYSTEM_TIME, MessageId.BATTERY_STATUS, MessageId.EKF_STATUS_REPORT}),
     },
+    contents_s={},  # every request is accepted
     fast_share=0.87,
     local_from=Milestone.LOCATED,
     global_from=Milestone.RUNNING,
@@ -253,6 +254,7 @@ ARDUPILOT = Personality(
         unknown_mode=MavResult.FAILED,
         unknown_stream=MavResult.DENIED,
         unknown_message=MavResult.FAILED,
+        nothing_newer=MavResult.ACCEPTED,
         unsupported=frozenset(),
         formats=True,
         mode_acks=1,

@@ -19,6 +19,7 @@ PARAM_TRAITS = ParamTraits(
     bytes_in_float=False,
     converts=True,
     takes_nan=False,
+    capacity="BATT_CAPACITY",
     hash_name="",
     banner=("ArduCopter V4.5.6", "Frame: QUAD/X"),
 )
@@ -51,6 +52,7 @@ PARAMS = (
     Param("FS_THR_ENABLE", 1.0, _INT8),
     Param("ANGLE_MAX", 3000.0, _INT16),
     Param("AUTO_OPTIONS", 0.0, _INT32, 0.0, 255.0, Setting.AUTO_OPTIONS),
+    Param("BATT_CAPACITY", 3300.0, _INT32),
     Param("BATT_CRT_MAH", 0.0, _REAL32, 0.0, 1e6, Setting.BATTERY_CRITICAL_Ah, 0.001),
     Param("BATT_CRT_VOLT", 0.0, _REAL32, 0.0, 120.0, Setting.BATTERY_CRITICAL_V),
     Param("BATT_FS_CRT_ACT", 0.0, _INT8, 0.0, 7.0, Setting.BATTERY_CRITICAL_ACTION),

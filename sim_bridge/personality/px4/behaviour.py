@@ -161,6 +161,15 @@ _STREAMS = StreamTraits(
     mute=frozenset({MessageId.NAV_CONTROLLER_OUTPUT}),
     unsent=frozenset({MessageId.EKF_STATUS_REPORT, MessageId.FENCE_STATUS}),
     groups={},
+    # Of ten requests in a row ESTIMATOR_STATUS and SYS_STATUS answered five, GLOBAL_POSITION_INT four, GPS_RAW_INT and
+    # LOCAL_POSITION_NED one: the others found what had just been streamed or answered.
+    contents_s={
+        MessageId.SYS_STATUS: 0.3,
+        MessageId.ESTIMATOR_STATUS: 0.3,
+        MessageId.GLOBAL_POSITION_INT: 0.3,
+        MessageId.GPS_RAW_INT: 0.125,
+        MessageId.LOCAL_POSITION_NED: 0.02,
+    },
     fast_share=1.0,
     local_from=Milestone.RUNNING,
     global_from=Milestone.LOCATED,
@@ -221,6 +230,7 @@ PX4 = Personality(
         unknown_mode=MavResult.ACCEPTED,
         unknown_stream=MavResult.FAILED,
         unknown_message=MavResult.DENIED,
+        nothing_newer=MavResult.DENIED,
         unsupported=frozenset({MavCommand.DO_SET_MISSION_CURRENT}),
         formats=False,
         mode_acks=2,

@@ -19,6 +19,7 @@ PARAM_TRAITS = ParamTraits(
     bytes_in_float=True,
     converts=False,
     takes_nan=True,
+    capacity="BAT1_CAPACITY",
     hash_name="_HASH_CHECK",
 )
 LINK = LinkTraits(clock_step_ns=4_000_000, timesync_period_s=float("inf"), signs=False)

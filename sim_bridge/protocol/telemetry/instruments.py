@@ -111,6 +111,11 @@ class Instruments:
         return bool(self.airframes.gnss_fix[self.row])
 
     @property
+    def capacity_mAh(self) -> float:
+        """Capacity of the battery."""
+        return 1000.0 * self.airframes.battery.train.capacity_Ah
+
+    @property
     def battery(self) -> tuple[float, float, float, float]:
         """Volt, ampere, remaining share of the charge, Ah drawn."""
         battery, row = self.airframes.battery, self.row

@@ -26,6 +26,7 @@ class Telemetry:
         self._interval_s: dict[int, float] = {number: 1.0 / hz for number, hz in self._streams.unasked_hz.items()}
         self._due_s: dict[int, float] = {}
         self._next_s = -math.inf
+        self._sent_contents: dict[int, int] = {}  # which contents of a message were sent last
 
     def due(self, t_s: float) -> list[Message]:
         """Return the messages that are due."""
@@ -40,6 +41,8 @@ class Telemetry:
                 message = self._known[number](self.sources) if number not in self._streams.mute else None
                 if message is not None:
                     messages.append(message)
+                    if number in self._streams.contents_s:
+                        self._sent_contents[number] = self._contents(number)
         self._next_s = min(self._due_s.values(), default=_LATER_S)
         return messages
 
@@ -47,6 +50,17 @@ class Telemetry:
         """Return message `number` as of now; None if it is unknown or has no data yet."""
         builder = self._known.get(number)
         return builder(self.sources) if builder is not None else None
+
+    def has_newer(self, number: int) -> bool:
+        """Whether a message has other contents than the last one of it that was sent."""
+        return number not in self._streams.contents_s or self._contents(number) != self._sent_contents.get(number)
+
+    def build_requested(self, number: int) -> Message | None:
+        """Return message `number` as of now, and count it as sent."""
+        message = self.build(number)
+        if message is not None and number in self._streams.contents_s:
+            self._sent_contents[number] = self._contents(number)
+        return message
 
     def knows(self, number: int) -> bool:
         """Whether the vehicle can send message `number`."""
@@ -77,6 +91,10 @@ class Telemetry:
         numbers = groups.get(group, frozenset()) if group != _ALL_GROUPS else frozenset().union(*groups.values())
         for number in sorted(numbers):
             self.set_interval(number, 1e6 / rate_hz if rate_hz > 0.0 else -1.0)
+
+    def _contents(self, number: int) -> int:
+        """Return the number of a message's contents, counted by the boot clock, which differs between vehicles."""
+        return int(self.sources.instruments.boot_ms / (1000.0 * self._streams.contents_s[number]))
 
     def _given_s(self, interval_s: float) -> float:
         return interval_s if interval_s >= _FAST_S else interval_s / self._streams.fast_share
