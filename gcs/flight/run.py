@@ -27,6 +27,7 @@ from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
+from gcs.link.mission_protocol.strategy import SentAs, sent_data, sent_words
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
@@ -124,17 +125,21 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     checks: list[PreflightCheck] = []
-    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream, checks))
+    sent: dict[int, SentAs] = {}
+    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream, checks, sent))
+    missions = sent_data(sent)
     watcher.lap("fly")
     if order.link is not None:
-        data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), **_skew(late_s)}
+        data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), "missions": missions}
+        data |= _skew(late_s)
         return Flown(folder, times, late_s, None, data)
     truth = load_truth(folder / "truth.npz")
     verdict = judge(plan, truth, times)
     watcher.lap("judge")
     _draw(plan, truth, times, folder)
     watcher.lap("pictures")
-    extra = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s, **_skew(late_s)}
+    extra: dict[str, object] = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
+    extra |= {"missions": missions, **_skew(late_s)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data)
@@ -148,8 +153,12 @@ async def _fly(
     navigator: str,
     stream: SetpointStream,
     checks: list[PreflightCheck],
+    sent: dict[int, SentAs],
 ) -> tuple[FlightTimes, dict[int, float]]:
-    """Return the times of the flight, and the delay of each vehicle behind the plan. `checks` takes the pre-flight."""
+    """Return the times of the flight, and the delay of each vehicle behind the plan.
+
+    `checks` takes the pre-flight, `sent` how each mission was sent.
+    """
     plan, options = order.plan, order.options
     loop = asyncio.get_running_loop()
     fleet: LinkedFleet | None = None
@@ -175,6 +184,9 @@ async def _fly(
             watcher.say(str(event))
 
         def on_step(step: Step, t0_unix_s: float | None) -> None:
+            if flight.held is not None and not sent:
+                sent.update(flight.held.sent_as)
+                watcher.say(f"missions read back and equal; {sent_words(sent)}")
             state = FlightState(
                 mission=plan.scenario.name,
                 plan_hash=plan.hash,
@@ -186,6 +198,7 @@ async def _fly(
                 t0_unix_s=t0_unix_s,
                 pid=os.getpid(),
                 waived=tuple(sorted(options.waived)),
+                missions=tuple(sent_data(sent)),
             )
             write_flight_state(folder, state)
 

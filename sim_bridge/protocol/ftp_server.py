@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gcs.link.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
+from gcs.link.ftp.payload import DATA_MAX, NAME, FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.wire.message import Message, Station
 from sim_bridge.protocol.missions.ftp_files import WRITTEN_MAX, MissionFiles
 
@@ -100,7 +100,7 @@ class FileServer:
                 path = _path(request)
                 if not self._files.has(path):
                     return [_nak(request, FtpError.FILE_NOT_FOUND)]
-                return [_ack(request, crc32(self._files.read(path)).to_bytes(4, "little"))]
+                return [_ack(request, self._files.checksum(path).to_bytes(4, "little"))]
             case _:
                 return [_nak(request, FtpError.UNKNOWN_COMMAND)]
 
@@ -162,7 +162,7 @@ class FileServer:
         return _nak(request, FtpError.FAIL) if self._open.writing else None
 
     def _piece(self, request: FtpPayload, offset: int, size: int) -> FtpPayload:
-        data = bytes(self._open.contents[offset : offset + size]) if self._open is not None else b""
+        data = self._files.piece(bytes(self._open.contents), offset, size) if self._open is not None else b""
         if not data:
             return _nak(request, FtpError.END_OF_FILE)
         return replace(_ack(request, data), offset=offset)

@@ -72,6 +72,9 @@ def test_simulation1_is_planned_uploaded_flown_and_held(
     assert figures["arrival position"]["value"] <= 0.3
     assert set(report["late_s"]) == {"1", "2", "3", "4", "5", "6"}
     assert 0.0 <= report["skew_s"] <= 0.05
+    (folder,) = root.iterdir()
+    sent = [{"vehicle": sysid, "sent_as": "file", "why": "it reports MAVLink FTP"} for sysid in range(1, 7)]
+    assert report["missions"] == json.loads((folder / "flight.json").read_text())["missions"] == sent
     assert simulators_running_under(root) == []
 
 

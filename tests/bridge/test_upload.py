@@ -18,6 +18,7 @@ from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.fleet_upload.upload_fleet import UploadFailed, restore, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.mission_protocol.read_back import compare_missions
+from gcs.link.mission_protocol.strategy import SentAs, Transfer
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
 from gcs.mavlink import MavCommand, MissionType
 from gcs.mission.formats.any_mission import load_missions
@@ -88,6 +89,9 @@ def test_everything_for_everybody_at_once_and_parameters_back(
             held = await upload_fleet(sessions, loads, simulation1_plan.hash)
             assert set(held.digests) == set(sessions)
             assert len(set(held.digests.values())) == len(sessions)
+            assert set(held.sent_as) == set(sessions)
+            if number(autopilot) != ARDUPILOT:
+                assert set(held.sent_as.values()) == {SentAs(Transfer.ITEMS, "PX4 takes no files")}
             for load in loads:
                 mission = compare_missions(load.mission.items, held_by(fleet, load.sysid), autopilot=number(autopilot))
                 assert mission == []
@@ -208,6 +212,9 @@ def test_the_commands(
     code, told = call("upload", skein, "--to", tmp_path / "records")
     assert code == 0
     assert len(told["digests"]) == 6
+    assert told["missions"] == [
+        {"vehicle": sysid, "sent_as": "file", "why": "it reports MAVLink FTP"} for sysid in simulation1_plan.sysids
+    ]
     assert parameter(fleet, 1, name) != old
     code, compared = call("diff", skein)
     assert code == 0, compared

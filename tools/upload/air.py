@@ -19,7 +19,7 @@ from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.read_back import compare_missions
-from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
+from gcs.link.mission_protocol.strategy import Preferred, Transfer, planned
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import MissionType
@@ -90,7 +90,7 @@ class Air:
         by_items = VerifiedUpload(items, VEHICLE, self.autopilot, round_trip=learned)
         as_file = FileUpload(items, VEHICLE, self.autopilot, round_trip=learned)
         machine: Machine = by_items
-        if uploads_as_file(transfer, self.autopilot, MissionType.MISSION, len(items)):
+        if planned(transfer, self.autopilot, MissionType.MISSION, len(items)).transfer is Transfer.FILE:
             machine = as_file if transfer is Transfer.FILE else Preferred(as_file, by_items)
         began_s = self.now_s
         self.run(machine)

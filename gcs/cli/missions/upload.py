@@ -65,6 +65,7 @@ def upload(
     import asyncio
 
     from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.link.mission_protocol.strategy import sent_data
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = connection(link, systems, signing_key_file, transfer)
@@ -77,6 +78,7 @@ def upload(
     record = None
     if held is not None:
         record = _write_record(to, plan.scenario.name, held)
+        _show_missions(screen, held)
         screen.say(
             f"all {len(held.digests)} vehicles have their mission of plan {plan.hash[:12]}; the read-back is equal"
         )
@@ -88,6 +90,7 @@ def upload(
             "plan_hash": plan.hash,
             "uploaded": held is not None,
             "digests": {} if held is None else {str(k): v for k, v in held.digests.items()},
+            "missions": [] if held is None else sent_data(held.sent_as),
             "parameters": [_change_data(change) for change in changes],
             "record": record,
         }
@@ -170,6 +173,15 @@ def _show(screen: Screen, changes: tuple[ParameterChange, ...]) -> None:
     for change in changes:
         before, after = f"{change.before.value:g}", f"{change.after.value:g}"
         table.add_row(str(change.sysid), change.before.name, before, after)
+    screen.show(table)
+
+
+def _show_missions(screen: Screen, held: Holdings) -> None:
+    from rich.table import Table
+
+    table = Table("vehicle", "mission sent", "why", title="missions on board, read back and equal")
+    for sysid, way in sorted(held.sent_as.items()):
+        table.add_row(str(sysid), way.transfer.value, way.reason)
     screen.show(table)
 
 

@@ -29,6 +29,7 @@ class FlightState:
     t0_unix_s: float | None
     pid: int
     waived: tuple[str, ...] = ()  # pre-flight checks that this flight was allowed to fail
+    missions: tuple[dict[str, int | str], ...] = ()  # how each vehicle's mission was sent, and why so
 
     @property
     def over(self) -> bool:
@@ -62,6 +63,7 @@ def read_flight_state(folder: Path) -> FlightState:
         if data.pop("format") != _FORMAT:
             raise ValueError("another format")
         data["links"] = tuple(map(str, data["links"]))
+        data["missions"] = tuple(data.get("missions", ()))
         data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
         data["waived"] = tuple(map(str, data.get("waived", ())))
         return FlightState(**data)

@@ -17,6 +17,7 @@ from gcs.autopilots.parameter_names import in_units_of
 from gcs.errors import FlightError, GcsError, PeerError
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.parameter import Parameter, as_kind
+from gcs.link.mission_protocol.strategy import SentAs
 from gcs.link.session.vehicle_api import Loadable
 from gcs.mavlink import MissionType
 
@@ -40,6 +41,7 @@ class Holdings:
     plan_hash: str
     digests: Mapping[int, str]
     changes: tuple[ParameterChange, ...] = ()
+    sent_as: Mapping[int, SentAs] = field(default_factory=dict)  # how each mission went, by vehicle
 
     def require(self, plan_hash: str, sysids: Sequence[int]) -> None:
         """Raise `FlightError` unless all these vehicles have their load of this plan on board."""
@@ -116,7 +118,8 @@ async def upload_fleet(
         await _roll_back(every)
         raise
     digests = {one.load.sysid: one.load.digest(plan_hash) for one in every}
-    return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes))
+    sent_as = {one.load.sysid: one.session.sent_as for one in every if one.session.sent_as is not None}
+    return Holdings(plan_hash, digests, tuple(change for one in every for change in one.changes), sent_as)
 
 
 async def restore(sessions: Mapping[int, Loadable], changes: Sequence[ParameterChange]) -> None:
@@ -177,7 +180,7 @@ async def _upload(one: _Loading, on_step: Callable[[int, str], None]) -> None:
     session, mission = one.session, one.load.mission
     one.touched.add(MissionType.MISSION)
     await session.upload_mission(mission)
-    on_step(session.sysid, f"mission of {len(mission.items)} items")
+    on_step(session.sysid, f"mission of {len(mission.items)} items" + (f", {way}" if (way := session.sent_as) else ""))
     for kind, items in one.load.extras:
         one.touched.add(kind)
         await session.upload_items(items, kind)

@@ -6,7 +6,6 @@ seq uint16 | session | opcode | size | req_opcode | burst_complete | padding (ui
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -17,7 +16,6 @@ NAME = "FILE_TRANSFER_PROTOCOL"
 DATA_MAX = 239
 _PAYLOAD = 251
 _HEAD = struct.Struct("<H6BI")
-_ALL_BITS = 0xFFFFFFFF
 
 
 class FtpOpcode(IntEnum):
@@ -135,11 +133,6 @@ class FtpRefused(PeerRefusal):
         self.opcode = reply.req_opcode
         self.code = code
         self.number = number
-
-
-def crc32(data: bytes) -> int:
-    """Return the checksum of CalcFileCRC32: the usual polynomial, with initial value 0 and no final inversion."""
-    return zlib.crc32(data, _ALL_BITS) ^ _ALL_BITS
 
 
 def _opcode_words(opcode: int) -> str:

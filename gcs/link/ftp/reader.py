@@ -8,13 +8,15 @@ It follows https://mavlink.io/en/services/ftp.html.
     OPENING   NAK: another file or session is open         OPENING   see `FtpOpening`
     READING   pieces of the burst                          READING
     READING   ... its end, or a pause after it             READING   ReadFile of missing pieces, 4 at a time
-    READING   the file is complete                         CHECKING  CalcFileCRC32, TerminateSession
+    READING   the file is complete                         CLOSING   TerminateSession
     READING   NAK: the file is not open any more           OPENING   OpenFileRO, `tries` in all
-    CHECKING  both answered, the checksum is correct       DONE
+    CLOSING   answered, or no answer in time               DONE
     any       no answer in time                            same      the same request
-    any       another NAK, wrong checksum, or timeout      FAILED    TerminateSession
+    any       another NAK, or timeout                      FAILED    TerminateSession
 
 `measure` returns the length of the file from its first bytes: ArduPilot reports 1 MiB for all generated files.
+CalcFileCRC32 is not used. ArduPilot computes it over another reading of the file, in pieces of 64 bytes, and up to 4.6
+the unused numbers of an item depend on where a piece begins (`mission_dat`): the answer says nothing about these bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from enum import Enum, auto
 from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
-from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused, crc32
+from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
@@ -41,7 +43,7 @@ class ReaderState(Enum):
     IDLE = auto()
     OPENING = auto()
     READING = auto()
-    CHECKING = auto()
+    CLOSING = auto()
     DONE = auto()
     FAILED = auto()
 
@@ -82,7 +84,6 @@ class FtpReader:
         self._burst_end_s: float | None = None  # when a burst counts as over if no more arrives
         self._piece_s: float | None = None
         self._spacing_s = 0.0
-        self._checked = False
 
     @property
     def done(self) -> bool:
@@ -135,7 +136,7 @@ class FtpReader:
             return self._opening.tick(now_s)
         error = self._requests.timed_out(self._path, now_s)
         if error is not None:
-            return self._finish(None if self._checked else error)
+            return self._finish(None if self.state is ReaderState.CLOSING else error)
         messages = self._requests.tick(now_s)
         if self._burst_end_s is not None and now_s >= self._burst_end_s:
             self._burst_end_s = None
@@ -162,8 +163,8 @@ class FtpReader:
             self._session = self._opening.session
             self.state = ReaderState.READING
             return [self._request_burst(0, now_s)]
-        if self.state is ReaderState.CHECKING:
-            return self._check(reply)
+        if self.state is ReaderState.CLOSING:
+            return self._finish(None)
         if reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
         self._store(reply)
@@ -204,11 +205,8 @@ class FtpReader:
         if self._size is not None and not self._gaps():
             self._burst_end_s = None
             self._requests.drop()
-            self.state = ReaderState.CHECKING
-            checksum = self._requests.request(
-                FtpOpcode.CALC_FILE_CRC32, now_s, session=self._session, data=self._path.encode()
-            )
-            return [checksum, self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
+            self.state = ReaderState.CLOSING
+            return [self._requests.request(FtpOpcode.TERMINATE_SESSION, now_s, session=self._session)]
         return [] if self._burst_end_s is not None else self._request_missing(now_s)
 
     def _request_missing(self, now_s: float) -> list[Message]:
@@ -248,13 +246,6 @@ class FtpReader:
         )
         self._requests.numbers.skip()
         return message
-
-    def _check(self, reply: FtpPayload) -> list[Message]:
-        if reply.req_opcode == FtpOpcode.CALC_FILE_CRC32:
-            self._checked = True  # a vehicle without CalcFileCRC32 gets no second request
-            if reply.opcode == FtpOpcode.ACK and int.from_bytes(reply.data[:4], "little") != crc32(self._joined()):
-                return self._finish(PeerError(f"{self._path} of {self._requests.peer} changed while it was read."))
-        return [] if len(self._requests) else self._finish(None)
 
     def _joined(self) -> bytes:
         whole = bytearray(self._size or 0)

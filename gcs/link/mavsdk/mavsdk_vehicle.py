@@ -25,6 +25,7 @@ from gcs.link.mavsdk.mavsdk_flight import MavsdkControl, report
 from gcs.link.microservices.parameter import REAL32, Parameter
 from gcs.link.mission_protocol.item_messages import file_frame, with_home
 from gcs.link.mission_protocol.read_back import compare_missions, read_back_error
+from gcs.link.mission_protocol.strategy import SentAs, Transfer
 from gcs.link.session.status_report import VehicleReport
 from gcs.link.wire.message import Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MissionType, ParameterType
@@ -73,6 +74,11 @@ class MavsdkVehicle:
     def home_is_item_0(self) -> bool:
         """Whether item 0 of its missions is home."""
         return link_behaviour(self.autopilot).home_is_item_0
+
+    @property
+    def sent_as(self) -> SentAs:
+        """How its missions go."""
+        return SentAs(Transfer.ITEMS, "the MAVSDK backend sends items")
 
     def heartbeat_age_s(self) -> float:
         """Return 0, or infinity once MAVSDK reports it as lost."""

@@ -6,10 +6,11 @@
     WRITING  refused, or never answered              FAILED
     WRITING  timeout after some answers              WRITING  the file again
     READING  equal by meaning                        DONE
-    READING  changed while it was read               READING  the read-back again
-    READING  different, refused, or timeout          WRITING  the file again, `tries` in all, then FAILED
+    READING  refused, or timeout                     READING  the read-back again, then WRITING, then FAILED
+    READING  different                               FAILED
 
-A closed file proves nothing, and after a refused close the contents are unknown: only the read-back counts.
+A closed file proves nothing, and after a refused close the contents are unknown: only the read-back counts. It is
+compared item by item. A difference would come again: items sent one by one show which of them is refused.
 """
 
 from __future__ import annotations
@@ -134,14 +135,12 @@ class FileUpload:
             try:
                 on_board = read_mission_file(machine.data, MissionType.MISSION, self.peer)
             except PeerError as invalid:
-                error = invalid
-            else:
-                differences = compare_missions(self.items[1:], on_board[1:], autopilot=self._autopilot)
-                if not differences:
-                    self.state = FileState.DONE
-                    return []
-                error = read_back_error(self.peer, MissionType.MISSION, differences)
-                self._reads_left = 0
+                return self._fail(invalid)
+            differences = compare_missions(self.items[1:], on_board[1:], autopilot=self._autopilot)
+            if differences:
+                return self._fail(read_back_error(self.peer, MissionType.MISSION, differences))
+            self.state = FileState.DONE
+            return []
         self._reads_left -= 1
         if self._reads_left > 0:
             return self._read(now_s)

@@ -3,6 +3,10 @@
     magic 0x763d | MAV_MISSION_TYPE | options | number of the first item | number of items      (uint16, little endian)
     per item the 38 bytes of MISSION_ITEM_INT, in the order of the wire
 
+The numbers x, y and z of an item without a position mean nothing in a file of ArduPilot up to 4.6. It prepares items
+one after the other in the same memory, anew for each piece that is read, so they are those of the item before, or 0.
+The three are read as 0.
+
 ArduPilot replaces the mission when the file is closed. It refuses a file with an item of zeros, which is a piece that
 never arrived. Pieces therefore end at the end of an item: only whole items can be missing.
 """
@@ -11,7 +15,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 
+from gcs.autopilots.mission_commands import has_position
 from gcs.errors import PeerError, ProtocolMisuse
 from gcs.link.ftp.payload import DATA_MAX
 from gcs.link.mission_protocol.item_messages import item_from_message, item_to_message
@@ -62,11 +68,12 @@ def length_of(head: bytes, mission_type: int, peer: Station) -> int:
 
 
 def read_mission_file(data: bytes, mission_type: int, peer: Station) -> tuple[MissionItem, ...]:
-    """Return the items of a whole file. Raises `PeerError` for an incomplete file."""
+    """Return the items of a whole file, those without a position with zeros there. Raises `PeerError`."""
     if length_of(data, mission_type, peer) != len(data):
         raise PeerError(f"{peer} sent a mission file of {len(data)} bytes; its header gives another length.")
     rows = (dict(zip(FIELDS, values, strict=True)) for values in ITEM.iter_unpack(data[HEADER.size :]))
-    return tuple(item_from_message(Message("MISSION_ITEM_INT", fields, *peer)) for fields in rows)
+    items = (item_from_message(Message("MISSION_ITEM_INT", fields, *peer)) for fields in rows)
+    return tuple(i if has_position(i.command) else replace(i, lat_degE7=0, lon_degE7=0, alt_m=0.0) for i in items)
 
 
 def pieces_of(data: bytes) -> list[tuple[int, bytes]]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 
+from gcs.autopilots.flight_modes import autopilot_name
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError
 from gcs.link.microservices.machine import Machine
@@ -21,15 +24,46 @@ class Transfer(StrEnum):
     FILE = "file"
 
 
-def uploads_as_file(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> bool:
-    """Whether to try a file: only flight missions, and only where the autopilot takes files.
+@dataclass(frozen=True)
+class SentAs:
+    """How a mission went to its vehicle (ITEMS or FILE), and why so."""
 
-    Clearing has a message of its own.
+    transfer: Transfer
+    reason: str
+
+    def __str__(self) -> str:
+        way = "as a file" if self.transfer is Transfer.FILE else "item by item"
+        return f"{way} ({self.reason})"
+
+
+def sent_words(sent: Mapping[int, SentAs]) -> str:
+    """Return how missions went, by vehicle, in words: "vehicles 1, 2: as a file (it reports MAVLink FTP)"."""
+    by_way: dict[SentAs, list[int]] = {}
+    for sysid, way in sorted(sent.items()):
+        by_way.setdefault(way, []).append(sysid)
+    return "; ".join(f"vehicles {', '.join(map(str, sysids))}: {way}" for way, sysids in by_way.items())
+
+
+def sent_data(sent: Mapping[int, SentAs]) -> list[dict[str, int | str]]:
+    """Return how missions went, for JSON."""
+    return [{"vehicle": sysid, "sent_as": way.transfer.value, "why": way.reason} for sysid, way in sorted(sent.items())]
+
+
+def planned(transfer: Transfer, autopilot: int, mission_type: int, items: int) -> SentAs:
+    """Return how items are to be sent: flight missions as a file, where the autopilot takes files.
+
+    AUTO still depends on what the vehicle reports. Clearing has a message of its own.
     """
-    files = link_behaviour(autopilot).mission_files
-    if transfer is Transfer.ITEMS or not files or mission_type != MissionType.MISSION:
-        return False
-    return items >= (FILE_ITEMS_MIN if transfer is Transfer.AUTO else 1)
+    if transfer is Transfer.ITEMS:
+        return SentAs(Transfer.ITEMS, "--transfer items")
+    if mission_type != MissionType.MISSION:
+        return SentAs(Transfer.ITEMS, "fences and rally points are short")
+    if not link_behaviour(autopilot).mission_files:
+        return SentAs(Transfer.ITEMS, f"{autopilot_name(autopilot)} takes no files")
+    least = FILE_ITEMS_MIN if transfer is Transfer.AUTO else 1
+    if items < least:
+        return SentAs(Transfer.ITEMS, f"fewer than {least} items")
+    return SentAs(Transfer.FILE, "it reports MAVLink FTP" if transfer is Transfer.AUTO else "--transfer file")
 
 
 class Preferred:
@@ -38,6 +72,7 @@ class Preferred:
     def __init__(self, first: Machine, second: Machine) -> None:
         self._machine = first
         self._second: Machine | None = second
+        self.failed: GcsError | None = None  # why the second was started
 
     @property
     def done(self) -> bool:
@@ -78,5 +113,6 @@ class Preferred:
     def _advance(self, now_s: float) -> list[Message]:
         if self._second is None or not self._machine.done or self._machine.error is None:
             return []
+        self.failed = self._machine.error
         self._machine, self._second = self._second, None
         return self._machine.start(now_s)

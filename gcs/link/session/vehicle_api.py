@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gcs.link.microservices.parameter import Parameter
+from gcs.link.mission_protocol.strategy import SentAs
 from gcs.mission.model import Home, MissionItem, VehicleMission
 
 
@@ -30,6 +31,10 @@ class Loadable(Protocol):
     @property
     def home_is_item_0(self) -> bool:
         """Whether item 0 of its missions is home."""
+
+    @property
+    def sent_as(self) -> SentAs | None:
+        """How its last mission went, and why so; None before the first."""
 
     def heartbeat_age_s(self) -> float:
         """Return the time since its last heartbeat, s."""

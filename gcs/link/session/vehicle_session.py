@@ -25,7 +25,7 @@ from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
 from gcs.link.mission_protocol.receiver import reader
-from gcs.link.mission_protocol.strategy import Preferred, Transfer, uploads_as_file
+from gcs.link.mission_protocol.strategy import Preferred, SentAs, Transfer, planned
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
 from gcs.link.session.quality import LinkQuality
 from gcs.link.session.vehicle_texts import VehicleTexts
@@ -63,6 +63,7 @@ class VehicleSession:
         self._transfer = transfer
         self._numbers = FtpNumbers(random.randrange(1 << 16), random.randrange(1 << 8))
         self._offers_files: bool | None = None
+        self.sent_as: SentAs | None = None  # of the last mission
         self._loop = asyncio.get_running_loop()
         self._machines: list[tuple[Machine, asyncio.Event]] = []
         self._listeners: list[Callable[[Message], None]] = []
@@ -238,9 +239,15 @@ class VehicleSession:
                 timers=self.timers.mission,
                 round_trip=self.round_trip,
             )
-            may_be_file = uploads_as_file(self._transfer, self.autopilot, mission_type, len(items))
-            if not may_be_file or (not file_required and not await self.offers_files()):
+            way = planned(self._transfer, self.autopilot, mission_type, len(items))
+            if way.transfer is Transfer.FILE and not file_required and not await self.offers_files():
+                unknown = "AUTOPILOT_VERSION, which would tell whether it takes files, did not come"
+                way = SentAs(
+                    Transfer.ITEMS, "no MAVLink FTP in AUTOPILOT_VERSION" if self._offers_files is False else unknown
+                )
+            if way.transfer is Transfer.ITEMS:
                 await self.run(item_by_item)
+                self._note_sent(mission_type, way)
                 return item_by_item
             as_file = FileUpload(
                 items,
@@ -251,8 +258,16 @@ class VehicleSession:
                 round_trip=self.round_trip,
                 numbers=self._numbers,
             )
-            await self.run(as_file if file_required else Preferred(as_file, item_by_item))
+            either = Preferred(as_file, item_by_item)
+            await self.run(as_file if file_required else either)
+            if either.failed is not None:
+                way = SentAs(Transfer.ITEMS, f"the file failed: {either.failed.message}")
+            self._note_sent(mission_type, way)
             return as_file if as_file.error is None else item_by_item
+
+    def _note_sent(self, mission_type: int, way: SentAs) -> None:
+        if mission_type == MissionType.MISSION:
+            self.sent_as = way
 
     async def offers_files(self) -> bool:
         """Whether it reports MAVLink FTP in AUTOPILOT_VERSION, which is requested once."""

@@ -59,6 +59,7 @@ MISSIONS = MissionTraits(
     int_requests=False,
     home_is_item_0=True,
     as_files=True,
+    file_leftovers=True,
     one_at_a_time=False,
     restarts=True,
     any_item_resets_timeout=False,

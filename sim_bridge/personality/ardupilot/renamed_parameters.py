@@ -40,6 +40,7 @@ def _newer(older: Personality) -> Personality:
         identity=replace(older.identity, version=_VERSION),
         params=tuple(_renamed(param) for param in older.params),
         param_traits=replace(traits, sysid=own, banner=banner),
+        missions=replace(older.missions, file_leftovers=False),
     )
 
 

@@ -55,6 +55,7 @@ MISSIONS = MissionTraits(
     int_requests=True,
     home_is_item_0=False,
     as_files=False,
+    file_leftovers=False,
     one_at_a_time=True,
     restarts=False,
     any_item_resets_timeout=True,

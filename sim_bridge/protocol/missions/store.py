@@ -87,6 +87,11 @@ class MissionStore:
         """Whether `tick` has a timer to watch."""
         return self.busy or self._check_fence_s is not None
 
+    @property
+    def file_leftovers(self) -> bool:
+        """Whether its files have leftovers in items without a position."""
+        return self._traits.file_leftovers
+
     def items(self, mission_type: int = MissionType.MISSION) -> Items:
         """The stored items; where home is item 0 of a mission, it is the present home."""
         return self._items[mission_type]

@@ -59,6 +59,7 @@ class MissionTraits:
     int_requests: bool  # requests with MISSION_REQUEST_INT
     home_is_item_0: bool
     as_files: bool  # also transfers them by MAVLink FTP
+    file_leftovers: bool  # a file's items without a position have that of the item before them
     one_at_a_time: bool  # one transfer in total, downloads included; else one upload per mission type
     restarts: bool  # a second MISSION_COUNT restarts the upload; else only the first request is repeated
     any_item_resets_timeout: bool  # an item out of sequence restarts the timeout too

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
-from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, crc32, read_payload
+from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, read_payload
 from gcs.link.mission_protocol.mission_dat import (
     HEADER,
     ITEM,
@@ -82,7 +82,7 @@ def test_a_file_is_read_in_pieces_or_as_a_burst_until_it_ends():
     assert client.one(READ, offset=30, size=50).data == whole[30:80]
     assert client.refused(READ, offset=len(whole), size=1) == FtpError.END_OF_FILE
     checksum = client.one(FtpOpcode.CALC_FILE_CRC32, data=PATH.encode())
-    assert int.from_bytes(checksum.data, "little") == crc32(whole)
+    assert int.from_bytes(checksum.data, "little") == client.air.files._files.checksum(PATH)
     assert client.refused(WRITE, data=b"x") == FtpError.FAIL
 
 
