@@ -10,7 +10,6 @@ import random
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 
-from gcs.autopilots.flight_modes import autopilot_name
 from gcs.autopilots.protocol_timers import CommandTimers, ProtocolTimers
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import PeerError, PeerTimeout, ProtocolMisuse
@@ -25,8 +24,9 @@ from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
 from gcs.link.mission_protocol.partial_write.item_rewrite import ItemRewrite
 from gcs.link.mission_protocol.receiver import reader
-from gcs.link.mission_protocol.strategy import Preferred, SentAs, Transfer, planned
+from gcs.link.mission_protocol.strategy import SentAs, Transfer
 from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.session.items_upload import upload
 from gcs.link.session.quality import LinkQuality
 from gcs.link.session.vehicle_texts import VehicleTexts
 from gcs.link.wire.message import GROUND, Message, Station
@@ -223,60 +223,20 @@ class VehicleSession:
         Returns the finished machine. Raises `PeerError` that lists the differences, `MissionRefused`, `FtpRefused`,
         `PeerTimeout`.
         """
-        file_required = self._transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
-        if file_required and not link_behaviour(self.autopilot).mission_files:
-            raise PeerError(
-                f"vehicle {self.sysid} takes no missions as files: {autopilot_name(self.autopilot)} cannot.",
-                hint="use --transfer auto or items",
-            )
         async with self._mission_lock:
-            item_by_item = VerifiedUpload(
-                items,
-                self.station,
-                self.autopilot,
-                mission_type=mission_type,
-                me=self.me,
-                timers=self.timers.mission,
-                round_trip=self.round_trip,
-            )
-            way = planned(self._transfer, self.autopilot, mission_type, len(items))
-            if way.transfer is Transfer.FILE and not file_required and not await self.offers_files():
-                unknown = "AUTOPILOT_VERSION, which would tell whether it takes files, did not come"
-                way = SentAs(
-                    Transfer.ITEMS, "no MAVLink FTP in AUTOPILOT_VERSION" if self._offers_files is False else unknown
-                )
-            if way.transfer is Transfer.ITEMS:
-                await self.run(item_by_item)
-                self._note_sent(mission_type, way)
-                return item_by_item
-            as_file = FileUpload(
-                items,
-                self.station,
-                self.autopilot,
-                me=self.me,
-                timers=self.timers.ftp,
-                round_trip=self.round_trip,
-                numbers=self._numbers,
-            )
-            either = Preferred(as_file, item_by_item)
-            await self.run(as_file if file_required else either)
-            if either.failed is not None:
-                way = SentAs(Transfer.ITEMS, f"the file failed: {either.failed.message}")
-            self._note_sent(mission_type, way)
-            return as_file if as_file.error is None else item_by_item
-
-    def _note_sent(self, mission_type: int, way: SentAs) -> None:
+            machine, way = await upload(self, items, mission_type, self._transfer, self._numbers)
         if mission_type == MissionType.MISSION:
             self.sent_as = way
+        return machine
 
-    async def offers_files(self) -> bool:
-        """Whether it reports MAVLink FTP in AUTOPILOT_VERSION, which is requested once."""
+    async def offers_files(self) -> bool | None:
+        """Whether it reports MAVLink FTP in AUTOPILOT_VERSION, which is requested once; None if that does not come."""
         if self._offers_files is None:
             version = self.latest.get("AUTOPILOT_VERSION")
             try:
                 version = version or await self.request_message(MessageId.AUTOPILOT_VERSION, 2.0)
             except PeerError:
-                return False
+                return None
             self._offers_files = bool(version.fields["capabilities"] & Capability.FTP)
         return self._offers_files
 

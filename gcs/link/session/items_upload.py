@@ -1,0 +1,101 @@
+"""The upload of items to one vehicle: as a file or item by item, read back and compared, and which way it went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from gcs.autopilots.flight_modes import autopilot_name
+from gcs.autopilots.protocol_timers import ProtocolTimers
+from gcs.autopilots.traits import link_behaviour
+from gcs.errors import PeerError
+from gcs.link.ftp.requests import FtpNumbers
+from gcs.link.microservices.machine import Machine
+from gcs.link.microservices.rtt import RttEstimator
+from gcs.link.mission_protocol.file_upload import FileUpload
+from gcs.link.mission_protocol.strategy import Preferred, SentAs, Transfer, planned
+from gcs.link.mission_protocol.verified_upload import VerifiedUpload
+from gcs.link.wire.message import Station
+from gcs.mavlink import MissionType
+from gcs.mission.model import MissionItem
+
+
+class Uploading(Protocol):
+    """What an upload needs of the session with a vehicle."""
+
+    sysid: int
+    station: Station
+    me: Station
+    round_trip: RttEstimator
+
+    @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT."""
+
+    @property
+    def timers(self) -> ProtocolTimers:
+        """The timers of its autopilot, or of the link."""
+
+    async def run(self, machine: Machine) -> None:
+        """Run a machine until it is done. Raises its error."""
+
+    async def offers_files(self) -> bool | None:
+        """Whether it reports MAVLink FTP; None where it is not known."""
+
+
+async def upload(
+    session: Uploading,
+    items: Sequence[MissionItem],
+    mission_type: int,
+    transfer: Transfer,
+    numbers: FtpNumbers,
+) -> tuple[VerifiedUpload | FileUpload, SentAs]:
+    """Return the finished machine that put the items on board, and which way they went.
+
+    `numbers` are those of the session's MAVLink FTP. Raises the errors of both machines, and `PeerError` where a file
+    is required and the autopilot takes none.
+    """
+    autopilot = session.autopilot
+    file_required = transfer is Transfer.FILE and mission_type == MissionType.MISSION and len(items) > 0
+    if file_required and not link_behaviour(autopilot).mission_files:
+        raise PeerError(
+            f"vehicle {session.sysid} takes no missions as files: {autopilot_name(autopilot)} cannot.",
+            hint="use --transfer auto or items",
+        )
+    by_items = VerifiedUpload(
+        items,
+        session.station,
+        autopilot,
+        mission_type=mission_type,
+        me=session.me,
+        timers=session.timers.mission,
+        round_trip=session.round_trip,
+    )
+    way = planned(transfer, autopilot, mission_type, len(items))
+    if way.transfer is Transfer.FILE and not file_required:
+        way = await _as_offered(session, way)
+    if way.transfer is Transfer.ITEMS:
+        await session.run(by_items)
+        return by_items, way
+    as_file = FileUpload(
+        items,
+        session.station,
+        autopilot,
+        me=session.me,
+        timers=session.timers.ftp,
+        round_trip=session.round_trip,
+        numbers=numbers,
+    )
+    either = Preferred(as_file, by_items)
+    await session.run(as_file if file_required else either)
+    if either.failed is None:
+        return as_file, way
+    return by_items, SentAs(Transfer.ITEMS, f"the file failed: {either.failed.message}")
+
+
+async def _as_offered(session: Uploading, way: SentAs) -> SentAs:
+    """The way that a vehicle allows by its AUTOPILOT_VERSION, which must be known for a file."""
+    offers = await session.offers_files()
+    if offers is None:
+        return SentAs(Transfer.ITEMS, "AUTOPILOT_VERSION, which tells whether it takes files, did not come")
+    return way if offers else SentAs(Transfer.ITEMS, "no MAVLink FTP in AUTOPILOT_VERSION")
