@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import selectors
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -29,6 +28,7 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import MavCommand, MavResult, MessageId, ModeFlag
 from gcs.plan.trajectory.plan import Plan
+from tests.virtual_clock import VirtualLoop
 
 ARDUPILOT, PX4 = (known.traits.flight for known in (Autopilot.ARDUPILOT, Autopilot.PX4))
 BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
@@ -37,28 +37,6 @@ ON_THE_GROUND = 1  # MAV_LANDED_STATE
 
 def autopilot_of(behaviour: FlightBehaviour) -> Autopilot:
     return next(known for known in Autopilot if known.traits.flight is behaviour)
-
-
-class _NoWait(selectors.DefaultSelector):
-    """Nothing ever comes in from outside: a wait is over at once, and the clock has moved by as much."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.now_s = 1000.0
-
-    def select(self, timeout: float | None = None) -> list[Any]:
-        assert timeout is not None, "all tasks wait for each other"
-        self.now_s += timeout
-        return super().select(0.0)
-
-
-class _Loop(asyncio.SelectorEventLoop):
-    def __init__(self) -> None:
-        self._clock = _NoWait()
-        super().__init__(self._clock)
-
-    def time(self) -> float:
-        return self._clock.now_s
 
 
 @dataclass
@@ -119,7 +97,7 @@ def live(vehicle: Vehicle, plan: Plan | None, act: Callable[[FlightVehicle], Awa
             beating.cancel()
             ticking.cancel()
 
-    with asyncio.Runner(loop_factory=_Loop) as runner:
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(story())
 
 
