@@ -75,6 +75,7 @@ class CopterMode(IntEnum):
     AUTOROTATE = 26
     AUTO_RTL = 27
     TURTLE = 28
+    RATE_ACRO = 29  # 4.6
 
 
 class LandedState(IntEnum):

@@ -113,15 +113,19 @@ _COMMANDS: dict[int, CommandSource] = {
     MavCommand.CONDITION_YAW: CommandSource.REFUSED,
 }
 
+# PX4 1.14 to 1.17 (`px4_custom_mode.h`). Two numbers are no longer in use: 8, and 7 of AUTO.
 _MAIN_MODES = {
-    **{1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 4: "AUTO", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED", 8: "RATTITUDE"},
-    **{9: "SIMPLE", 10: "TERMINATION", 11: "ALTITUDE_CRUISE"},
+    **{1: "MANUAL", 2: "ALTITUDE", 3: "POSITION", 4: "AUTO", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED"},
+    **{8: "RATTITUDE", 9: "SIMPLE", 10: "TERMINATION", 11: "ALTITUDE_CRUISE"},
 }
-_LOST_STREAM = ("POSCTL", "ALTCTL", "MANUAL", "STABILIZED", "TERMINATION")  # a lost setpoint stream, or a worse failure
-_AUTO = 4  # the main mode of these
-_AUTO_MODES = {
-    **{1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RTL", 6: "LAND", 8: "FOLLOW_TARGET", 9: "PRECLAND"},
-    **{10: "VTOL_TAKEOFF"},
+_LOST_STREAM = ("POSITION", "ALTITUDE", "MANUAL", "STABILIZED", "TERMINATION")  # a lost stream, or a worse failure
+_SUB_MODES = {
+    3: {1: "ORBIT", 2: "POSITION_SLOW"},
+    4: {
+        **{1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RTL", 6: "LAND", 7: "RTGS", 8: "FOLLOW_TARGET"},
+        **{9: "PRECLAND", 10: "VTOL_TAKEOFF"},
+        **{10 + number: f"EXTERNAL{number}" for number in range(1, 9)},  # modes of a companion computer
+    },
 }
 
 # Recorded: "Failsafe activated" and, within a second, system_status 5 with the new mode; the cause is a text before it.
@@ -175,7 +179,7 @@ PX4 = AutopilotTraits(
         armed_in=PX4_HOLD,
         two_part_modes=True,
         mode_names={px4_mode(main): name for main, name in _MAIN_MODES.items()}
-        | {px4_mode(_AUTO, sub): name for sub, name in _AUTO_MODES.items()},
+        | {px4_mode(main, sub): name for main, subs in _SUB_MODES.items() for sub, name in subs.items()},
         takeoff_above_sea=True,
         stream_first_s=1.5,
         lag_s=0.1,  # 0.13 s at 20 Hz, less half a period of waiting for the next setpoint

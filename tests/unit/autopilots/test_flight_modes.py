@@ -7,6 +7,7 @@ import math
 import pytest
 
 from gcs.autopilots.ardupilot import ARDUPILOT
+from gcs.autopilots.columns import AutopilotTraits
 from gcs.autopilots.flight_modes import flight_behaviour
 from gcs.autopilots.px4 import PX4
 from gcs.autopilots.traits import Autopilot
@@ -14,7 +15,7 @@ from gcs.errors import PeerError
 from sim_bridge.personality import Intent, by_name
 
 BOTH = pytest.mark.parametrize("firmware", list(Autopilot))
-OTHER_NAMES = {"return": "rtl", "position": "posctl", "altitude": "altctl"}  # of PX4's modes, on the wire
+OTHER_NAMES = {"return": "rtl"}  # of PX4's modes, on the wire
 
 
 @BOTH
@@ -42,6 +43,42 @@ def test_every_recorded_mode_has_its_name(firmware: Autopilot) -> None:
     for mode in by_name(firmware.key).modes.known:
         name = mode.name.lower()
         assert firmware.traits.flight.mode_name(mode.number).lower() == OTHER_NAMES.get(name, name)
+
+
+def test_every_published_mode_has_its_own_name() -> None:
+    """Copter 4.5 to 4.7 use all numbers up to 29 but these; PX4's are those of its `px4_custom_mode.h`."""
+    for firmware, numbers in (
+        (ARDUPILOT, sorted({*range(30)} - {8, 10, 12})),
+        (
+            PX4,
+            [main << 16 for main in range(1, 12)]
+            + [3 << 16 | sub << 24 for sub in (1, 2)]
+            + [4 << 16 | sub << 24 for sub in range(1, 19)],
+        ),
+    ):
+        names = [firmware.flight.mode_name(number) for number in numbers]
+        assert not [name for name in names if "mode" in name.lower()]
+        assert len(set(names)) == len(names)
+        assert sorted(firmware.flight.mode_names) == sorted(numbers)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "number", "name"),
+    [
+        (PX4, 196608, "POSITION"),  # its failsafe's mode after a lost setpoint stream
+        (PX4, 3 << 16 | 1 << 24, "ORBIT"),
+        (PX4, 4 << 16 | 9 << 24, "PRECLAND"),
+        (PX4, 4 << 16 | 18 << 24, "EXTERNAL8"),
+        (PX4, 10 << 16, "TERMINATION"),
+        (PX4, 4 << 16 | 99 << 24, "AUTO"),
+        (PX4, 99 << 16 | 1 << 24, "mode 99.1"),
+        (ARDUPILOT, 27, "AUTO_RTL"),
+        (ARDUPILOT, 29, "RATE_ACRO"),
+        (ARDUPILOT, 30, "mode 30"),
+    ],
+)
+def test_names_of_modes(firmware: AutopilotTraits, number: int, name: str) -> None:
+    assert firmware.flight.mode_name(number) == name
 
 
 def test_modes_as_commands() -> None:
