@@ -12,7 +12,7 @@ import pytest
 
 from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.traits import Autopilot, link_behaviour
-from gcs.errors import PeerTimeout
+from gcs.errors import FlightError, PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.takeoff_landing import (
@@ -184,6 +184,22 @@ def test_it_takes_off_in_a_mode_that_flies_no_mission_by_itself(
     hover_m = -float(hovering[0, 0, 2])
     above_m = scenario.origin.alt_amsl_m if behaviour is PX4 else float(simulation1_plan.pads_ned_m[0, 2])
     assert vehicle.heard[-1]["param7"] == pytest.approx(hover_m + above_m, abs=1e-3)
+
+
+@BOTH
+def test_nothing_is_armed_after_what_forbids_it(behaviour: FlightBehaviour, simulation1_plan: Plan) -> None:
+    """A critical text that comes while the mode is set: arming is the next order, and it is not given."""
+
+    def obey(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        vehicle.mode = behaviour.armed_in
+
+    def forbid(sysid: int) -> None:
+        raise FlightError(f"vehicle {sysid} reports: RTL: unsupported MAV_FRAME")
+
+    vehicle = Vehicle(behaviour, obey=obey)
+    with pytest.raises(FlightError, match="vehicle 1 reports"):
+        live(vehicle, simulation1_plan, lambda crew: take_off(crew, forbid))
+    assert [fields["command"] for fields in vehicle.heard] == [MavCommand.DO_SET_MODE]
 
 
 @BOTH
