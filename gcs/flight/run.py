@@ -118,6 +118,7 @@ def fly(
 def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
     plan = order.plan
+    _refuse_late_starts(order)
     folder = new_folder(order.root, plan.scenario.name, datetime.now())
     save_plan(plan, order.report, folder / "plan.skein")
     index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
@@ -143,6 +144,19 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     write_report(folder, data, verdict)
     return Flown(folder, times, late_s, verdict, data)
+
+
+def _refuse_late_starts(order: FlightRun) -> None:
+    """Raises `UsageError` for missions on board that cannot start together, before anything is computed for them."""
+    rows = zip(order.plan.sysids, order.plan.autopilots, strict=True)
+    late = [
+        f"vehicle {sysid} ({known.title})" for sysid, known in rows if not known.traits.flight.waits_for_time_of_day
+    ]
+    if order.keeping.mode is FlightMode.MISSION and late:
+        raise UsageError(
+            f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
+            hint="fly with --mode stream, which keeps all vehicles on time",
+        )
 
 
 async def _fly(

@@ -191,6 +191,16 @@ def test_the_commands(
     assert asyncio.run(boards()) == [[]] * 4
 
 
+def test_a_flight_of_missions_is_refused_before_anything_is_computed(
+    mixed: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    skein, flights = tmp_path / "mixed.skein", tmp_path / "flights"
+    save_plan(mixed, verify(mixed), skein)
+    assert gcs(["fly", str(skein), "--sim", "--mode", "mission", "--to", str(flights)]) == UsageError.exit_code
+    assert "until a time of day on vehicle 2 (PX4), vehicle 4 (PX4)" in capsys.readouterr().err
+    assert not flights.exists()
+
+
 def test_another_fleet_than_the_scenarios_is_refused_before_anything_is_sent(
     mixed: Plan, make_fleet: Callable[..., Fleet], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

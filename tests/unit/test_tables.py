@@ -73,6 +73,9 @@ HABITS = {
     ],
     "uid 0": [("tests/unit/link/session/test_routing.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
     "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
+    "renamed parameters": [
+        ("tests/unit/autopilots/test_parameter_names.py", "test_a_development_build_answers_for_the_names_that_it_has")
+    ],
     "answers by name": [
         (PARAMETERS, "test_parameters_are_read_and_set_and_put_back"),
         (PARAMETERS, "test_old_news_and_other_names_do_not_settle_a_set"),
