@@ -83,6 +83,12 @@ class FlightError(GcsError):
     exit_code = 9
 
 
+class OrderError(FlightError):
+    """The flight ended, and a vehicle refused or did not answer an order in a crisis."""
+
+    exit_code = 12
+
+
 class JudgementError(GcsError):
     """The flight ended, and violated a limit of the scenario."""
 

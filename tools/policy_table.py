@@ -8,10 +8,11 @@ from pathlib import Path
 
 from gcs.files import atomic_write
 from gcs.flight.contingency.detection import DETECTED
-from gcs.flight.contingency.policy import ALL, KEEPS, MEANING, POLICY, Row, State
+from gcs.flight.contingency.policy import ALL, MEANING, Row, State
+from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "flying.md"
-BEGIN = "<!-- made by tools/policy_table.py from gcs/flight/contingency/policy.py; change that -->\n"
+BEGIN = "<!-- made by tools/policy_table.py from gcs/flight/contingency/policy_rows.py; change that -->\n"
 END = "<!-- end -->\n"
 
 

@@ -152,6 +152,7 @@ class FlightBehaviour:
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
     health_ids: tuple[int, ...]  # messages that report failures in flight
     failsafe: FailsafeSigns = FailsafeSigns()
+    takeoff_modes: frozenset[int] = frozenset()  # shown between arming and the hover, besides `armed_in`
 
     def mode_parameters(self, mode: int) -> tuple[float, ...]:
         """Return the parameters of DO_SET_MODE."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 
 class Step(StrEnum):
@@ -51,6 +52,7 @@ class Event:
     sysid: int
     what: str
     rule: str = ""
+    data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
 
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"

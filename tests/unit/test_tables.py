@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.flight.contingency.policy import KEEPS, POLICY
+from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 
 MISHAPS = "tests/bridge/test_mishaps.py"
 NEAR = "tests/bridge/test_giving_way.py"

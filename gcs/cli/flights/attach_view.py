@@ -110,7 +110,7 @@ async def _take_up(
         shown = await _show(flight, book, screen)
         if request.what is not Resume.SHOW:
             await flight.resume(request.what, book.t0_unix_s)
-            screen.say("all vehicles have landed")
+            screen.say(flight.landing.words())
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 

@@ -10,8 +10,8 @@ from gcs.flight.contingency.policy import (
     AGAIN_S,
     CLEAR_S,
     IN_FORMATION,
-    POLICY,
     SPREAD_AGAIN_S,
+    TAKE_OVERS_MAX,
     YIELDED,
     Action,
     Choices,
@@ -21,6 +21,7 @@ from gcs.flight.contingency.policy import (
     State,
     Trigger,
 )
+from gcs.flight.contingency.policy_rows import POLICY
 
 
 def applying_row(trigger: IncidentKind | Trigger, now: Situation) -> tuple[Row | None, tuple[int, ...]]:
@@ -44,6 +45,7 @@ class ContingencyPolicy:
     troubles: list[Incident] = field(default_factory=list)  # the incidents that took a vehicle out of the formation
     _ordered_s: dict[int, float] = field(default_factory=dict)
     _conflict_s: dict[int, float] = field(default_factory=dict)
+    _take_overs: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.states = dict.fromkeys(self.sysids, State.FLYING)
@@ -67,6 +69,13 @@ class ContingencyPolicy:
         before = self.states[sysid]
         orders = self._apply(row, ordered, incident.unix_s, because)
         left = before in IN_FORMATION and self.states[sysid] not in IN_FORMATION
+        if incident.kind is IncidentKind.FAILSAFE and orders:
+            self._take_overs[sysid] = self._take_overs.get(sysid, 0) + 1
+        if before is State.STARTING:
+            if self.states[sysid] is not State.STARTING:
+                self.troubles.append(replace(incident, sysid=sysid, detail=because or incident.detail))
+                orders += self._trigger(Trigger.START_ABORTED, incident.unix_s)
+            return orders
         if left or row.to is State.LOST:
             self.troubles.append(replace(incident, sysid=sysid, detail=because or incident.detail))
         if left and self.choices.follow and sysid == self.leader:
@@ -78,6 +87,15 @@ class ContingencyPolicy:
     def return_all(self, unix_s: float) -> list[Order]:
         """Return the orders that bring the formation back, as the operator requested."""
         return self._trigger(Trigger.RETURN_ALL, unix_s)
+
+    def begin(self, *, starting: bool) -> None:
+        """Count the vehicles as starting (before T0), or those that still start as flying the plan (from T0 on)."""
+        before, after = (State.FLYING, State.STARTING) if starting else (State.STARTING, State.FLYING)
+        self.states.update({i: after for i, state in self.states.items() if state is before})
+
+    def not_obeyed(self, sysid: int, unix_s: float) -> list[Order]:
+        """Return the orders to a vehicle that did not carry out its last one."""
+        return self._trigger(Trigger.NOT_OBEYED, unix_s, sysid)
 
     def clear(self, unix_s: float) -> list[Order]:
         """Return the orders to vehicles that yielded and had no conflict for `CLEAR_S` since."""
@@ -100,6 +118,8 @@ class ContingencyPolicy:
             other=incident.other or 0,
             in_s=incident.in_s,
             usable=incident.usable,
+            outcome=incident.outcome,
+            takeable=incident.takeable and self._take_overs.get(incident.sysid, 0) < TAKE_OVERS_MAX,
             first_is_upper=higher,
         )
 
@@ -108,8 +128,8 @@ class ContingencyPolicy:
         again_s = SPREAD_AGAIN_S if self.states[sysid] is State.SPREAD else AGAIN_S
         return unix_s - self._ordered_s.get(sysid, -math.inf) < again_s
 
-    def _trigger(self, trigger: Trigger, unix_s: float) -> list[Order]:
-        row, ordered = applying_row(trigger, self._now(unix_s))
+    def _trigger(self, trigger: Trigger, unix_s: float, sysid: int = 0) -> list[Order]:
+        row, ordered = applying_row(trigger, replace(self._now(unix_s), sysid=sysid))
         if row is None:
             return []
         if row.action is Action.PROMOTE:

@@ -1,5 +1,7 @@
 """Detects incidents in one vehicle's messages: silence, no fix, low battery, fence, a mode that was not ordered.
 
+A mode that was not ordered is a failsafe's if the vehicle shows the signs of one; else it is a pilot's.
+
 Time is an argument, in the fleet's common time, so that it passes as fast as emulated vehicles fly.
 """
 
@@ -9,7 +11,9 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gcs.autopilots.columns import FlightBehaviour
+from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
+from gcs.flight.contingency.mode_signs import ModeSigns
+from gcs.flight.energy.energy_choice import Outcome
 from gcs.link.wire.message import Message
 
 
@@ -25,7 +29,8 @@ class IncidentKind(StrEnum):
     BATTERY_LOW = "battery low"
     BATTERY_CRITICAL = "battery critical"
     FENCE = "fence breached"
-    MODE_LEFT = "mode left"
+    FAILSAFE = "failsafe took over"
+    MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
 
 
@@ -40,6 +45,8 @@ class Incident:
     other: int | None = None  # of a conflict
     in_s: float = 0.0  # of a conflict
     usable: bool = True  # of a link that is back: the vehicle is in its place, in the ordered mode
+    outcome: Outcome | None = None  # of a low battery: what its energy allows; None: not known
+    takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and does not land already
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,9 @@ class DetectionLimits:
     gnss_gone_s: float = 8.0
     battery_low_pct: int = 20
     battery_critical_pct: int = 10
+    battery_reserve_pct: float = 4.0  # left at touchdown after a choice at the critical level
+    mode_told_s: float = 1.5  # a failsafe's text may come after the HEARTBEAT with its mode
+    evidence_s: float = 3.0  # a sign of a failsafe, or of a pilot, holds for so long
 
 
 LIMITS = DetectionLimits()
@@ -61,16 +71,17 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.GNSS_LOST: "GPS_RAW_INT: a fix below 3D",
     IncidentKind.GNSS_BACK: "GPS_RAW_INT: a 3D fix again",
     IncidentKind.GNSS_GONE: f"no 3D fix for {LIMITS.gnss_gone_s:g} s",
-    IncidentKind.BATTERY_LOW: f"SYS_STATUS: {LIMITS.battery_low_pct} % or less left",
-    IncidentKind.BATTERY_CRITICAL: f"SYS_STATUS: {LIMITS.battery_critical_pct} % or less left",
-    IncidentKind.FENCE: "FENCE_STATUS, or PX4's STATUSTEXT",
-    IncidentKind.MODE_LEFT: "HEARTBEAT: a mode that was not ordered",
+    IncidentKind.BATTERY_LOW: f"SYS_STATUS: {LIMITS.battery_low_pct} % left, and with every percent less",
+    IncidentKind.BATTERY_CRITICAL: f"SYS_STATUS: {LIMITS.battery_critical_pct} % left, and with every percent less",
+    IncidentKind.FENCE: "FENCE_STATUS, or a STATUSTEXT of the autopilot",
+    IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
+    IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
     IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
 }
 
 
 class VehicleWatch:
-    """Watches one vehicle. `obeys` are the ordered modes; in any other one its autopilot or a pilot has taken over."""
+    """Watches one vehicle. `obeys` are the ordered modes; in any other one its failsafe or a pilot has taken over."""
 
     def __init__(
         self, sysid: int, behaviour: FlightBehaviour, limits: DetectionLimits, unix_s: float, obeys: frozenset[int]
@@ -78,6 +89,7 @@ class VehicleWatch:
         self.sysid = sysid
         self.obeys = obeys
         self.usable = True  # set from outside: whether it is near its planned position
+        self.remaining_pct: int | None = None  # as last reported
         self._behaviour = behaviour
         self._limits = limits
         self._heard_s = unix_s
@@ -86,41 +98,46 @@ class VehicleWatch:
         self._heard_since = self._placed_since = False
         self._no_fix_since_s = math.nan
         self._no_fix_reported = 0
-        self._battery_pct = 100
-        self._battery_reported = 0
+        self._battery_reported_pct = 100
         self._fence, self._fence_reported = False, False
-        self._mode: int | None = None
-        self._mode_reported = False
+        self._signs = ModeSigns(behaviour, limits)
+        self._tolerated: int | None = None  # the mode that an order is about to end
 
-    def begin(self, unix_s: float) -> None:
-        """Begin to watch: silence counts from now."""
+    def begin(self, unix_s: float, mode: int | None = None) -> None:
+        """Begin to watch: silence counts from now. `mode` is the mode shown last."""
         self._heard_s = self._placed_s = unix_s
+        self._signs.mode = mode
+
+    def order(self, *modes: int) -> None:
+        """Count these modes as ordered too. The mode shown now is no incident until the vehicle has left it."""
+        self.obeys = self.obeys | frozenset(modes)
+        self._tolerated = self._signs.mode
+        self._signs.settle()
 
     def receive(self, message: Message, unix_s: float) -> None:
         """Take in a message of the vehicle; any message ends a silence."""
         self._heard_s = max(self._heard_s, unix_s)
         self._heard_since = True
         fields = message.fields
+        self._signs.receive(message, unix_s)
         match message.name:
             case "LOCAL_POSITION_NED":
                 self._placed_s = unix_s
                 self._placed_since = True
-            case "HEARTBEAT":
-                self._mode = int(fields["custom_mode"])
             case "GPS_RAW_INT":
                 if fields["fix_type"] >= 3:
                     self._no_fix_since_s = math.nan
                 elif math.isnan(self._no_fix_since_s):
                     self._no_fix_since_s = unix_s
             case "SYS_STATUS" if fields["battery_remaining"] >= 0:
-                self._battery_pct = int(fields["battery_remaining"])
+                self.remaining_pct = int(fields["battery_remaining"])
             case "FENCE_STATUS":
                 self._fence = bool(fields["breach_status"])
-            case "STATUSTEXT" if "geofence violation" in str(fields["text"]).lower():
+            case "STATUSTEXT" if self._behaviour.failsafe.cause(str(fields["text"])) is FailsafeCause.FENCE:
                 self._fence = True  # PX4 reports a breach in no other way
 
     def look(self, unix_s: float) -> list[Incident]:
-        """Return the new incidents at `unix_s`; each is reported once.
+        """Return the new incidents at `unix_s`; each is reported once, a low battery with every percent.
 
         A message since the last check counts as received now: in a burst of messages, time on board passes faster than
         it is read.
@@ -134,27 +151,41 @@ class VehicleWatch:
         if self._silent or self._lost:
             return found
         found += self._fix(unix_s)
-        for level, (kind, limit) in enumerate(
-            (
-                (IncidentKind.BATTERY_LOW, self._limits.battery_low_pct),
-                (IncidentKind.BATTERY_CRITICAL, self._limits.battery_critical_pct),
-            ),
-            start=1,
-        ):
-            if self._battery_pct <= limit and self._battery_reported < level:
-                self._battery_reported = level
-                found.append(Incident(kind, self.sysid, unix_s, f"{self._battery_pct} % left"))
-        if self._fence and not self._fence_reported:
+        found += self._battery(unix_s)
+        left = self._mode_left(unix_s)
+        if self._fence and not self._fence_reported and not any(one.kind is IncidentKind.FAILSAFE for one in left):
             found.append(Incident(IncidentKind.FENCE, self.sysid, unix_s))
         self._fence_reported = self._fence
-        if self._mode is not None and self._mode not in self.obeys:
-            if not self._mode_reported:
-                name = self._behaviour.mode_name(self._mode)
-                found.append(Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, f"now in {name}"))
-            self._mode_reported = True
-        else:
-            self._mode_reported = False
-        return found
+        return found + left
+
+    def _mode_left(self, unix_s: float) -> list[Incident]:
+        mode = self._signs.mode
+        if mode is None or mode in self.obeys:
+            if mode is not None:
+                self._tolerated = None
+                self._signs.settle()
+            return []
+        if mode == self._tolerated:
+            return []
+        taken = self._signs.taken_by(unix_s)
+        if taken is None:
+            return []
+        name = f"now in {self._behaviour.mode_name(mode)}"
+        if taken == "pilot":
+            return [Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, name)]
+        cause = self._signs.cause
+        able = cause is not FailsafeCause.POSITION and mode != self._behaviour.land
+        able = able and math.isnan(self._no_fix_since_s)
+        return [Incident(IncidentKind.FAILSAFE, self.sysid, unix_s, f"{name}, cause: {cause}", takeable=able)]
+
+    def _battery(self, unix_s: float) -> list[Incident]:
+        left_pct, limits = self.remaining_pct, self._limits
+        if left_pct is None or left_pct > limits.battery_low_pct or left_pct >= self._battery_reported_pct:
+            return []
+        self._battery_reported_pct = left_pct
+        critical = left_pct <= limits.battery_critical_pct
+        kind = IncidentKind.BATTERY_CRITICAL if critical else IncidentKind.BATTERY_LOW
+        return [Incident(kind, self.sysid, unix_s, f"{left_pct} % left")]
 
     def _silence(self, unix_s: float) -> list[Incident]:
         silent_s = unix_s - self._heard_s
@@ -162,7 +193,7 @@ class VehicleWatch:
             if not (self._silent or self._lost) or unix_s - self._placed_s > self._limits.link_lost_s:
                 return []  # a link is back with the first position
             self._silent = self._lost = False
-            usable = self.usable and (self._mode is None or self._mode in self.obeys)
+            usable = self.usable and (self._signs.mode is None or self._signs.mode in self.obeys)
             return [Incident(IncidentKind.LINK_BACK, self.sysid, unix_s, usable=usable)]
         if silent_s > self._limits.vehicle_lost_s and not self._lost:
             self._lost = True

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Coroutine, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from gcs.aio import ended
-from gcs.errors import GcsError
+from gcs.autopilots.columns import FailsafeCause
+from gcs.errors import FlightError
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
@@ -23,27 +23,42 @@ from gcs.flight.contingency.manoeuvres import (
     return_reference,
     spread_reference,
 )
-from gcs.flight.contingency.policy import IN_FORMATION, SPREAD_M, USABLE_M, Action, Choices, Order, State
+from gcs.flight.contingency.orders import StandingOrder
+from gcs.flight.contingency.policy import (
+    AIRBORNE,
+    IN_FORMATION,
+    NOT_OBEYED_AFTER,
+    SPREAD_M,
+    USABLE_M,
+    Action,
+    Choices,
+    Order,
+    State,
+)
+from gcs.flight.energy.charge_watch import ChargeWatch
+from gcs.flight.energy.energy_choice import EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.monitor import Monitor, VehicleView
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
 from gcs.flight.sequence.fleet_time import FleetTime
+from gcs.flight.sequence.order_carrier import OrderCarrier, hurried
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.wire.message import Message
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _SLEEP_S = 0.005
 _REJOIN_S = 8.0
-_TRIES = 3
 _HOVER_M = 1.0  # over the pad, before the landing
 
 
 class ContingencyExecutor:
-    """Watches a flight from the start of the stream. `over` is set once no vehicle flies the plan any more."""
+    """Watches a flight from take-off to landing. `over` is set once no vehicle flies the plan any more."""
 
     def __init__(
         self,
@@ -54,6 +69,8 @@ class ContingencyExecutor:
         streamer: Streamer,
         time: FleetTime,
         returns: ReturnPlan,
+        model: BatteryModel,
+        carrier: OrderCarrier,
         options: FlightOptions,
         on_event: Callable[[Event], None],
     ) -> None:
@@ -77,58 +94,85 @@ class ContingencyExecutor:
         self._now_s = -math.inf  # fleet time, computed once for many messages
         self._routes = ReturnRoutes(plan)
         self._returning: dict[int, LegsReference | ReturnReference] = {}
-        self._tasks: dict[int, asyncio.Future[None]] = {}
+        self._carrier = carrier
+        self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m))
+        self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
+        self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
+        self._told: set[tuple[int, IncidentKind]] = set()
+        self._began_s = math.nan
 
     def _watch(self, vehicle: FlightVehicle) -> VehicleWatch:
+        return VehicleWatch(vehicle.sysid, vehicle.behaviour, self._options.limits, math.inf, self._plan_modes(vehicle))
+
+    def _plan_modes(self, vehicle: FlightVehicle) -> frozenset[int]:
         m = vehicle.behaviour
-        modes = {m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided}
-        return VehicleWatch(vehicle.sysid, m, self._options.limits, math.inf, frozenset(modes))
+        return frozenset({m.guided} if self._options.mode is FlightMode.STREAM else {m.mission, m.guided})
+
+    def starts(self) -> None:
+        """The vehicles take off: in trouble they land on their pads, and `run` raises FlightError."""
+        self.policy.begin(starting=True)
+        for vehicle in self._vehicles.values():
+            m = vehicle.behaviour
+            self._watches[vehicle.sysid].order(m.armed_in, m.guided, m.mission, *m.takeoff_modes)
+
+    def flies(self) -> None:
+        """T0 is known: from now on the vehicles fly the plan."""
+        self.policy.begin(starting=False)
+        for vehicle in self._vehicles.values():
+            self._watches[vehicle.sysid].obeys = self._plan_modes(vehicle)
 
     async def run(self) -> None:
-        """Detect, decide and order until cancelled."""
-        began_s = self._now_s = self._time.sure_s()
+        """Detect, decide and order until cancelled. Raises FlightError for trouble before T0."""
+        began_s = self._now_s = self._began_s = self._time.sure_s()
         stops = [
             vehicle.session.subscribe(self._listener(self._watches[vehicle.sysid]))
             for vehicle in self._vehicles.values()
         ]
-        for watch in self._watches.values():
-            watch.begin(began_s)
+        for sysid, watch in self._watches.items():
+            watch.begin(began_s, self._vehicles[sysid].session.custom_mode)
         checked_s = began_s
         try:
             while True:
                 await asyncio.sleep(_SLEEP_S)
                 now_s = self._time.now_s()
                 self._now_s = self._now_s if now_s is None else now_s
-                if now_s is not None and now_s - checked_s >= _PERIOD_S and self._monitor.t0_unix_s is not None:
+                starting = State.STARTING in self.policy.states.values()
+                if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
                     checked_s = now_s
-                    self._check(now_s, self._monitor.t0_unix_s)
+                    self._check(now_s, self._plan_time_s(now_s))
+                    if starting and self.policy.troubles:
+                        raise FlightError(
+                            f"the start was aborted: {self.describe(self.policy.troubles[0])}.",
+                            hint="see events.jsonl in the flight's folder for incidents and orders",
+                        )
         finally:
             for stop in stops:
                 stop()
-            for task in self._tasks.values():
-                await ended(task)
 
     def return_all(self) -> None:
         """Order all vehicles in the formation to return, as the operator requested."""
-        t_s = self._time.sure_s() - (self._monitor.t0_unix_s or 0.0)
-        for order in self.policy.return_all(self._time.sure_s()):
-            self._carry_out(order, t_s)
+        now_s = self._time.sure_s()
+        for order in self.policy.return_all(now_s):
+            self._carry_out(order, self._plan_time_s(now_s))
 
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
         for vehicle in self._vehicles.values():
-            self._watches[vehicle.sysid].obeys |= {vehicle.behaviour.land}
+            self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
-    def longest_return_s(self) -> float:
-        """The fleet time, in seconds, within which every returning vehicle should have landed."""
-        speeds = self.returns.speeds
-        plan = self._plan
-        span_m = np.linalg.norm(np.ptp([*plan.pads_ned_m[:, :2], *plan.landing_points_ned_m[:, :2]], axis=0))
-        return float(120.0 + 2.0 * span_m / speeds.cruise_mps + 4.0 * self.returns.top_m / speeds.sink_mps)
+    @property
+    def _t0_known(self) -> bool:
+        return self._monitor.t0_unix_s is not None
+
+    def _plan_time_s(self, unix_s: float) -> float:
+        """Plan time; before T0 is known as if the take-off had begun on time."""
+        if self._monitor.t0_unix_s is not None:
+            return unix_s - self._monitor.t0_unix_s
+        return self._plan.t_start_s + unix_s - self._began_s
 
     def describe(self, incident: Incident) -> str:
         """An incident in words: "vehicle 2 was lost (silent for 10.1 s) at t = 12.3 s"."""
-        t_s = incident.unix_s - (self._monitor.t0_unix_s or 0.0)
+        t_s = self._plan_time_s(incident.unix_s)
         detail = f" ({incident.detail})" if incident.detail else ""
         what = (
             "was lost" if incident.kind is IncidentKind.VEHICLE_LOST else f"left the formation: {incident.kind.value}"
@@ -141,28 +185,71 @@ class ContingencyExecutor:
 
         return receive
 
-    def _check(self, now_s: float, t0_unix_s: float) -> None:
-        t_s = now_s - t0_unix_s
+    def _check(self, now_s: float, t_s: float) -> None:
         for sysid, watch in self._watches.items():
             if not self._vehicles[sysid].session.armed:
                 continue  # no incidents on the ground
             error_m = self._monitor.views[sysid].error_m
             watch.usable = not error_m > USABLE_M
+            self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
             for incident in watch.look(now_s):
-                self._decide(incident, t_s)
+                self._decide(self._with_energy(incident, t_s), t_s)
+        if not self._t0_known:
+            return
         self._check_separation(now_s, t_s)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
         for sysid, track in list(self._returning.items()):
-            if t_s > track.end_s:
+            if t_s > track.end_s and not self._carrier.stands(sysid):
                 del self._returning[sysid]
-                self._start(
-                    sysid, partial(self._change_mode, self._vehicles[sysid], self._vehicles[sysid].behaviour.land)
-                )
+                self._start(sysid, "land", self._land(self._vehicles[sysid]))
         formation = self.policy.in_formation
         self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
         if not formation:
             self.over.set()
+
+    def _flown_s(self, sysid: int, t_s: float) -> float | None:
+        """The plan time that a vehicle flies; None if it does not fly the plan."""
+        return t_s if self._t0_known and self.policy.states[sysid] in IN_FORMATION else None
+
+    def _with_energy(self, incident: Incident, t_s: float) -> Incident:
+        """The incident with what the vehicle's energy allows, if it is one of the battery."""
+        kinds = IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL
+        of_battery = incident.kind is IncidentKind.FAILSAFE and str(FailsafeCause.BATTERY) in incident.detail
+        sysid, state = incident.sysid, self.policy.states[incident.sysid]
+        left_pct, view = self._watches[sysid].remaining_pct, self._monitor.views[sysid]
+        if not (incident.kind in kinds or of_battery) or state not in AIRBORNE or left_pct is None:
+            return incident
+        if not np.isfinite(view.position_ned_m).all():
+            return incident
+        limits = self._options.limits
+        low = incident.kind is IncidentKind.BATTERY_LOW
+        reserve_pct = float(limits.battery_critical_pct) if low else limits.battery_reserve_pct
+        flown_s = None if of_battery else self._flown_s(sysid, t_s)
+        heading = None if of_battery else self._heading.get(sysid)
+        choice = self._charge.decide(view, left_pct, reserve_pct, flown_s, self._free_points(sysid), heading)
+        same = sysid in self._chosen and self._chosen[sysid].chosen.outcome is choice.chosen.outcome
+        self._chosen[sysid] = choice
+        words = choice.short() if same else str(choice)
+        detail = f"{incident.detail}; {words}" if of_battery else words
+        return replace(incident, outcome=choice.chosen.outcome, detail=detail)
+
+    def _way_m(self, row: int, start: Array, end: Array) -> float:
+        """The length of a way round no-fly zones that begins now."""
+        del row
+        return self._routes.length_m(start, end, self._plan_time_s(self._now_s))
+
+    def _free_points(self, sysid: int) -> list[SafePoint]:
+        """Landing points of vehicles that are lost or have landed elsewhere, without any vehicle near them."""
+        points, apart_m = [], self._plan.scenario.limits.separation_min_m
+        for row, other in enumerate(self._plan.sysids):
+            place = self._plan.landing_points_ned_m[row]
+            gone = self.policy.states[other] is State.LOST or not self._vehicles[other].session.armed
+            views = (view for i, view in self._monitor.views.items() if i != sysid)
+            near = any(np.hypot(*(view.position_ned_m - place)[:2]) < apart_m for view in views)
+            if other != sysid and gone and not near:
+                points.append(SafePoint(f"landing point of vehicle {other}", place))
+        return points
 
     def _check_separation(self, now_s: float, t_s: float) -> None:
         states = self.policy.states
@@ -178,14 +265,22 @@ class ContingencyExecutor:
             self._decide(incident, t_s, higher=higher)
 
     def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
+        battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)
+        again = battery and (incident.sysid, incident.kind) in self._told
         orders = self.policy.take(incident, higher=higher)
-        if incident.kind is not IncidentKind.CONFLICT or orders:
-            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail)
+        if orders or not (again or incident.kind is IncidentKind.CONFLICT):
+            choice = self._chosen.get(incident.sysid) if incident.outcome is not None else None
+            data = None if choice is None else choice.data()
+            self._note(incident.unix_s, t_s, incident.sysid, incident.kind.value, incident.detail, data)
+        if battery:
+            self._told.add((incident.sysid, incident.kind))
         for order in orders:
             self._carry_out(order, t_s)
 
-    def _note(self, unix_s: float, t_s: float, sysid: int, what: str, rule: str) -> None:
-        event = Event(unix_s, t_s, sysid, what, rule)
+    def _note(
+        self, unix_s: float, t_s: float, sysid: int, what: str, rule: str, data: Mapping[str, Any] | None = None
+    ) -> None:
+        event = Event(unix_s, t_s, sysid, what, rule, data)
         self.events.append(event)
         self._on_event(event)
 
@@ -197,25 +292,33 @@ class ContingencyExecutor:
         begin_s = t_s + self._options.lead_s
         match order.action:
             case Action.LEAVE:
+                self._carrier.end(order.sysid)
                 self._streamer.leave(order.sysid)
             case Action.LAND:
-                watch.obeys = frozenset({*watch.obeys, m.land})
-                self._start(order.sysid, partial(self._change_mode, vehicle, m.land))
+                watch.order(m.land)
+                self._start(order.sysid, order.action.value, self._land(vehicle))
             case Action.REJOIN:
                 if self._options.mode is FlightMode.STREAM:
                     self._streamer.rejoin(vehicle, view, begin_s, _REJOIN_S)
             case Action.PROMOTE:
                 self._streamer.promote(order.sysid, begin_s, _REJOIN_S)
-            case Action.HOLD | Action.SPREAD | Action.RETURN:
-                watch.obeys = frozenset({*watch.obeys, m.guided, m.land, m.returning})
-                track = self._reference(order, view, vehicle.row, begin_s)
-                if track is None:
-                    rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
-                    self._carry_out(Order(order.sysid, Action.LAND, rule), t_s)
-                    return
-                if order.action is Action.RETURN:
-                    self._returning[order.sysid] = track
-                self._start(order.sysid, partial(self._streamer.take_over, vehicle, track))
+            case Action.HOLD | Action.SPREAD | Action.RETURN | Action.DIVERT:
+                watch.order(m.guided, m.land, m.returning)
+                self._start(order.sysid, order.action.value, partial(self._take_over, order))
+
+    async def _take_over(self, order: Order) -> None:
+        """Give an order once, from where the vehicle is now."""
+        vehicle = self._vehicles[order.sysid]
+        begin_s = self._plan_time_s(self._time.sure_s()) + self._options.lead_s
+        track = self._reference(order, vehicle.view, vehicle.row, begin_s)
+        if track is None:
+            rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
+            self._carry_out(Order(order.sysid, Action.LAND, rule), begin_s)
+            return
+        if order.action in (Action.RETURN, Action.DIVERT):
+            self._returning[order.sysid] = track
+            self._heading[order.sysid] = SafePoint("as ordered", self._end_ned_m(order, vehicle.row))
+        await self._streamer.take_over(hurried(vehicle), track)
 
     def _reference(
         self, order: Order, view: VehicleView, row: int, begin_s: float
@@ -233,27 +336,36 @@ class ContingencyExecutor:
             return hold_reference(position, velocity, yaw, begin_s)
         if order.action is Action.SPREAD:
             return spread_reference(position, velocity, yaw, begin_s, SPREAD_M)
-        home = self._plan.pads_ned_m[row]
+        home, end, speeds = self._plan.pads_ned_m[row], self._end_ned_m(order, row), self.returns.speeds
         top_down_m = float(home[2]) - self.returns.altitudes_m[row]
-        speeds = self.returns.speeds
-        return return_reference(position, velocity, yaw, begin_s, self._routes, home, top_down_m, speeds, _HOVER_M)
+        return return_reference(position, velocity, yaw, begin_s, self._routes, end, top_down_m, speeds, _HOVER_M)
 
-    async def _change_mode(self, vehicle: FlightVehicle, mode: int) -> None:
-        await set_mode(vehicle, mode)
-        self._streamer.leave(vehicle.sysid)
+    def _end_ned_m(self, order: Order, row: int) -> Array:
+        """Where an order to return or to divert ends (3,)."""
+        choice = self._chosen.get(order.sysid)
+        target = None if choice is None or order.action is not Action.DIVERT else choice.chosen.target_ned_m
+        return self._plan.pads_ned_m[row] if target is None else np.array(target)
 
-    def _start(self, sysid: int, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """Start a task for a vehicle in place of the one before: the newest order counts."""
-        if (before := self._tasks.pop(sysid, None)) is not None:
-            before.cancel()
+    def _land(self, vehicle: FlightVehicle) -> Callable[[], Awaitable[None]]:
+        async def land() -> None:
+            await set_mode(hurried(vehicle), vehicle.behaviour.land)
+            self._streamer.leave(vehicle.sysid)
 
-        async def guarded() -> None:
-            for _ in range(_TRIES):  # orders after an incident often go over bad links
-                with suppress(GcsError):
-                    await work()
-                    return
+        return land
 
-        self._tasks[sysid] = asyncio.ensure_future(guarded())
+    def _start(self, sysid: int, what: str, work: Callable[[], Awaitable[None]]) -> None:
+        """Give an order in place of the one before, until it is carried out."""
+        self._carrier.start(sysid, what, work, self.tell_failure)
+
+    def tell_failure(self, order: StandingOrder) -> None:
+        """Tell an order that was refused or not answered; a vehicle that does not return is ordered to land."""
+        now_s = self._time.now_s() or self._now_s
+        t_s = self._plan_time_s(now_s)
+        again = f"attempt {order.attempts}, repeated in {order.wait_s(asyncio.get_running_loop().time()):.0f} s"
+        self._note(now_s, t_s, order.sysid, f"did not {order.what}", f"{order.reason} ({again})")
+        if order.attempts >= NOT_OBEYED_AFTER:
+            for stronger in self.policy.not_obeyed(order.sysid, now_s):
+                self._carry_out(stronger, t_s)
 
 
 def _event_words(action: Action) -> str:

@@ -1,7 +1,7 @@
-"""The contingency policy as one table: incident, state of the vehicle and choice -> new state, order and rule.
+"""What the contingency policy is written in: states, orders, triggers, conditions, and the form of a row.
 
-`gcs.flight.contingency.decisions` executes `POLICY`; tools/policy_table.py prints it into docs/flying.md. The first row
-that applies counts. Named functions compute what depends on several vehicles, as which of two yields.
+`gcs.flight.contingency.policy_rows` holds the rows. Named functions compute what depends on several vehicles, as which
+of two yields.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.flight.contingency.detection import IncidentKind
+from gcs.flight.energy.energy_choice import Outcome
 
 
 class State(StrEnum):
     """The state of one vehicle; `MEANING` says what each one means."""
 
+    STARTING = "starting"
     FLYING = "flying"
     SILENT = "silent"
     HOLDING = "holding"
@@ -27,13 +29,14 @@ class State(StrEnum):
 
 
 MEANING = {
+    State.STARTING: "takes off, or hovers over its pad until T0",
     State.FLYING: "flies the plan",
     State.SILENT: "is not heard; its setpoint stream continues",
     State.HOLDING: "yielded in a conflict; holds its position",
     State.SPREAD: "yielded in a conflict; holds 2 m higher",
-    State.RETURNING: "returns (RTL)",
+    State.RETURNING: "returns (RTL), or flies to the nearest safe landing point",
     State.LANDING: "lands at its position",
-    State.LEFT: "is flown by its own autopilot or by a pilot; gets no order",
+    State.LEFT: "is flown by a pilot; gets no order; the flight watches it until it has landed",
     State.LOST: "was silent for too long; gets no order",
 }
 
@@ -44,6 +47,7 @@ class Action(StrEnum):
     HOLD = "hold"
     SPREAD = "climb"
     RETURN = "return"
+    DIVERT = "land at the nearest safe point"
     LAND = "land"
     LEAVE = "release"
     PROMOTE = "lead"
@@ -57,6 +61,8 @@ class Trigger(StrEnum):
     CLEAR = "conflict over"
     VEHICLE_OUT = "vehicle lost from the formation"
     LEADER_OUT = "leader lost or left, with `--follow`"
+    NOT_OBEYED = "order refused or not answered three times"
+    START_ABORTED = "trouble before T0"
 
 
 class OnLoss(StrEnum):
@@ -86,6 +92,9 @@ class Choices:
 IN_FORMATION = frozenset({State.FLYING, State.SILENT})
 YIELDS = frozenset({State.FLYING, State.HOLDING, State.SPREAD, State.RETURNING})
 AIRBORNE = YIELDS | {State.SILENT}  # can still get an order
+OURS = AIRBORNE | {State.STARTING, State.LANDING}  # every vehicle in the air that is not lost and has no pilot
+NOT_OBEYED_AFTER = 3  # attempts
+TAKE_OVERS_MAX = 2  # of one vehicle from its failsafe: after that it lands
 YIELDED = frozenset({State.HOLDING, State.SPREAD})
 ALL = frozenset(State)
 USABLE_M = 1.5  # heard again further off, a vehicle would have to catch up, with others on its track
@@ -110,6 +119,8 @@ class Situation:
     first_is_upper: bool = True  # of a conflict: its first vehicle is not below the other one
     acting: frozenset[int] = frozenset()  # vehicles whose last order may still take effect
     clear: tuple[int, ...] = ()  # vehicles without a conflict for `CLEAR_S`
+    outcome: Outcome | None = None  # of a low battery: what the energy allows
+    takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and was not taken over too often
 
 
 def reporting_vehicle(now: Situation) -> tuple[int, ...]:
@@ -167,6 +178,17 @@ class Condition:
 ALWAYS = Condition("", lambda now: True)
 IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
 TIME_TO_BRAKE = Condition(f"{BRAKE_S:g} s ahead or more", lambda now: now.in_s >= BRAKE_S)
+ENOUGH_TO_FINISH = Condition("energy for the rest of its flight", lambda now: now.outcome is Outcome.FINISH)
+ENOUGH_TO_DIVERT = Condition("energy for the nearest safe point", lambda now: now.outcome is Outcome.NEAREST)
+ENOUGH_TO_RETURN = Condition("energy for the return", lambda now: now.outcome is Outcome.RETURN)
+TAKEABLE = Condition(
+    f"it has a position, does not land, and was taken over less than {TAKE_OVERS_MAX} times",
+    lambda now: now.takeable and now.outcome in (None, Outcome.RETURN, Outcome.FINISH),
+)
+TAKEABLE_NEAR = Condition(
+    "as before, and the battery allows the nearest safe point only",
+    lambda now: now.takeable and now.outcome is Outcome.NEAREST,
+)
 LAND_ON_LOSS = Condition("`--on-loss land`", lambda now: now.choices.on_loss is OnLoss.LAND)
 RETURN_ON_LOSS = Condition("`--on-loss return`", lambda now: now.choices.on_loss is OnLoss.RETURN)
 CONTINUE_ON_LOSS = Condition("`--on-loss continue`", lambda now: now.choices.on_loss is OnLoss.CONTINUE)
@@ -184,133 +206,6 @@ class Row:
     action: Action | None  # None: no order
     rule: str
     vehicles: Callable[[Situation], tuple[int, ...]] = reporting_vehicle
-
-
-KEEPS = "The vehicle keeps its order"
-_K, _S, _A, _T = IncidentKind, State, Action, Trigger
-POLICY = (
-    Row(_K.LINK_LOST, frozenset({_S.FLYING}), ALWAYS, _S.SILENT, None, "The setpoint stream continues"),
-    Row(_K.LINK_LOST, ALL - {_S.FLYING}, ALWAYS, None, None, KEEPS),
-    Row(
-        _K.LINK_BACK,
-        frozenset({_S.SILENT}),
-        IN_PLACE,
-        _S.FLYING,
-        _A.REJOIN,
-        "A vehicle heard again in its place rejoins; its deviation fades in 8 s",
-    ),
-    Row(
-        _K.LINK_BACK,
-        frozenset({_S.SILENT, _S.LOST}),
-        ALWAYS,
-        _S.RETURNING,
-        _A.RETURN,
-        "A vehicle heard again too late, off its place or in another mode returns",
-    ),
-    Row(_K.LINK_BACK, ALL - {_S.SILENT, _S.LOST}, ALWAYS, None, None, KEEPS),
-    Row(_K.VEHICLE_LOST, ALL, ALWAYS, _S.LOST, None, "A lost vehicle gets no order until it is heard again"),
-    Row(_K.GNSS_LOST, ALL, ALWAYS, None, None, "The vehicle flies on by its own estimate"),
-    Row(_K.GNSS_BACK, ALL, ALWAYS, None, None, "The vehicle flies on"),
-    Row(_K.GNSS_GONE, AIRBORNE, ALWAYS, _S.LANDING, _A.LAND, "A vehicle without a position lands at once"),
-    Row(_K.GNSS_GONE, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
-    Row(_K.BATTERY_LOW, IN_FORMATION, ALWAYS, _S.RETURNING, _A.RETURN, "A vehicle with a low battery returns"),
-    Row(_K.BATTERY_LOW, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
-    Row(
-        _K.BATTERY_CRITICAL,
-        AIRBORNE,
-        ALWAYS,
-        _S.LANDING,
-        _A.LAND,
-        "A vehicle with a critical battery lands at once",
-    ),
-    Row(_K.BATTERY_CRITICAL, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
-    Row(_K.FENCE, IN_FORMATION, ALWAYS, _S.RETURNING, _A.RETURN, "A vehicle outside the fence returns"),
-    Row(_K.FENCE, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
-    Row(
-        _K.MODE_LEFT,
-        AIRBORNE,
-        ALWAYS,
-        _S.LEFT,
-        _A.LEAVE,
-        "A vehicle in a mode that was not ordered is left to its autopilot or pilot",
-    ),
-    Row(_K.MODE_LEFT, ALL - AIRBORNE, ALWAYS, None, None, KEEPS),
-    Row(
-        _K.CONFLICT,
-        frozenset({_S.FLYING}),
-        TIME_TO_BRAKE,
-        _S.HOLDING,
-        _A.HOLD,
-        "The yielding vehicle brakes and holds",
-        yielding_vehicle,
-    ),
-    Row(
-        _K.CONFLICT,
-        frozenset({_S.FLYING, _S.HOLDING}),
-        ALWAYS,
-        _S.SPREAD,
-        _A.SPREAD,
-        f"The upper vehicle climbs by {SPREAD_M:g} m",
-        upper_vehicle,
-    ),
-    Row(
-        _K.CONFLICT,
-        YIELDS,
-        ALWAYS,
-        _S.LANDING,
-        _A.LAND,
-        "The yielding vehicle lands",
-        yielding_vehicle,
-    ),
-    Row(_K.CONFLICT, ALL, ALWAYS, None, None, "An earlier order gets time to act, or no vehicle can yield"),
-    Row(
-        _T.CLEAR,
-        YIELDED,
-        ALWAYS,
-        _S.RETURNING,
-        _A.RETURN,
-        f"A vehicle that yielded returns after {CLEAR_S:g} s without a conflict",
-        clear_vehicles,
-    ),
-    Row(
-        _T.VEHICLE_OUT,
-        IN_FORMATION,
-        LAND_ON_LOSS,
-        _S.LANDING,
-        _A.LAND,
-        "A vehicle was lost: all others land",
-        every_vehicle,
-    ),
-    Row(
-        _T.VEHICLE_OUT,
-        IN_FORMATION,
-        RETURN_ON_LOSS,
-        _S.RETURNING,
-        _A.RETURN,
-        "A vehicle was lost: all others return",
-        every_vehicle,
-    ),
-    Row(_T.VEHICLE_OUT, IN_FORMATION, CONTINUE_ON_LOSS, None, None, "All others continue", every_vehicle),
-    Row(_T.LEADER_OUT, frozenset({_S.FLYING}), PROMOTE, None, _A.PROMOTE, "The next vehicle leads", next_leader),
-    Row(
-        _T.LEADER_OUT,
-        IN_FORMATION,
-        ALWAYS,
-        _S.RETURNING,
-        _A.RETURN,
-        "The formation has no leader: all vehicles return",
-        every_vehicle,
-    ),
-    Row(
-        _T.RETURN_ALL,
-        IN_FORMATION,
-        ALWAYS,
-        _S.RETURNING,
-        _A.RETURN,
-        "The operator ordered all vehicles to return",
-        every_vehicle,
-    ),
-)
 
 
 @dataclass(frozen=True)

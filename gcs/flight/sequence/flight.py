@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -19,35 +18,34 @@ from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
+from gcs.flight.contingency.orders import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
 from gcs.flight.sequence.common_start import CommonStart
+from gcs.flight.sequence.fleet_landing import FleetLanding
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
     request_telemetry,
-    set_mode,
     start_mission,
     take_off,
     until_hovering,
-    until_landed,
     until_ready,
 )
 from gcs.flight.sequence.text_watch import TextWatch
 from gcs.flight.setup.preflight_check import MESSAGES
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
-from gcs.link.microservices.command import CommandSender
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
-from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream
 from gcs.own_process import in_own_process
+from gcs.plan.trajectory.energy import battery_model
 from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
@@ -106,6 +104,21 @@ class FlightSequence:
         self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
         self._leaving_s = self.loads[0].mission.leaves_s
         self._start: CommonStart | None = None
+        self._contingency: ContingencyExecutor | None = None
+        self.landing = FleetLanding(
+            self.vehicles,
+            self.streamer,
+            options,
+            lambda: self._contingency.policy.states if self._contingency else {},
+            self._tell_failure,
+            self._tell,
+        )
+
+    @property
+    def contingency(self) -> ContingencyExecutor:
+        """The contingency policy at work; it exists from the upload on."""
+        assert self._contingency is not None
+        return self._contingency
 
     async def run(self) -> FlightTimes:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
@@ -127,13 +140,15 @@ class FlightSequence:
             if watch in done:
                 watch.result()
             return await work
-        except (GcsError, asyncio.CancelledError):
+        except (GcsError, asyncio.CancelledError) as stopped:
             work.cancel()
-            self._send_land()  # before a second Ctrl-C can come in between
+            self.landing.send_once(arming=self.step is Step.TAKEOFF)  # before a second Ctrl-C can come in between
             await insisted(self._end_and_land(work))
+            self.landing.raise_failed_orders(stopped)
             raise
         finally:
             await ended(watch)
+            await self.landing.orders.close()
             for stop in stops:
                 stop()
 
@@ -167,17 +182,19 @@ class FlightSequence:
         self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
         texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
-        self.contingency = await self._contingency()
+        self._contingency = await self._make_contingency()
         await self.time.until(texts_end_unix_s)
         self._refuse_critical_texts()
         self._enter(Step.TAKEOFF)
-        await self._each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
-        await self._each(until_hovering)
-        airborne_unix_s = self.time.sure_s()
-        self._enter(Step.FLY)
-        fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
-        t0_unix_s = await fly()
-        self._enter(Step.DONE)
+        self.contingency.starts()
+        async with alongside(self.contingency.run()):
+            await self._each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
+            await self._each(until_hovering)
+            airborne_unix_s = self.time.sure_s()
+            self._enter(Step.FLY)
+            fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
+            t0_unix_s = await fly()
+        self._enter_done()
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
         self._raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
@@ -190,12 +207,12 @@ class FlightSequence:
         await self._each(request_telemetry)
         await self._each(until_ready)
         await until(self._all_positions_known, self.options.find_timeout_s, "a position of every vehicle")
-        self.contingency = await self._contingency()
+        self._contingency = await self._make_contingency()
         if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in self.sessions.values())):
             self._enter(Step.LAND)
-            await self._each(self._land)
-            await self._each(until_landed)
-            self._enter(Step.DONE)
+            await self.landing.land_all()
+            self._enter_done()
+            self.landing.raise_failed_orders()
             return t0_unix_s
         if what is Resume.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
             self.streamer.stand_by(t0_unix_s)
@@ -213,8 +230,10 @@ class FlightSequence:
             if what is Resume.RESUME and self.options.mode is FlightMode.STREAM:
                 await self._each(self.streamer.obey)
             self._enter(Step.FLY)
-            await self._watch_over(t0_new_s, return_all=what is Resume.RETURN)
-        self._enter(Step.DONE)
+            async with alongside(self.contingency.run()):
+                await self._watch_over(t0_new_s, return_all=what is Resume.RETURN)
+        self._enter_done()
+        self.landing.raise_failed_orders()
         if what is Resume.RESUME:
             self._raise_troubles()
         return t0_new_s
@@ -226,7 +245,12 @@ class FlightSequence:
         self.step = step
         self._hooks.on_step(step, self.monitor.t0_unix_s)
 
-    async def _contingency(self) -> ContingencyExecutor:
+    def _enter_done(self) -> None:
+        """The flight is over. Only vehicles that said so count as landed."""
+        if not self.landing.not_landed():
+            self._enter(Step.DONE)
+
+    async def _make_contingency(self) -> ContingencyExecutor:
         returns = self._returns
         if returns is None:
             each = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
@@ -238,6 +262,8 @@ class FlightSequence:
             streamer=self.streamer,
             time=self.time,
             returns=returns,
+            model=await self._battery_model(),
+            carrier=self.landing.orders,
             options=self.options,
             on_event=self._hooks.on_event,
         )
@@ -261,42 +287,38 @@ class FlightSequence:
     async def _watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
         self.monitor.t0_unix_s = t0_unix_s
+        self.contingency.flies()
         self._enter(self.step)
-        async with alongside(self.contingency.run()):
-            if return_all:
-                self.contingency.return_all()
-            over = asyncio.ensure_future(self.contingency.over.wait())
-            planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
-            try:
-                await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                await ended(over)
-                await ended(planned)
-            self._enter(Step.LAND)
-            self.contingency.landing()
-            landing = [v for v in self.vehicles.values() if self.contingency.policy.states[v.sysid] is State.FLYING]
-            if self.options.mode is FlightMode.STREAM:
-                await each(landing, self._land)
-            await each(landing, until_landed)
-            await self._until_all_landed()
+        if return_all:
+            self.contingency.return_all()
+        over = asyncio.ensure_future(self.contingency.over.wait())
+        planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
+        try:
+            await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            await ended(over)
+            await ended(planned)
+        self._enter(Step.LAND)
+        self.contingency.landing()
+        if self.options.mode is FlightMode.STREAM:
+            for vehicle in self.vehicles.values():
+                if self.contingency.policy.states[vehicle.sysid] is State.FLYING:
+                    self.landing.order(vehicle)
+        await self.landing.until_landed()
 
-    async def _land(self, vehicle: FlightVehicle) -> None:
-        await set_mode(vehicle, vehicle.behaviour.land)
-        self.streamer.leave(vehicle.sysid)
+    def _tell_failure(self, order: StandingOrder) -> None:
+        if self._contingency is not None:
+            self._contingency.tell_failure(order)
+            return
+        self._tell(order.sysid, f"did not {order.what}", order.reason)
 
-    async def _until_all_landed(self) -> None:
-        """Wait for vehicles that left the formation too, while they are heard, at most for the longest return."""
-        end_unix_s = self.time.sure_s() + self.contingency.longest_return_s()
-        while any(
-            v.session.armed and self.contingency.policy.states[v.sysid] not in (State.LOST, State.SILENT)
-            for v in self.vehicles.values()
-        ):
-            if self.time.sure_s() > end_unix_s:
-                break
-            await asyncio.sleep(LOOK_S)
+    def _tell(self, sysid: int, what: str, rule: str) -> None:
+        now_s = self.time.now_s() or 0.0
+        self._hooks.on_event(Event(now_s, now_s - (self.monitor.t0_unix_s or now_s), sysid, what, rule))
 
     def _raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""
+        self.landing.raise_failed_orders()
         troubles = self.contingency.policy.troubles
         if troubles:
             words = "; ".join(self.contingency.describe(incident) for incident in troubles)
@@ -365,26 +387,6 @@ class FlightSequence:
                     hint="the others were ordered to land; search for it at its last reported position",
                 )
 
-    def _perhaps_aloft(self) -> list[FlightVehicle]:
-        """Vehicles that may be airborne: a silent one may receive, one may fly before its HEARTBEAT says armed."""
-        return [v for v in self.vehicles.values() if v.session.armed or self.step is Step.TAKEOFF]
-
-    def _send_land(self) -> None:
-        """Send every vehicle the order to land once, without waiting for an acknowledgement."""
-        now_s = asyncio.get_running_loop().time()
-        for vehicle in self._perhaps_aloft():
-            land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
-            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
-            for message in command.start(now_s):
-                vehicle.session.send(message)
-
     async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
         await ended(work)
-
-        async def land(vehicle: FlightVehicle) -> None:
-            with suppress(GcsError):
-                await vehicle.session.command(
-                    MavCommand.DO_SET_MODE, *vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
-                )
-
-        await each(self._perhaps_aloft(), land)
+        await self.landing.land_all(arming=self.step is Step.TAKEOFF)

@@ -1,30 +1,92 @@
 """The energy that a plan takes from each vehicle's battery, by momentum theory from the planned controls.
 
 Planned controls include climbs, the planned wind and every turn. Gusts, waiting in the air and slower landings are not
-in a plan: the reserve covers them.
+in a plan: the reserve covers them, and in flight the measured discharge.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W
+from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.trajectory.plan import Plan
 
+ENDURANCE_S = 900.0  # of hover on a full battery, without [vehicle.power]
 _STEP_S = 0.1
 _J_PER_WH = 3600.0
 
 
 def energy_Wh(plan: Plan) -> Array | None:
     """Energy of each vehicle (V,) from take-off to landing, Wh; None where the scenario does not describe rotors."""
-    power = plan.scenario.vehicle.power
-    if power is None:
+    if plan.scenario.vehicle.power is None:
         return None
+    t_s, drawn_W = _power_profile_W(plan)
+    return np.asarray(np.trapezoid(drawn_W, t_s, axis=-1) / _J_PER_WH)
+
+
+@dataclass(frozen=True)
+class BatteryModel:
+    """The expected use of a full battery, as shares of it.
+
+    `hover_per_s` is the use in hover. `used` (V, N) is what the plan has taken from each vehicle at plan times t_s
+    (N,). Without [vehicle.power] a battery hovers for `ENDURANCE_S`, and flight takes as much as hover.
+    """
+
+    t_s: Array
+    used: Array
+    hover_per_s: float
+    weight_N: float
+    drag_Nspm: Array  # (3,) north, east, down
+    full_J: float | None  # None without [vehicle.power]
+    figure_of_merit: float
+
+    def planned_use(self, row: int, from_s: float, to_s: float) -> float:
+        """Return what the plan takes from a vehicle between two plan times; beyond the plan, hover."""
+        begin_s, end_s = float(self.t_s[0]), float(self.t_s[-1])
+        at = np.interp([from_s, to_s], self.t_s, self.used[row])
+        outside_s = max(min(to_s, begin_s) - from_s, 0.0) + max(to_s - max(from_s, end_s), 0.0)
+        return float(at[1] - at[0]) + self.hover_per_s * outside_s
+
+    def use_per_s(self, speed_mps: float, climb_mps: float = 0.0) -> float:
+        """Return the use in steady flight: thrust against weight and drag, and the work of a climb."""
+        if self.full_J is None:
+            return self.hover_per_s
+        drag_N = float(max(self.drag_Nspm[:2])) * speed_mps
+        lift_N = self.weight_N + float(self.drag_Nspm[2]) * max(climb_mps, 0.0)
+        thrust = float(np.hypot(lift_N, drag_N) / self.weight_N) ** 1.5
+        climb_W = self.weight_N * max(climb_mps, 0.0) / self.figure_of_merit
+        return float(self.hover_per_s * thrust + climb_W / self.full_J)
+
+
+def battery_model(plan: Plan) -> BatteryModel:
+    """Return the model of a plan's vehicles."""
+    power, q = plan.scenario.vehicle.power, plan.quadrotor
+    weight_N = q.weight_N
+    drag = np.asarray(q.drag_Nspm, dtype=np.float64)
+    if power is None:
+        t_s = np.array([plan.t_start_s, plan.t_end_s])
+        used = np.tile((t_s - t_s[0]) / ENDURANCE_S, (len(plan.sysids), 1))
+        return BatteryModel(t_s, used, 1.0 / ENDURANCE_S, weight_N, drag, None, 1.0)
+    t_s, drawn_W = _power_profile_W(plan)
+    full_J = power.battery_Wh * _J_PER_WH
+    mean_W = (drawn_W[:, 1:] + drawn_W[:, :-1]) / 2.0
+    used = np.concatenate([np.zeros((len(drawn_W), 1)), np.cumsum(mean_W * np.diff(t_s), axis=1)], axis=1) / full_J
+    density = float(air_density_kgpm3(plan.scenario.origin.alt_amsl_m))
+    hover_W = 4.0 * float(induced_power_W(weight_N / 4.0, power.rotor_radius_m, density)) / power.figure_of_merit
+    return BatteryModel(t_s, used, hover_W / full_J, weight_N, drag, full_J, power.figure_of_merit)
+
+
+def _power_profile_W(plan: Plan) -> tuple[Array, Array]:
+    """Plan times (N,), and the power drawn by each vehicle (V, N)."""
+    power = plan.scenario.vehicle.power
+    assert power is not None
     t_s = np.linspace(plan.t_start_s, plan.t_end_s, max(2, round((plan.t_end_s - plan.t_start_s) / _STEP_S) + 1))
     inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     density = air_density_kgpm3(plan.scenario.origin.alt_amsl_m - plan.states(inside)[..., POSITION][..., 2])
     drawn_W = drawn_power_W(
         plan.controls(inside), plan.quadrotor, power.rotor_radius_m, power.figure_of_merit, density
     )  # (V, N)
-    return np.asarray(np.trapezoid(drawn_W, t_s, axis=-1) / _J_PER_WH)
+    return t_s, drawn_W

@@ -17,7 +17,6 @@ from gcs.flight.contingency.policy import (
     CLEAR_S,
     IN_FORMATION,
     MEANING,
-    POLICY,
     Action,
     Choices,
     OnLeaderLoss,
@@ -28,10 +27,13 @@ from gcs.flight.contingency.policy import (
     State,
     Trigger,
 )
+from gcs.flight.contingency.policy_rows import POLICY
+from gcs.flight.energy.energy_choice import Outcome
 from tools.policy_table import policy_tables, with_policy_tables
 
 FOUR = (1, 2, 3, 4)
 FINAL = frozenset({State.LANDING, State.LEFT, State.LOST})
+OUTCOMES = (None, *Outcome)
 
 
 def fleet(**choices: object) -> ContingencyPolicy:
@@ -51,6 +53,9 @@ def situations() -> list[Situation]:
         )
         for mine, other in product(State, State)
         for choice, in_s, usable, acting in product(choices, (0.5, 2.5), (False, True), (False, True))
+    ] + [
+        Situation({2: mine, 3: State.FLYING}, Choices(), 3, 2, 3, outcome=outcome, takeable=takeable)
+        for mine, outcome, takeable in product(State, OUTCOMES, (False, True))
     ]
 
 
@@ -71,11 +76,17 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
         ours.states.update(now.states)
         ours._ordered_s.update({2: 0.0, 3: 0.0} | dict.fromkeys(now.acting, 100.0))
         ours._conflict_s.update({2: 0.0, 3: 0.0})
-        incident = Incident(row.trigger, 2, 100.0, "1 m", other=3, in_s=now.in_s, usable=now.usable)
+        incident = Incident(
+            *(row.trigger, 2, 100.0, "1 m", 3, now.in_s, now.usable),
+            outcome=now.outcome,
+            takeable=now.takeable,
+        )
         orders = ours.take(incident)
         assert ours.states[sysid] == (row.to or now.states[sysid])
-        assert ordered(orders) == ({} if row.action is None else {sysid: row.action})
-        assert all(order.rule.startswith(row.rule) for order in orders)
+        others = {i for i in (2, 3) if now.states[i] is State.STARTING} if State.STARTING in row.states else set()
+        own = [order for order in orders if order.sysid not in others - {sysid}]
+        assert ordered(own) == ({} if row.action is None else {sysid: row.action})
+        assert all(order.rule.startswith(row.rule) for order in own)
 
 
 @pytest.mark.parametrize(("kind", "state"), list(product(IncidentKind, State)))
@@ -92,11 +103,22 @@ def test_every_state_and_incident_is_explained() -> None:
     assert {row.trigger for row in POLICY} == {*IncidentKind, *Trigger}
 
 
-def test_a_vehicle_that_landed_left_or_is_lost_gets_one_order_alone() -> None:
-    (row,) = (row for row in POLICY if row.action is not None and row.states & FINAL)
+def test_a_vehicle_that_left_or_is_lost_gets_one_order_alone() -> None:
+    (row,) = (row for row in POLICY if row.action is not None and row.states & {State.LEFT, State.LOST})
     assert row.trigger is IncidentKind.LINK_BACK
     assert row.states & FINAL == {State.LOST}
     assert row.action is Action.RETURN
+
+
+def test_a_landing_is_never_left_for_anything_but_a_pilot() -> None:
+    for row in POLICY:
+        if State.LANDING in row.states and row.action is not None:
+            assert row.action in (Action.LAND, Action.LEAVE)
+            assert row.to in (State.LANDING, State.LEFT)
+
+
+def test_a_vehicle_is_left_for_a_pilot_alone() -> None:
+    assert {row.trigger for row in POLICY if row.to is State.LEFT} == {IncidentKind.MODE_LEFT}
 
 
 def test_the_page_is_up_to_date(repo_root: Path) -> None:
@@ -160,23 +182,27 @@ def test_no_vehicle_leads_without_followers() -> None:
 
 def test_a_leader_with_a_low_battery_returns_and_another_leads() -> None:
     ours = fleet(follow=True)
-    orders = ours.take(Incident(IncidentKind.BATTERY_LOW, 1, 5.0))
+    orders = ours.take(Incident(IncidentKind.BATTERY_LOW, 1, 5.0, outcome=Outcome.RETURN))
     assert [(o.sysid, o.action) for o in orders] == [(1, Action.RETURN), (2, Action.PROMOTE)]
 
 
 @pytest.mark.parametrize(
-    ("kind", "action"),
+    ("kind", "outcome", "action"),
     [
-        (IncidentKind.BATTERY_LOW, Action.RETURN),
-        (IncidentKind.FENCE, Action.RETURN),
-        (IncidentKind.BATTERY_CRITICAL, Action.LAND),
-        (IncidentKind.GNSS_GONE, Action.LAND),
-        (IncidentKind.MODE_LEFT, Action.LEAVE),
+        (IncidentKind.BATTERY_LOW, Outcome.RETURN, Action.RETURN),
+        (IncidentKind.BATTERY_LOW, Outcome.NEAREST, Action.DIVERT),
+        (IncidentKind.BATTERY_LOW, Outcome.LAND, Action.LAND),
+        (IncidentKind.FENCE, None, Action.RETURN),
+        (IncidentKind.BATTERY_CRITICAL, Outcome.LAND, Action.LAND),
+        (IncidentKind.BATTERY_CRITICAL, Outcome.NEAREST, Action.DIVERT),
+        (IncidentKind.GNSS_GONE, None, Action.LAND),
+        (IncidentKind.FAILSAFE, None, Action.RETURN),
+        (IncidentKind.MODE_LEFT, None, Action.LEAVE),
     ],
 )
-def test_one_leaves_the_others_fly_on(kind: IncidentKind, action: Action) -> None:
+def test_one_leaves_the_others_fly_on(kind: IncidentKind, outcome: Outcome | None, action: Action) -> None:
     ours = fleet()
-    (order,) = ours.take(Incident(kind, 3, 5.0))
+    (order,) = ours.take(Incident(kind, 3, 5.0, outcome=outcome))
     assert (order.sysid, order.action) == (3, action)
     assert ours.in_formation == (1, 2, 4)
     assert [t.kind for t in ours.troubles] == [kind]
@@ -189,11 +215,73 @@ def test_a_short_outage_of_gnss_is_flown_through() -> None:
     assert ours.states[3] is State.FLYING
 
 
-def test_a_critical_battery_ends_a_return() -> None:
+@pytest.mark.parametrize("kind", [IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL])
+def test_a_low_battery_that_lasts_for_the_rest_of_the_plan_changes_nothing(kind: IncidentKind) -> None:
     ours = fleet()
-    ours.take(Incident(IncidentKind.BATTERY_LOW, 3, 5.0))
-    assert ordered(ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 50.0))) == {3: Action.LAND}
-    assert ours.take(Incident(IncidentKind.MODE_LEFT, 3, 51.0)) == []
+    assert ours.take(Incident(kind, 3, 5.0, outcome=Outcome.FINISH)) == []
+    assert ours.in_formation == FOUR
+    assert ours.troubles == []
+
+
+def test_a_critical_battery_ends_a_return_that_it_does_not_last_for() -> None:
+    ours = fleet()
+    ours.take(Incident(IncidentKind.BATTERY_LOW, 3, 5.0, outcome=Outcome.RETURN))
+    assert ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 50.0, outcome=Outcome.FINISH)) == []
+    orders = ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 52.0, outcome=Outcome.LAND))
+    assert ordered(orders) == {3: Action.LAND}
+    assert ours.take(Incident(IncidentKind.BATTERY_CRITICAL, 3, 53.0, outcome=Outcome.RETURN)) == []
+
+
+def test_a_vehicle_is_taken_over_from_its_failsafe_twice_and_then_lands() -> None:
+    ours = fleet()
+    given = [ours.take(Incident(IncidentKind.FAILSAFE, 3, 10.0 * n)) for n in range(4)]
+    assert [order.action for orders in given for order in orders] == [
+        *(Action.RETURN, Action.RETURN, Action.LAND, Action.LAND)
+    ]
+    assert ours.states[3] is State.LANDING
+
+
+def test_a_failsafe_without_a_position_lands() -> None:
+    assert ordered(fleet().take(Incident(IncidentKind.FAILSAFE, 3, 5.0, takeable=False))) == {3: Action.LAND}
+
+
+def test_a_pilot_may_take_over_a_vehicle_that_lands() -> None:
+    ours = fleet()
+    ours.take(Incident(IncidentKind.GNSS_GONE, 3, 5.0))
+    assert ordered(ours.take(Incident(IncidentKind.MODE_LEFT, 3, 8.0))) == {3: Action.LEAVE}
+    assert ours.take(Incident(IncidentKind.FAILSAFE, 3, 9.0)) == []
+    assert ours.states[3] is State.LEFT
+
+
+def test_a_return_that_is_not_obeyed_becomes_a_landing() -> None:
+    ours = fleet()
+    ours.take(Incident(IncidentKind.FENCE, 3, 5.0))
+    assert ordered(ours.not_obeyed(3, 9.0)) == {3: Action.LAND}
+    assert ours.not_obeyed(3, 19.0) == []
+
+
+@pytest.mark.parametrize(
+    "kind", [IncidentKind.BATTERY_LOW, IncidentKind.FENCE, IncidentKind.FAILSAFE, IncidentKind.GNSS_GONE]
+)
+def test_trouble_before_t0_lands_all_on_their_pads(kind: IncidentKind) -> None:
+    ours = fleet()
+    ours.begin(starting=True)
+    assert ordered(ours.take(Incident(kind, 3, 5.0))) == dict.fromkeys(FOUR, Action.LAND)
+    assert [t.sysid for t in ours.troubles] == [3]
+
+
+def test_a_pilot_who_takes_one_before_t0_keeps_it() -> None:
+    ours = fleet()
+    ours.begin(starting=True)
+    orders = ordered(ours.take(Incident(IncidentKind.MODE_LEFT, 3, 5.0)))
+    assert orders == {3: Action.LEAVE, **dict.fromkeys((1, 2, 4), Action.LAND)}
+
+
+def test_from_t0_on_vehicles_fly_the_plan() -> None:
+    ours = fleet()
+    ours.begin(starting=True)
+    ours.begin(starting=False)
+    assert ours.in_formation == FOUR
 
 
 def conflict(at_s: float, in_s: float, pair: tuple[int, int] = (3, 2)) -> Incident:
@@ -217,7 +305,7 @@ def test_with_no_time_to_brake_the_upper_one_climbs() -> None:
 
 def test_a_vehicle_out_of_the_formation_yields_to_it() -> None:
     ours = fleet()
-    ours.take(Incident(IncidentKind.BATTERY_LOW, 2, 5.0))
+    ours.take(Incident(IncidentKind.FENCE, 2, 5.0))
     orders = ours.take(conflict(10.0, 2.5), higher=False)
     assert ordered(orders) == {2: Action.LAND}  # it returns already, below others: nothing else is left
 
@@ -241,6 +329,8 @@ incidents = st.builds(
     st.just(0.0),
     usable=st.booleans(),
     in_s=st.floats(0.0, 3.0),
+    outcome=st.sampled_from(OUTCOMES),
+    takeable=st.booleans(),
 )
 
 
@@ -253,18 +343,22 @@ def test_whatever_happens(story: list[Incident], follow: bool, loss: OnLoss, lea
     out: set[int] = set()
     for n, event in enumerate(story):
         other = event.sysid % 4 + 1
-        incident = Incident(event.kind, event.sysid, float(n), other=other, in_s=event.in_s, usable=event.usable)
+        incident = replace(event, unix_s=float(n), other=other)
         for step in ("take", "clear"):
             before = dict(ours.states)
             orders = ours.take(incident) if step == "take" else ours.clear(float(n))
             for order in orders:
                 rows = [row for row in POLICY if row.action is order.action and order.rule.startswith(row.rule)]
                 assert any(before[order.sysid] in row.states for row in rows)
-                if before[order.sysid] in FINAL:
+                if before[order.sysid] is State.LANDING:
+                    assert order.action in (Action.LAND, Action.LEAVE)
+                elif before[order.sysid] in FINAL:
                     assert incident.kind is IncidentKind.LINK_BACK
                 if order.action not in (Action.PROMOTE, Action.REJOIN):
                     out.add(order.sysid)
                 assert ours.states[order.sysid] is not State.LOST
+                if ours.states[order.sysid] is State.LEFT:
+                    assert incident.kind is IncidentKind.MODE_LEFT
             assert not out & set(ours.in_formation)
             for order in orders:
                 if order.action is Action.PROMOTE:

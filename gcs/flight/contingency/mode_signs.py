@@ -1,0 +1,101 @@
+"""Tells a failsafe's mode change from a pilot's, by texts, system_status and sticks. Time is an argument.
+
+A text of a failsafe counts, and so does a system_status that turned critical, unless a pilot moved sticks or switches.
+Without any sign a pilot, or another ground station, has changed the mode.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
+from gcs.link.wire.message import Message
+from gcs.mavlink import MavState
+
+if TYPE_CHECKING:
+    from gcs.flight.contingency.detection import DetectionLimits
+
+_MOVED_US = 60  # of one RC channel: more than noise
+_CHANNELS = 8
+_UNUSED = (0, 65535)
+Taken = Literal["failsafe", "pilot"]
+
+
+class ModeSigns:
+    """The mode of one vehicle, and the signs of who chose it. `cause` is that of the last failsafe."""
+
+    def __init__(self, behaviour: FlightBehaviour, limits: DetectionLimits) -> None:
+        self.mode: int | None = None
+        self.cause = FailsafeCause.OTHER
+        self._signs = behaviour.failsafe
+        self._limits = limits
+        self._text_s = self._critical_s = self._pilot_s = self._sticks_s = -math.inf
+        self._cause_s = -math.inf
+        self._critical = False
+        self._channels: tuple[int, ...] = ()
+        self._reported: int | None = None  # the mode last reported
+        self._unclear_s = math.nan  # since when a mode is shown without a sign
+
+    def receive(self, message: Message, unix_s: float) -> None:
+        """Take in a message of the vehicle."""
+        fields = message.fields
+        match message.name:
+            case "HEARTBEAT":
+                critical = fields.get("system_status", MavState.ACTIVE) in (MavState.CRITICAL, MavState.EMERGENCY)
+                if critical and not self._critical:
+                    self._critical_s = unix_s
+                self._critical = critical
+                self.mode = int(fields["custom_mode"])
+            case "STATUSTEXT":
+                self._hear(str(fields["text"]), unix_s)
+            case "RC_CHANNELS":
+                now = tuple(int(fields.get(f"chan{n}_raw", 0)) for n in range(1, _CHANNELS + 1))
+                pairs = [pair for pair in zip(now, self._channels, strict=False) if not set(pair) & set(_UNUSED)]
+                if any(abs(a - b) > _MOVED_US for a, b in pairs):
+                    self._sticks_s = unix_s
+                self._channels = now
+
+    def settle(self) -> None:
+        """The mode is an ordered one, or about to be: the next change is a new one."""
+        self._reported = None
+        self._unclear_s = math.nan
+
+    def taken_by(self, unix_s: float) -> Taken | None:
+        """Return who chose a mode that was not ordered, once for every change; None: reported, or not yet clear."""
+        if self.mode == self._reported:
+            return None
+        taken = self._judge(unix_s)
+        if taken is None and math.isnan(self._unclear_s):
+            self._unclear_s = unix_s
+        if taken is None and unix_s - self._unclear_s < self._limits.mode_told_s:
+            return None
+        self.settle()
+        self._reported = self.mode
+        return taken or "pilot"
+
+    def _judge(self, unix_s: float) -> Taken | None:
+        recent_s = unix_s - self._limits.evidence_s
+        if self._cause_s < recent_s:
+            self.cause = FailsafeCause.OTHER
+        if self._pilot_s >= recent_s:
+            return "pilot"
+        moved = self._sticks_s >= recent_s
+        told = self._text_s >= recent_s and self.mode in self._signs.modes
+        if told and (self._critical or not self._signs.always_critical):
+            return "failsafe"
+        began = self._signs.always_critical or self._critical_s >= recent_s  # else an earlier failsafe's is still shown
+        if self._critical and began and not moved:
+            return "failsafe"
+        return "pilot" if moved else None
+
+    def _hear(self, text: str, unix_s: float) -> None:
+        if self._signs.pilot(text):
+            self._pilot_s = unix_s
+        cause = self._signs.cause(text)
+        if cause is None:
+            return
+        self._text_s = unix_s
+        recent = unix_s - self._cause_s < self._limits.evidence_s
+        if cause is not FailsafeCause.OTHER or not recent:  # a general text follows the one with the cause
+            self.cause, self._cause_s = cause, unix_s

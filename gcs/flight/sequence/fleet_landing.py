@@ -1,0 +1,126 @@
+"""The end of a flight: landing orders until they are carried out, and the wait until every vehicle has landed.
+
+A vehicle has landed when it reports itself disarmed. A flight does not end while a vehicle is armed and heard, whether
+the ground station, its autopilot or a pilot flies it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+from gcs.aio import LOOK_S
+from gcs.errors import GcsError, OrderError
+from gcs.flight.contingency.orders import StandingOrder
+from gcs.flight.contingency.policy import State
+from gcs.flight.offboard.streamer import Streamer
+from gcs.flight.options import FlightOptions
+from gcs.flight.sequence.order_carrier import OrderCarrier, hurried
+from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
+from gcs.link.microservices.command import CommandSender
+from gcs.mavlink import MavCommand
+
+PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
+
+
+class FleetLanding:
+    """Lands the vehicles of a flight. `states` are those of the contingency policy, empty before the take-off."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[int, FlightVehicle],
+        streamer: Streamer,
+        options: FlightOptions,
+        states: Callable[[], Mapping[int, State]],
+        tell_failure: Callable[[StandingOrder], None],
+        tell: Callable[[int, str, str], None],
+    ) -> None:
+        self.orders = OrderCarrier(lambda sysid: vehicles[sysid].session.armed, self.is_heard)
+        self._vehicles = vehicles
+        self._streamer = streamer
+        self._options = options
+        self._states = states
+        self._tell_failure = tell_failure
+        self._tell = tell
+        self._told: set[int] = set()
+
+    def is_heard(self, sysid: int) -> bool:
+        """Whether a vehicle is within reach."""
+        if self._states().get(sysid) is State.LOST:
+            return False
+        return self._vehicles[sysid].session.heartbeat_age_s() <= self._options.limits.vehicle_lost_s
+
+    def not_landed(self) -> list[int]:
+        """Return the vehicles that do not report themselves disarmed: those in the air, and those not heard."""
+        return [i for i, v in self._vehicles.items() if v.session.armed or not self.is_heard(i)]
+
+    def order(self, vehicle: FlightVehicle) -> None:
+        """Order a landing until the vehicle shows it; failures are told."""
+
+        async def land() -> None:
+            await set_mode(hurried(vehicle), vehicle.behaviour.land)
+            self._streamer.leave(vehicle.sysid)
+
+        self.orders.start(vehicle.sysid, "land", land, self._tell_failure)
+
+    def send_once(self, *, arming: bool) -> None:
+        """Send every vehicle the order to land once, without waiting for an acknowledgement."""
+        now_s = asyncio.get_running_loop().time()
+        for vehicle in self._ours_aloft(arming=arming):
+            land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
+            command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
+            for message in command.start(now_s):
+                vehicle.session.send(message)
+
+    async def land_all(self, *, arming: bool = False) -> None:
+        """Land all vehicles within reach that no pilot flies; wait until every vehicle has landed or is out of reach.
+
+        `arming`: some may be armed though their HEARTBEAT does not say so yet.
+        """
+        for vehicle in self._ours_aloft(arming=arming):
+            if self.is_heard(vehicle.sysid):
+                self.order(vehicle)
+        while any(self.orders.stands(sysid) for sysid in self._vehicles):
+            await asyncio.sleep(LOOK_S)
+        await self.until_landed()
+
+    async def until_landed(self) -> None:
+        """Wait as long as a vehicle is armed and heard."""
+        while aloft := [i for i, v in self._vehicles.items() if v.session.armed and self.is_heard(i)]:
+            states = self._states()
+            if all(states.get(sysid) is State.LEFT for sysid in aloft):
+                for sysid in set(aloft) - self._told:
+                    self._tell(sysid, "still in the air", PILOT_WORDS)
+                    self._told.add(sysid)
+            await asyncio.sleep(LOOK_S)
+
+    def words(self) -> str:
+        """Return which vehicles reported a landing, and which did not."""
+        left = self.not_landed()
+        if not left:
+            return "all vehicles have landed"
+        lost = [i for i in left if not self.is_heard(i)]
+        aloft = [i for i in left if i not in lost]
+        parts = [f"{_named(lost)} not heard: it is not known whether landed"] if lost else []
+        parts += [f"{_named(aloft)} still armed"] if aloft else []
+        landed = [i for i in self._vehicles if i not in left]
+        return "; ".join([*([f"{_named(landed)} landed"] if landed else []), *parts])
+
+    def raise_failed_orders(self, stopped: BaseException | None = None) -> None:
+        """Raises OrderError if a vehicle refused or did not answer an order. `stopped` ended the flight early."""
+        failed = "; ".join(str(order) for order in self.orders.failed)
+        if failed:
+            because = f"{stopped.message} " if isinstance(stopped, GcsError) else ""
+            raise OrderError(
+                f"{because}{failed}. At the end: {self.words()}.",
+                hint="search for vehicles that did not report a landing at their last reported position",
+            ) from stopped
+
+    def _ours_aloft(self, *, arming: bool) -> list[FlightVehicle]:
+        """Vehicles that may be airborne, but those of a pilot. A silent one may receive."""
+        states = self._states()
+        return [v for i, v in self._vehicles.items() if (v.session.armed or arming) and states.get(i) is not State.LEFT]
+
+
+def _named(sysids: list[int]) -> str:
+    return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(map(str, sysids))}"

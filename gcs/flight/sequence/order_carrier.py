@@ -1,0 +1,76 @@
+"""Gives orders in a crisis again and again, until they are carried out or the vehicle is down or out of reach."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from gcs.aio import ended
+from gcs.errors import GcsError
+from gcs.flight.contingency.orders import FailedOrder, OrderBook, StandingOrder
+from gcs.flight.sequence.takeoff_landing import FlightVehicle
+
+ATTEMPT_S = 6.0  # for the HEARTBEAT to show the ordered mode
+OnFailure = Callable[[StandingOrder], None]
+
+
+def hurried(vehicle: FlightVehicle) -> FlightVehicle:
+    """Return a vehicle whose orders time out as orders in a crisis do."""
+    return replace(vehicle, options=replace(vehicle.options, phase_timeout_s=ATTEMPT_S))
+
+
+class OrderCarrier:
+    """Carries the orders of a flight. `reachable` tells whether a vehicle is still heard, `armed` whether it is up."""
+
+    def __init__(self, armed: Callable[[int], bool], reachable: Callable[[int], bool]) -> None:
+        self._book = OrderBook()
+        self._armed = armed
+        self._reachable = reachable
+        self._tasks: dict[int, asyncio.Future[None]] = {}
+
+    @property
+    def failed(self) -> tuple[FailedOrder, ...]:
+        """Every order that was refused or not answered at least once."""
+        return self._book.failed
+
+    def start(self, sysid: int, what: str, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
+        """Begin an order in place of the one before. `work` gives it once and raises GcsError if that fails."""
+        self.end(sysid)
+        order = self._book.give(sysid, what, asyncio.get_running_loop().time())
+        self._tasks[sysid] = asyncio.ensure_future(self._insist(order, work, on_failure))
+
+    def end(self, sysid: int) -> None:
+        """End the order to a vehicle: a pilot flies it, or another order follows."""
+        self._book.end(sysid)
+        if (task := self._tasks.pop(sysid, None)) is not None:
+            task.cancel()
+
+    def stands(self, sysid: int) -> bool:
+        """Whether an order to this vehicle is not carried out yet."""
+        task = self._tasks.get(sysid)
+        return task is not None and not task.done()
+
+    async def close(self) -> None:
+        """End all orders."""
+        for task in self._tasks.values():
+            await ended(task)
+
+    async def _insist(self, order: StandingOrder, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
+        loop = asyncio.get_running_loop()
+        while self._book.stands(order):
+            try:
+                await work()
+            except GcsError as error:
+                if not self._armed(order.sysid) and order.attempts:
+                    break  # it has landed meanwhile
+                self._book.note_failure(order, loop.time(), error.message.rstrip("."))
+                on_failure(order)
+            else:
+                self._book.carried_out(order)
+                return
+            await asyncio.sleep(order.wait_s(loop.time()))
+            if not self._armed(order.sysid) or not self._reachable(order.sysid):
+                break
+        if self._book.stands(order):
+            self._book.end(order.sysid)
