@@ -114,17 +114,31 @@ def test_a_long_outage_of_gnss(hop: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_a_low_battery_returns(hop: Plan) -> None:
+def test_a_low_battery_that_lasts_for_the_plan_changes_nothing(hop: Plan) -> None:
+    """The choice is told with its numbers."""
     flown = fly(hop, "3:battery=0.18@30")
-    assert flown.orders(3) == ["return"]
-    came_home(flown, 3)
+    assert flown.error is None
+    assert flown.orders(3) == []
+    (told,) = flown.events
+    assert told.data is not None
+    assert told.data["chosen"] == "finish"
+    needs = [one["need_pct"] for one in told.data["alternatives"]]
+    assert needs[0] + told.data["reserve_pct"] <= told.data["remaining_pct"] <= 18.0
+    for sysid in (1, 2, 3):
+        flew_on(flown, sysid)
+
+
+@pytest.mark.slow
+def test_a_low_battery_that_lasts_for_nothing_else_lands(hop: Plan) -> None:
+    flown = fly(hop, "3:battery=0.115@26")
+    assert flown.orders(3) == ["land"]
     flew_on(flown, 1)
     flew_on(flown, 2)
     kept_apart(flown)
 
 
 def test_a_critical_battery_lands_at_once(hop: Plan) -> None:
-    flown = fly(hop, "3:battery=0.07@30")
+    flown = fly(hop, "3:battery=0.05@26")
     assert flown.orders(3)[-1] == "land"
     down = flown.places[2, -1]
     assert 5.0 < down[0] < 50.0  # neither at home nor at the end
@@ -142,7 +156,6 @@ def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
 
 @pytest.mark.slow
 def test_on_board_missions_are_watched_as_well(hop: Plan) -> None:
-    flown = fly(hop, "3:battery=0.18@75", mode=FlightMode.MISSION)
-    assert flown.orders(3) == ["return"]
-    came_home(flown, 3)
+    flown = fly(hop, "3:battery=0.05@75", mode=FlightMode.MISSION)
+    assert flown.orders(3) == ["land"]
     assert flown.error is not None

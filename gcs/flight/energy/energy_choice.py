@@ -23,7 +23,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 WayLength = Callable[[int, Array, Array], float]  # row of the plan, from (3,), to (3,) -> metres by the route
-_PRIOR = 0.03  # of a full battery: the weight of the model against the measured discharge
+_PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge
 _JUMP = 0.03  # a larger step between two reports is no discharge
 _BRAKE_MPS2 = 1.5
 _SLOW_MPS, _SLOW_BELOW_M = 0.5, 10.0  # the last metres of a landing

@@ -45,10 +45,11 @@ from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream
 from gcs.own_process import in_own_process
-from gcs.plan.trajectory.energy import battery_model
+from gcs.plan.trajectory.energy import BatteryModel, battery_model
 from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
+_FEW = 12  # vehicles
 
 
 def _ignore(*_: object) -> None:
@@ -267,6 +268,12 @@ class FlightSequence:
             options=self.options,
             on_event=self._hooks.on_event,
         )
+
+    async def _battery_model(self) -> BatteryModel:
+        """A large fleet's takes seconds, in which heartbeats would wait."""
+        if len(self.plan.sysids) > _FEW:
+            return await in_own_process(battery_model, self.plan)
+        return battery_model(self.plan)
 
     def _check_mode(self) -> None:
         late = [v for v in self.vehicles.values() if not v.behaviour.waits_for_time_of_day]

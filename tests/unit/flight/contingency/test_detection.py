@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import pytest
+
+from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.contingency.detection import DetectionLimits, Incident, IncidentKind, VehicleWatch
 from gcs.link.wire.message import Message
+from gcs.mavlink import CopterMode, px4_mode
 
 PLACE = Message("LOCAL_POSITION_NED", {"time_boot_ms": 1})
 
 ARDUPILOT = Autopilot.ARDUPILOT.traits.flight
 
 
-def watch(unix_s: float = 100.0) -> VehicleWatch:
-    return VehicleWatch(3, ARDUPILOT, DetectionLimits(), unix_s, frozenset({ARDUPILOT.guided}))
+PX4 = Autopilot.PX4.traits.flight
+
+
+def watch(unix_s: float = 100.0, behaviour: FlightBehaviour = ARDUPILOT) -> VehicleWatch:
+    return VehicleWatch(3, behaviour, DetectionLimits(), unix_s, frozenset({behaviour.guided}))
 
 
 def kinds(found: list[Incident]) -> list[IncidentKind]:
@@ -53,9 +60,9 @@ def test_who_comes_back_in_another_mode_does_not_obey() -> None:
     ours.look(104.0)
     ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.returning}), 105.0)
     ours.receive(PLACE, 105.0)
-    (back, left) = ours.look(105.0)
+    (back,) = ours.look(105.0)
     assert (back.kind, back.usable) == (IncidentKind.LINK_BACK, False)
-    assert left.kind is IncidentKind.MODE_LEFT
+    assert kinds(ours.look(106.6)) == [IncidentKind.MODE_LEFT]
 
 
 def test_outages_of_gnss() -> None:
@@ -78,9 +85,11 @@ def test_levels_of_the_battery() -> None:
         (-1, []),
         (21, []),
         (20, [IncidentKind.BATTERY_LOW]),
-        (15, []),
+        (20, []),
+        (15, [IncidentKind.BATTERY_LOW]),
+        (16, []),
         (10, [IncidentKind.BATTERY_CRITICAL]),
-        (5, []),
+        (5, [IncidentKind.BATTERY_CRITICAL]),
     ):
         ours.receive(Message("SYS_STATUS", {"battery_remaining": left}), 100.0)
         assert kinds(ours.look(100.0)) == told
@@ -91,20 +100,111 @@ def test_fences_of_either_autopilot() -> None:
     for breached, told in ((0, []), (1, [IncidentKind.FENCE]), (1, []), (0, []), (1, [IncidentKind.FENCE])):
         ours.receive(Message("FENCE_STATUS", {"breach_status": breached}), 100.0)
         assert kinds(ours.look(100.0)) == told
-    theirs = watch()
-    theirs.receive(Message("STATUSTEXT", {"text": "Geofence violation\t", "severity": 4}), 100.0)
-    assert kinds(theirs.look(100.0)) == [IncidentKind.FENCE]
+    for text in ("Geofence violation\t", "Geofence: approaching or outside geofence"):
+        theirs = watch(behaviour=PX4)
+        theirs.receive(Message("STATUSTEXT", {"text": text, "severity": 4}), 100.0)
+        assert kinds(theirs.look(100.0)) == [IncidentKind.FENCE]
 
 
-def test_a_mode_that_nobody_asked_for() -> None:
+def shows(ours: VehicleWatch, mode: int, unix_s: float, status: int = 4) -> None:
+    ours.receive(Message("HEARTBEAT", {"custom_mode": mode, "system_status": status}), unix_s)
+
+
+def says(ours: VehicleWatch, text: str, unix_s: float) -> None:
+    ours.receive(Message("STATUSTEXT", {"text": text, "severity": 2}), unix_s)
+
+
+def test_a_mode_without_any_sign_is_a_pilots_and_told_once() -> None:
     ours = watch()
-    for mode, told in (
-        (ARDUPILOT.guided, []),
-        (ARDUPILOT.returning, [IncidentKind.MODE_LEFT]),
-        (ARDUPILOT.returning, []),
-    ):
-        ours.receive(Message("HEARTBEAT", {"custom_mode": mode}), 100.0)
-        assert kinds(ours.look(100.0)) == told
-    ours.obeys |= {ARDUPILOT.land}
-    ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.land}), 100.5)
-    assert kinds(ours.look(100.5)) == []
+    shows(ours, ARDUPILOT.guided, 100.0)
+    assert kinds(ours.look(100.0)) == []
+    shows(ours, ARDUPILOT.hold, 101.0)
+    assert kinds(ours.look(101.0)) == []  # a failsafe's text may follow
+    assert kinds(ours.look(102.6)) == [IncidentKind.MODE_LEFT]
+    assert kinds(ours.look(103.0)) == []
+    ours.order(ARDUPILOT.land)
+    shows(ours, ARDUPILOT.land, 104.0)
+    assert kinds(ours.look(104.0)) == kinds(ours.look(106.5)) == []
+
+
+@pytest.mark.parametrize("text_first", [True, False])
+def test_a_mode_with_a_failsafes_text_is_the_failsafes(text_first: bool) -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0)
+    if text_first:
+        says(ours, "Polygon fence breached", 101.0)
+    shows(ours, ARDUPILOT.returning, 101.0)
+    found = ours.look(101.0)
+    if not text_first:
+        says(ours, "Polygon fence breached", 101.2)
+        found += ours.look(101.3)
+    (took,) = found
+    assert (took.kind, took.takeable) == (IncidentKind.FAILSAFE, True)
+    assert took.detail == "now in RTL, cause: fence"
+
+
+@pytest.mark.parametrize("status", [5, 6])
+def test_px4s_failsafe_is_shown_by_the_system_status(status: int) -> None:
+    ours = watch(behaviour=PX4)
+    shows(ours, PX4.guided, 100.0)
+    says(ours, "Failsafe activated\t", 101.0)
+    shows(ours, PX4.hold, 101.6, status)
+    assert kinds(ours.look(101.6)) == [IncidentKind.FAILSAFE]
+    shows(ours, PX4.returning, 130.0, status)  # it goes on to another mode, long after the text
+    assert kinds(ours.look(130.0)) == [IncidentKind.FAILSAFE]
+
+
+def test_a_pilot_ends_px4s_failsafe() -> None:
+    ours = watch(behaviour=PX4)
+    shows(ours, PX4.guided, 100.0)
+    says(ours, "Failsafe activated\t", 101.0)
+    says(ours, "Pilot took over using sticks\t", 101.5)
+    shows(ours, px4_mode(3), 101.6)
+    assert kinds(ours.look(101.6)) == [IncidentKind.MODE_LEFT]
+    other = watch(behaviour=PX4)
+    says(other, "Failsafe activated\t", 101.0)
+    shows(other, px4_mode(3), 101.6)  # by the mode switch: no text, and no failsafe any more
+    assert kinds(other.look(101.6) + other.look(103.2)) == [IncidentKind.MODE_LEFT]
+
+
+def test_sticks_that_move_are_a_pilots() -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0)
+    for unix_s, switch_us in ((100.0, 1100), (100.5, 1105), (101.0, 1700)):
+        fields = {f"chan{n}_raw": 1500 for n in range(1, 9)} | {"chan5_raw": switch_us}
+        ours.receive(Message("RC_CHANNELS", fields), unix_s)
+    shows(ours, ARDUPILOT.returning, 101.0, 5)
+    assert kinds(ours.look(101.0)) == [IncidentKind.MODE_LEFT]
+
+
+def test_an_earlier_failsafe_of_ardupilot_proves_nothing() -> None:
+    """It shows a battery's failsafe to the end of the flight."""
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0, 5)
+    assert kinds(ours.look(100.0)) == []
+    shows(ours, ARDUPILOT.hold, 150.0, 5)
+    assert kinds(ours.look(150.0) + ours.look(151.6)) == [IncidentKind.MODE_LEFT]
+
+
+def test_a_failsafe_that_lands_or_has_no_position_is_not_ended() -> None:
+    ours = watch()
+    says(ours, "EKF Failsafe: changed to ALT_HOLD Mode", 100.0)
+    shows(ours, CopterMode.ALT_HOLD, 100.0)
+    (took,) = ours.look(100.0)
+    assert not took.takeable
+    theirs = watch()
+    says(theirs, "Battery Failsafe", 100.0)
+    shows(theirs, ARDUPILOT.land, 100.0)
+    (took,) = theirs.look(100.0)
+    assert not took.takeable
+
+
+def test_the_mode_that_an_order_ends_is_no_incident_until_it_was_left() -> None:
+    ours = watch(behaviour=PX4)
+    shows(ours, px4_mode(3), 100.0)
+    ours.order(PX4.guided)
+    assert kinds(ours.look(100.0) + ours.look(102.5)) == []
+    shows(ours, PX4.guided, 103.0)
+    assert kinds(ours.look(103.0)) == []
+    shows(ours, px4_mode(3), 104.0)
+    assert kinds(ours.look(104.0) + ours.look(105.6)) == [IncidentKind.MODE_LEFT]
