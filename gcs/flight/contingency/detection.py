@@ -100,7 +100,7 @@ class VehicleWatch:
         self._no_fix_reported = 0
         self._battery_reported_pct = 100
         self._fence, self._fence_reported = False, False
-        self._signs = ModeSigns(behaviour, limits)
+        self._signs = ModeSigns(behaviour, limits.mode_told_s, limits.evidence_s)
         self._tolerated: int | None = None  # the mode that an order is about to end
 
     def begin(self, unix_s: float, mode: int | None = None) -> None:

@@ -7,14 +7,11 @@ Without any sign a pilot, or another ground station, has changed the mode.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavState
-
-if TYPE_CHECKING:
-    from gcs.flight.contingency.detection import DetectionLimits
 
 _MOVED_US = 60  # of one RC channel: more than noise
 _CHANNELS = 8
@@ -23,13 +20,17 @@ Taken = Literal["failsafe", "pilot"]
 
 
 class ModeSigns:
-    """The mode of one vehicle, and the signs of who chose it. `cause` is that of the last failsafe."""
+    """The mode of one vehicle, and the signs of who chose it. `cause` is that of the last failsafe.
 
-    def __init__(self, behaviour: FlightBehaviour, limits: DetectionLimits) -> None:
+    A sign holds for `evidence_s`. It may come `told_s` after the HEARTBEAT with the mode.
+    """
+
+    def __init__(self, behaviour: FlightBehaviour, told_s: float, evidence_s: float) -> None:
         self.mode: int | None = None
         self.cause = FailsafeCause.OTHER
         self._signs = behaviour.failsafe
-        self._limits = limits
+        self._told_s = told_s
+        self._evidence_s = evidence_s
         self._text_s = self._critical_s = self._pilot_s = self._sticks_s = -math.inf
         self._cause_s = -math.inf
         self._critical = False
@@ -68,14 +69,14 @@ class ModeSigns:
         taken = self._judge(unix_s)
         if taken is None and math.isnan(self._unclear_s):
             self._unclear_s = unix_s
-        if taken is None and unix_s - self._unclear_s < self._limits.mode_told_s:
+        if taken is None and unix_s - self._unclear_s < self._told_s:
             return None
         self.settle()
         self._reported = self.mode
         return taken or "pilot"
 
     def _judge(self, unix_s: float) -> Taken | None:
-        recent_s = unix_s - self._limits.evidence_s
+        recent_s = unix_s - self._evidence_s
         if self._cause_s < recent_s:
             self.cause = FailsafeCause.OTHER
         if self._pilot_s >= recent_s:
@@ -96,6 +97,6 @@ class ModeSigns:
         if cause is None:
             return
         self._text_s = unix_s
-        recent = unix_s - self._cause_s < self._limits.evidence_s
+        recent = unix_s - self._cause_s < self._evidence_s
         if cause is not FailsafeCause.OTHER or not recent:  # a general text follows the one with the cause
             self.cause, self._cause_s = cause, unix_s

@@ -40,7 +40,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Alternative:
+class EnergyOption:
     """One outcome and its need. `reachable`: the reserve is left after it."""
 
     outcome: Outcome
@@ -60,8 +60,8 @@ class Alternative:
 class EnergyChoice:
     """The chosen alternative among all, with the charge and the reserve that decided."""
 
-    chosen: Alternative
-    alternatives: tuple[Alternative, ...]
+    chosen: EnergyOption
+    alternatives: tuple[EnergyOption, ...]
     remaining_pct: float
     reserve_pct: float
 
@@ -139,10 +139,10 @@ def straight_m(row: int, start: Array, end: Array) -> float:
     return float(np.hypot(*(np.asarray(end) - np.asarray(start))[:2]))
 
 
-def choose(alternatives: Sequence[Alternative], remaining_pct: float, reserve_pct: float) -> EnergyChoice:
+def choose(alternatives: Sequence[EnergyOption], remaining_pct: float, reserve_pct: float) -> EnergyChoice:
     """Return the choice among alternatives; at least one is needed."""
     marked = tuple(
-        Alternative(**{**vars(one), "reachable": one.need_pct + reserve_pct <= remaining_pct}) for one in alternatives
+        EnergyOption(**{**vars(one), "reachable": one.need_pct + reserve_pct <= remaining_pct}) for one in alternatives
     )
     preferred = sorted(marked, key=_preference)
     chosen = next((one for one in preferred if one.reachable), None)
@@ -151,7 +151,7 @@ def choose(alternatives: Sequence[Alternative], remaining_pct: float, reserve_pc
     return EnergyChoice(chosen, marked, remaining_pct, reserve_pct)
 
 
-def _preference(one: Alternative) -> tuple[int, float]:
+def _preference(one: EnergyOption) -> tuple[int, float]:
     """Finish first, then the cheaper of the safe points, landing here last. The charge plays no part in the order."""
     rank = {Outcome.FINISH: 0, Outcome.NEAREST: 1, Outcome.RETURN: 1, Outcome.LAND: 2}
     return rank[one.outcome], one.need_pct
@@ -179,7 +179,7 @@ class EnergyAdviser:
             found = tuple(one for one in found if one.outcome is Outcome.FINISH)
         return choose(found, now.remaining_pct, reserve_pct)
 
-    def alternatives(self, now: EnergySituation) -> tuple[Alternative, ...]:
+    def alternatives(self, now: EnergySituation) -> tuple[EnergyOption, ...]:
         """Return every alternative with its need."""
         plan, row = self._plan, now.row
         found = [] if now.plan_time_s is None else [self._finish(now, now.plan_time_s)]
@@ -192,10 +192,10 @@ class EnergyAdviser:
         north_m, east_m, down_m = map(float, now.place_ned_m)
         ground_m = float(np.asarray(ground_envelope_m(plan.scenario.terrain, north_m, east_m)))
         sink_s, sink_need = self._descent(-down_m - ground_m, now.scale)
-        found.append(Alternative(Outcome.LAND, "", 0.0, sink_s, 100.0 * sink_need))
+        found.append(EnergyOption(Outcome.LAND, "", 0.0, sink_s, 100.0 * sink_need))
         return tuple(found)
 
-    def _finish(self, now: EnergySituation, t_s: float) -> Alternative:
+    def _finish(self, now: EnergySituation, t_s: float) -> EnergyOption:
         """The rest of the plan; in its landing phase a descent with the landing's own speeds."""
         plan, row = self._plan, now.row
         landing_s = plan.phase("landing").start_s
@@ -210,9 +210,9 @@ class EnergyAdviser:
         off_s = off_m / speeds.cruise_mps
         use = self.model.planned_use(row, start_s, landing_s) + off_s * self.model.use_per_s(speeds.cruise_mps)
         seconds = off_s + landing_s - start_s + sink_s
-        return Alternative(Outcome.FINISH, "", flown_m, seconds, 100.0 * (now.scale * use + sink_need))
+        return EnergyOption(Outcome.FINISH, "", flown_m, seconds, 100.0 * (now.scale * use + sink_need))
 
-    def _to_point(self, now: EnergySituation, outcome: Outcome, point: SafePoint) -> Alternative:
+    def _to_point(self, now: EnergySituation, outcome: Outcome, point: SafePoint) -> EnergyOption:
         """A return to a point: brake, climb to the vehicle's own return altitude, fly the route, descend."""
         speeds, model, plan = self._returns.speeds, self.model, self._plan
         top_down_m = min(
@@ -230,7 +230,7 @@ class EnergyAdviser:
         )
         seconds = brake_s + climb_s + flat_s + speeds.wait_s + sink_s
         north, east, down = map(float, point.ned_m)
-        return Alternative(
+        return EnergyOption(
             outcome,
             point.name,
             way_m,
