@@ -186,7 +186,7 @@ PX4 = AutopilotTraits(
         waits_for_time_of_day=False,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
         failsafe=_FAILSAFE,
-        takeoff_modes=frozenset({px4_mode(_AUTO, 2)}),
+        takeoff_modes=frozenset({px4_mode(4, 2)}),
     ),
     link=LinkBehaviour(
         home_is_item_0=False,

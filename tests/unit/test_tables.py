@@ -18,6 +18,8 @@ PROLOGUE = "tests/unit/flight/sequence/test_takeoff_landing.py"
 STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
 
 RULES = "tests/unit/flight/contingency/test_policy.py"
+ENERGY = "tests/unit/flight/energy/test_energy_choice.py"
+FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
 YIELDING = (NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")
 
 # Each rule of the contingency policy, and the flight or test that proves it.
@@ -33,10 +35,43 @@ POLICY_PROOFS = {
     "The vehicle flies on by its own estimate": [(MISHAPS, "test_a_short_outage_of_gnss")],
     "The vehicle flies on": [(MISHAPS, "test_a_short_outage_of_gnss")],
     "A vehicle without a position lands at once": [(MISHAPS, "test_a_long_outage_of_gnss")],
-    "A vehicle with a low battery returns": [(MISHAPS, "test_a_low_battery_returns")],
+    "Before T0 a vehicle in trouble lands on its pad": [(RULES, "test_trouble_before_t0_lands_all_on_their_pads")],
+    "A vehicle was in trouble before T0: all others land on their pads": [
+        (RULES, "test_trouble_before_t0_lands_all_on_their_pads")
+    ],
+    "A vehicle with a low battery finishes the plan if the reserve is left then": [
+        (MISHAPS, "test_a_low_battery_that_lasts_for_the_plan_changes_nothing"),
+        (ENERGY, "test_recorded_vehicles_over_their_landing_points_land_there"),
+    ],
+    "A vehicle with a low battery lands at the nearest safe point": [(RULES, "test_one_leaves_the_others_fly_on")],
+    "A vehicle with a low battery returns": [(RULES, "test_one_leaves_the_others_fly_on")],
+    "A vehicle whose battery allows nothing else lands where it is": [
+        (MISHAPS, "test_a_low_battery_that_lasts_for_nothing_else_lands")
+    ],
+    "With a critical battery a vehicle ends what it began, if the energy for it is left": [
+        (RULES, "test_a_critical_battery_ends_a_return_that_it_does_not_last_for")
+    ],
+    "A vehicle with a critical battery lands at the nearest safe point": [(RULES, "test_one_leaves_the_others_fly_on")],
+    "A vehicle with a critical battery returns if its pad is the nearest safe point": [
+        (RULES, "test_every_row_is_reached_and_done")
+    ],
     "A vehicle with a critical battery lands at once": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
     "A vehicle outside the fence returns": [(NEAR, "test_a_vehicle_blown_over_the_fence_returns")],
-    "A vehicle in a mode that was not ordered is left to its autopilot or pilot": [YIELDING],
+    "A vehicle in its failsafe's mode is taken over again and returns": [
+        (FAILSAFES, "test_none_of_six_in_their_failsafes_hold_is_left_alone"),
+        (NEAR, "test_a_vehicle_blown_over_the_fence_returns"),
+    ],
+    "A vehicle in its failsafe's mode is taken over again and lands at the nearest safe point": [
+        (RULES, "test_every_row_is_reached_and_done")
+    ],
+    "A vehicle that cannot be taken over safely from its failsafe lands": [
+        (RULES, "test_a_vehicle_is_taken_over_from_its_failsafe_twice_and_then_lands"),
+        (RULES, "test_a_failsafe_without_a_position_lands"),
+    ],
+    "A vehicle in a mode that was not ordered, and no failsafe's, is left to its pilot": [YIELDING],
+    "A vehicle that does not hold or return when ordered is ordered to land": [
+        (RULES, "test_a_return_that_is_not_obeyed_becomes_a_landing")
+    ],
     "The yielding vehicle brakes and holds": [YIELDING],
     "The upper vehicle climbs by 2 m": [YIELDING],
     "The yielding vehicle lands": [YIELDING],

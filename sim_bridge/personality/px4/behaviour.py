@@ -106,7 +106,7 @@ _WORDS = {
     Note.BATTERY_LOW: (Severity.WARNING, "Low battery level\t"),
     Note.BATTERY_CRITICAL: (Severity.CRITICAL, "Critical battery level\t"),
     Note.BATTERY_EMERGENCY: (Severity.EMERGENCY, "Emergency battery level\t"),
-    Note.FENCE_BREACHED: (Severity.WARNING, "Geofence violation\t"),
+    Note.FENCE_BREACHED: (Severity.CRITICAL, "Geofence: approaching or outside geofence"),
 }
 
 _FAILSAFES = FailsafeSettings(

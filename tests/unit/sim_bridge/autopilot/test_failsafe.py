@@ -64,7 +64,8 @@ def test_too_high_is_a_breach(personality: Personality):
     body.run_until(lambda: body.failsafe.breaches == 1)
     assert body.failsafe.breach is Breach.HEIGHT
     assert body.intent is Intent.RETURN
-    assert body.texts()[0] == ("Max Alt fence breached" if personality is ARDUPILOT else "Geofence violation\t")
+    said = "Max Alt fence breached" if personality is ARDUPILOT else "Geofence: approaching or outside geofence"
+    assert body.texts()[0] == said
     body.run_until(lambda: body.failsafe.breach is Breach.NONE)
 
 
