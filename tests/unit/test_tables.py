@@ -69,7 +69,7 @@ POLICY_PROOFS = {
         (RULES, "test_a_failsafe_without_a_position_lands"),
     ],
     "A vehicle in a mode that was not ordered, and no failsafe's, is left to its pilot": [YIELDING],
-    "A vehicle that does not hold or return when ordered is ordered to land": [
+    "A vehicle that disobeys an order to stop or to return is ordered to land": [
         (RULES, "test_a_return_that_is_not_obeyed_becomes_a_landing")
     ],
     "The yielding vehicle brakes and holds": [YIELDING],

@@ -20,7 +20,7 @@ Taken = Literal["failsafe", "pilot"]
 
 
 class ModeSigns:
-    """The mode of one vehicle, and the signs of who chose it. `cause` is that of the last failsafe.
+    """The mode of one vehicle, and the signs of its origin. `cause` is that of the last failsafe.
 
     A sign holds for `evidence_s`. It may come `told_s` after the HEARTBEAT with the mode.
     """
@@ -63,7 +63,7 @@ class ModeSigns:
         self._unclear_s = math.nan
 
     def taken_by(self, unix_s: float) -> Taken | None:
-        """Return who chose a mode that was not ordered, once for every change; None: reported, or not yet clear."""
+        """Return what chose a mode that was not ordered, once for every change; None: reported, or not yet clear."""
         if self.mode == self._reported:
             return None
         taken = self._judge(unix_s)

@@ -255,7 +255,7 @@ POLICY = (
         ALWAYS,
         _S.LANDING,
         _A.LAND,
-        "A vehicle that does not hold or return when ordered is ordered to land",
+        "A vehicle that disobeys an order to stop or to return is ordered to land",
     ),
     Row(
         _T.START_ABORTED,

@@ -55,7 +55,7 @@ class FleetLanding:
         return [i for i, v in self._vehicles.items() if v.session.armed or not self.is_heard(i)]
 
     def order(self, vehicle: FlightVehicle) -> None:
-        """Order a landing until the vehicle shows it; failures are told."""
+        """Order a landing until the vehicle shows it; failures become events."""
 
         async def land() -> None:
             await set_mode(hurried(vehicle), vehicle.behaviour.land)

@@ -1,0 +1,71 @@
+"""Orders are given until they are carried out, or the vehicle is down or out of reach; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+
+from gcs.errors import PeerRefusal
+from gcs.flight.contingency.orders import StandingOrder
+from gcs.flight.sequence.order_carrier import OrderCarrier
+from tests.real_flights import in_virtual_time
+
+
+class Vehicle:
+    """Refuses the first orders."""
+
+    def __init__(self, refusals: int) -> None:
+        self.refusals = refusals
+        self.given_s: list[float] = []
+        self.armed = self.heard = True
+
+    async def land(self) -> None:
+        self.given_s.append(asyncio.get_running_loop().time())
+        if len(self.given_s) <= self.refusals:
+            raise PeerRefusal("vehicle 3 refused.")
+
+
+def given(vehicle: Vehicle, until_s: float, change: Callable[[Vehicle], None] | None = None) -> OrderCarrier:
+    """The carrier after `until_s`; `change` comes over the vehicle half way."""
+    failures: list[StandingOrder] = []
+
+    async def fly() -> OrderCarrier:
+        carrier = OrderCarrier(lambda _: vehicle.armed, lambda _: vehicle.heard)
+        carrier.start(3, "land", vehicle.land, failures.append)
+        await asyncio.sleep(until_s / 2)
+        if change is not None:
+            change(vehicle)
+        await asyncio.sleep(until_s / 2)
+        vehicle.refusals = min(vehicle.refusals, len(failures))
+        await carrier.close()
+        return carrier
+
+    return in_virtual_time(fly())
+
+
+def test_a_refused_order_is_repeated_with_growing_pauses_until_it_is_carried_out() -> None:
+    vehicle = Vehicle(refusals=7)
+    carrier = given(vehicle, 200.0)
+    pauses = [round(b - a) for a, b in zip(vehicle.given_s, vehicle.given_s[1:], strict=False)]
+    assert pauses == [1, 2, 4, 8, 16, 20, 20]
+    (failed,) = carrier.failed
+    assert (failed.attempts, failed.carried_out) == (7, True)
+    assert "vehicle 3 refused" in str(failed)
+    assert not carrier.stands(3)
+
+
+@pytest.mark.parametrize("attribute", ["armed", "heard"])
+def test_it_ends_when_the_vehicle_is_down_or_out_of_reach(attribute: str) -> None:
+    vehicle = Vehicle(refusals=1000)
+    carrier = given(vehicle, 400.0, lambda one: setattr(one, attribute, False))
+    assert vehicle.given_s[-1] < 225.0
+    (failed,) = carrier.failed
+    assert not failed.carried_out
+
+
+def test_an_order_that_is_carried_out_at_once_leaves_no_trace() -> None:
+    vehicle = Vehicle(refusals=0)
+    assert given(vehicle, 10.0).failed == ()
+    assert len(vehicle.given_s) == 1
