@@ -143,7 +143,7 @@ class MavsdkVehicle:
         for wanted in parameters:
             setter = self._params.set_param_float if wanted.kind == REAL32 else self._params.set_param_int
             await self.call(f"set {wanted.name}", partial(setter, wanted.name, wanted.value))
-            found = (await self.read_parameters([wanted.name]))[wanted.name]
+            found = await self.call(f"read {wanted.name}", partial(self._read, wanted.name))
             if not wanted.same_value(found):
                 raise PeerError(f"vehicle {self.sysid} did not set {wanted}: it reports {found.value}.")
 
