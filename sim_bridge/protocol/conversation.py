@@ -205,7 +205,7 @@ class Conversation:
         if kind == MissionType.FENCE:
             self._failsafe.fence(shapes(items, self._instruments.origin))
         if kind == MissionType.RALLY:
-            self.autopilot.mode_actions.rally(places(items, self._instruments.origin))
+            self.autopilot.mode_actions.rally(places(self._store.usable_rally(tuple(items)), self._instruments.origin))
         if kind == MissionType.MISSION:  # PX4 accepts missions that cannot be flown
             self.autopilot.set_mission(items if flyable(items) else ())
         total = self._personality.missions.storage[kind].total

@@ -10,7 +10,7 @@ from tools.replay.meant import MEANT
 from tools.replay.recording import AUTOPILOTS, SCENES, find
 from tools.replay_traces import Scene, replay, stale
 
-STEPS = {"arducopter-4.5.6": 854, "arducopter-4.7dev": 853, "px4-1.17dev": 811}
+STEPS = {"arducopter-4.5.6": 1202, "arducopter-4.7dev": 1201, "px4-1.17dev": 1142}
 
 
 @lru_cache

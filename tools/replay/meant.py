@@ -37,6 +37,12 @@ _NO_SUCH_PARTS = (
     "ANGLE|BARO|CAL|EK3|EKF2|FILT|INS|MOT|PILOT|SENS|SERIAL|SUPER|GCS_PID|VT|WV|ATC|STAT|LAND_SPEED_HIGH|SIM|COMPASS"
 )
 MEANT: Sequence[Meant] = (
+    Meant(
+        "arducopter-*",
+        "read_back",
+        r"missing (STATUSTEXT (EKF3 IMU|AHRS: EKF3|GPS 1: detected|Field Elevation).*|GPS_GLOBAL_ORIGIN|HOME_POSITION)",
+        "the recording begins while the vehicle starts; how it starts is compared in `connect`",
+    ),
     # Parameters
     Meant(
         "*",

@@ -32,6 +32,7 @@ SCENES = (
     "guided_flight",
     "timesync",
     "signing",
+    "read_back",
     "requests",
 )
 AUTOPILOTS = ("arducopter-4.5.6", "arducopter-4.7dev", "px4-1.17dev")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity
 from gcs.mission.model import Command, Frame
+from sim_bridge.protocol.missions.stored_params import ardupilot_params, fence_params
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
 _FLOWN = (*Command, MavCommand.NAV_RETURN_TO_LAUNCH)
@@ -24,8 +25,8 @@ _STORAGE = {
         received="Flight plan received",
         item_by_item=True,
         plain_frame=int(Frame.GLOBAL),
-        land_param4=1.0,
-        whole_centimetres=True,
+        params=ardupilot_params,
+        altitude_per_m=100.0,
     ),
     int(MissionType.FENCE): StorageTraits(
         capacity=84,
@@ -37,7 +38,8 @@ _STORAGE = {
         received_severity=Severity.DEBUG,
         cleared="Fence Indexed OK",
         checks_shapes=True,
-        only_param1=True,
+        params=fence_params,
+        flat=True,
         autocontinue=False,
     ),
     int(MissionType.RALLY): StorageTraits(
@@ -47,6 +49,8 @@ _STORAGE = {
         name="Rally",
         total="RALLY_TOTAL",
         item_by_item=True,
+        params=fence_params,
+        altitude_per_m=1.0,
         autocontinue=False,
     ),
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand, MavCommand, MissionResult, MissionType, Severity, WireFrame
 from gcs.mission.model import Command, Frame
+from sim_bridge.protocol.missions.stored_params import fence_params, px4_params
 from sim_bridge.protocol.missions.transfer_traits import SILENCE, MissionAnswer, MissionTraits, StorageTraits
 
 _IN_PLACE = frozenset({int(Frame.GLOBAL), int(Frame.GLOBAL_RELATIVE_ALT)})
@@ -25,7 +26,12 @@ _WIRE_FRAMES = {
 
 _STORAGE = {
     int(MissionType.MISSION): StorageTraits(
-        capacity=10_000, frames=_FLOWN, read_back_frames=_WIRE_FRAMES, name="Mission", checks_numbers=False
+        capacity=10_000,
+        frames=_FLOWN,
+        read_back_frames=_WIRE_FRAMES,
+        name="Mission",
+        checks_numbers=False,
+        params=px4_params,
     ),
     int(MissionType.FENCE): StorageTraits(
         capacity=250,
@@ -34,7 +40,7 @@ _STORAGE = {
         name="Fence",
         checks_numbers=False,
         vertices_min=3,
-        only_param1=True,
+        params=fence_params,
         autocontinue=False,
     ),
     int(MissionType.RALLY): StorageTraits(
@@ -43,6 +49,8 @@ _STORAGE = {
         read_back_frames=_WIRE_FRAMES,
         name="Rally",
         checks_numbers=False,
+        params=fence_params,
+        wire_frame=True,
     ),
 }
 
@@ -81,4 +89,7 @@ MISSIONS = MissionTraits(
     bad_range=SILENCE,
     home_outside=MissionAnswer(None, "Geofence invalid, doesn't contain Home position\t"),
     home_outside_after_s=0.5,
+    rally_frames=_IN_PLACE,
+    rally_refused=MissionAnswer(None, "RTL: unsupported MAV_FRAME\t"),
+    rally_from_home_m=10.0,
 )

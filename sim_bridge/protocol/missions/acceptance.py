@@ -22,7 +22,16 @@ _PARAMS = (
     MissionResult.INVALID_PARAM3,
     MissionResult.INVALID_PARAM4,
 )
-_FREE_HEADING = frozenset({int(Command.NAV_WAYPOINT), int(Command.NAV_LAND)})  # parameter 4 may be NaN
+# Parameter 4, a heading, may be NaN. ArduPilot's `sanity_check_params` has this list.
+_FREE_HEADING = frozenset(
+    map(
+        int,
+        (
+            *(Command.NAV_WAYPOINT, Command.NAV_TAKEOFF, Command.NAV_LAND),
+            *(Command.NAV_VTOL_TAKEOFF, Command.NAV_VTOL_LAND),
+        ),
+    )
+)
 
 
 def item_result(item: MissionItem, storage: StorageTraits) -> MissionResult:
@@ -41,19 +50,26 @@ def too_few_vertices(item: MissionItem, storage: StorageTraits) -> bool:
     return item.command in POLYGONS and not item.params[0] >= storage.vertices_min
 
 
-def as_stored(item: MissionItem, storage: StorageTraits) -> MissionItem:
-    """Return the item as the vehicle stores it."""
+def as_stored(item: MissionItem, storage: StorageTraits, wire_frame: int | None = None) -> MissionItem:
+    """Return the item as the vehicle stores it. `wire_frame` is the frame of its message."""
     params, frame, alt_m = item.params, item.frame, item.alt_m
-    if storage.only_param1:
-        params = (params[0], 0.0, 0.0, 0.0)
-    if storage.land_param4 is not None and item.command == Command.NAV_LAND and params[3] == 0.0:
-        params = (*params[:3], storage.land_param4)
+    if storage.params is not None:
+        params = storage.params(item)
+    if storage.wire_frame and wire_frame is not None:
+        frame = wire_frame
     if storage.plain_frame is not None and not has_position(item.command):
         frame = storage.plain_frame
-    elif storage.whole_centimetres:
-        alt_m = _cut(alt_m)
+    elif storage.flat:
+        alt_m = 0.0
+    elif storage.altitude_per_m is not None:
+        alt_m = _cut(alt_m, storage.altitude_per_m)
     autocontinue = item.autocontinue if storage.autocontinue is None else storage.autocontinue
     return replace(item, params=params, frame=frame, alt_m=alt_m, autocontinue=autocontinue)
+
+
+def as_reported_m(alt_m: float, per_m: float) -> float:
+    """Return an altitude that is stored as a whole number of 1 / `per_m` m, as it is reported: in single precision."""
+    return float(np.float32(round(alt_m * per_m)) * np.float32(1.0 / per_m))
 
 
 def flyable(items: Sequence[MissionItem]) -> bool:
@@ -115,7 +131,7 @@ def _place(item: MissionItem) -> MissionResult:
     return MissionResult.ACCEPTED
 
 
-def _cut(alt_m: float) -> float:
-    """Return whole centimetres towards zero, computed in single precision as the originals do."""
+def _cut(alt_m: float, per_m: float) -> float:
+    """Return a multiple of 1 / `per_m` m, towards zero, computed in single precision as the originals do."""
     with np.errstate(over="ignore"):
-        return float(np.trunc(np.float32(alt_m) * np.float32(100.0))) / 100.0
+        return float(np.trunc(np.float32(alt_m) * np.float32(per_m))) / per_m

@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from gcs.errors import PeerError
 from gcs.frames import Origin
 from gcs.link.mission_protocol.item_messages import home_item, item_from_message, item_to_message
@@ -25,6 +27,7 @@ from gcs.link.wire.message import Message, Station
 from gcs.mavlink import MissionResult, MissionType, Severity
 from gcs.mission.model import Home, MissionItem
 from sim_bridge.protocol.missions.acceptance import (
+    as_reported_m,
     as_stored,
     capacity,
     in_single_precision,
@@ -33,7 +36,7 @@ from sim_bridge.protocol.missions.acceptance import (
     too_few_vertices,
     types_meant,
 )
-from sim_bridge.protocol.missions.fence import count_shapes, encloses, what_is_wrong
+from sim_bridge.protocol.missions.fence import count_shapes, encloses, places, what_is_wrong
 from sim_bridge.protocol.missions.transfer_traits import Download, MissionAnswer, MissionTraits, StorageTraits, Upload
 
 SendText = Callable[[Severity, str], None]
@@ -65,6 +68,7 @@ class MissionStore:
         self._uploads: dict[int, Upload] = {}
         self._download: Download | None = None
         self._check_fence_s: float | None = None
+        self._check_rally_s: float | None = None  # while there are points that it cannot return to
         self._handlers: dict[str, Callable[[Message, int, float], list[Message]]] = {
             "MISSION_COUNT": self._on_count,
             "MISSION_WRITE_PARTIAL_LIST": self._on_partial_write,
@@ -85,7 +89,7 @@ class MissionStore:
     @property
     def waits(self) -> bool:
         """Whether `tick` has a timer to watch."""
-        return self.busy or self._check_fence_s is not None
+        return self.busy or self._check_fence_s is not None or self._check_rally_s is not None
 
     @property
     def file_leftovers(self) -> bool:
@@ -164,7 +168,24 @@ class MissionStore:
             self._check_fence_s = None
             if not encloses(self._items[MissionType.FENCE], self.home):
                 self._answer(traits.home_outside, self._me, MissionType.FENCE)
+        if self._check_rally_s is not None and now_s >= self._check_rally_s:
+            self._check_rally_s = now_s + traits.rally_refused_every_s
+            self._refuse_rally_points()
         return messages
+
+    def usable_rally(self, items: Items) -> Items:
+        """Return the rally points that the vehicle can return to."""
+        frames = self._traits.rally_frames
+        return tuple(item for item in items if frames is None or item.frame in frames)
+
+    def _refuse_rally_points(self) -> None:
+        """Say of every rally point that it cannot be returned to; those close to home are not looked at."""
+        points = self._items[MissionType.RALLY]
+        refused = [item for item in points if item not in self.usable_rally(points)]
+        if refused:
+            away_m = np.hypot(*places(refused, self.home).T)
+            for _ in range(int(np.count_nonzero(away_m > self._traits.rally_from_home_m))):
+                self._answer(self._traits.rally_refused, self._me, MissionType.RALLY)
 
     # Uploads
 
@@ -231,7 +252,7 @@ class MissionStore:
             return self._answer(traits.bad_shape, peer, kind)
         if message.name == "MISSION_ITEM":
             self._on_float_item(upload)
-        item = as_stored(item, storage)
+        item = as_stored(item, storage, message.fields["frame"])
         if storage.item_by_item:
             self._hold(kind, in_wire_order(self._items[kind], upload.seq, item))
         upload.items.append(item)
@@ -336,13 +357,18 @@ class MissionStore:
     def _read_back_message(self, item: MissionItem, seq: int, peer: Station, kind: int) -> Message:
         current = seq == self.current_seq and (seq > 0 or self._traits.first_is_current)
         message = item_to_message(item, seq, peer, current=current, mission_type=kind)
-        message.fields["frame"] = self._traits.storage[kind].read_back_frames.get(item.frame, item.frame)
+        storage = self._traits.storage[kind]
+        message.fields["frame"] = storage.read_back_frames.get(item.frame, item.frame)
+        if storage.altitude_per_m is not None:
+            message.fields["z"] = as_reported_m(item.alt_m, storage.altitude_per_m)
         return message
 
     def _hold(self, kind: int, items: Items) -> None:
         if items and kind == MissionType.MISSION and self._traits.home_is_item_0:
             items = (self._home_item(), *items[1:])
         self._items[kind] = items
+        if kind == MissionType.RALLY:
+            self._check_rally_s = 0.0 if len(self.usable_rally(items)) < len(items) else None
         self._on_change(kind, items)
 
     def _home_item(self) -> MissionItem:

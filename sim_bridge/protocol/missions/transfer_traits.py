@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from gcs.mavlink import MissionResult, Severity
 from gcs.mission.model import MissionItem
+
+Params = tuple[float, float, float, float]
 
 
 class MissionAnswer(NamedTuple):
@@ -41,10 +43,11 @@ class StorageTraits:
     checks_numbers: bool = True  # refuses NaN and positions that are not on Earth
     checks_shapes: bool = False  # refuses an invalid fence, when it is complete
     vertices_min: int = 0  # refuses a polygon with fewer, at its first vertex
-    only_param1: bool = False  # the other parameters are not stored
+    params: Callable[[MissionItem], Params] | None = None  # parameters as stored; None: as uploaded
     plain_frame: int | None = None  # frame of stored items without a position; None: as uploaded
-    land_param4: float | None = None
-    whole_centimetres: bool = False
+    wire_frame: bool = False  # the frame of the message is stored: 3 is not 6
+    altitude_per_m: float | None = None  # altitudes are cut to whole multiples of 1 / this; None: single precision
+    flat: bool = False  # no altitude is stored
     autocontinue: bool | None = None  # None: as uploaded
 
 
@@ -85,6 +88,10 @@ class MissionTraits:
     bad_range: MissionAnswer  # of a partial write
     home_outside: MissionAnswer  # sent some time after a fence was stored that is invalid or does not contain home
     home_outside_after_s: float
+    rally_frames: frozenset[int] | None = None  # of points that it returns to; None: of any
+    rally_refused: MissionAnswer = SILENCE  # sent again and again while there are points of other frames
+    rally_refused_every_s: float = 2.0
+    rally_from_home_m: float = 0.0  # nearer points are not looked at
 
 
 @dataclass

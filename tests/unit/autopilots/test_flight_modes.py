@@ -96,11 +96,11 @@ def test_altitudes_of_take_off() -> None:
 
 @BOTH
 def test_ready_as_the_recordings_show_it(firmware: Autopilot) -> None:
-    health, behaviour = by_name(firmware.key).health, firmware.traits.flight
-    name = behaviour.estimator.message.name
-    assert not behaviour.position_is_known(name, {"flags": int(health.before_ready)})
-    assert behaviour.position_is_known(name, {"flags": int(health.ready)})
-    assert not behaviour.position_is_known("HEARTBEAT", {})
+    health, estimator = by_name(firmware.key).health, firmware.traits.link.estimator
+    name = estimator.message.name
+    assert not estimator.is_ready(name, {"flags": int(health.before_ready)})
+    assert estimator.is_ready(name, {"flags": int(health.ready)})
+    assert not estimator.is_ready("HEARTBEAT", {})
 
 
 def test_an_autopilot_that_is_not_in_the_table() -> None:

@@ -98,7 +98,7 @@ def test_the_rows_agree_with_the_recorded_vehicles(firmware: Autopilot) -> None:
     assert link.mission_files == recorded.missions.as_files
     assert link.integers_in_bytes == recorded.param_traits.bytes_in_float
     assert firmware.items_max <= recorded.missions.storage[0].capacity
-    assert (firmware.traits.missions.altitude_decimals == 2) == recorded.missions.storage[0].whole_centimetres
+    assert (firmware.traits.missions.altitude_decimals == 2) == (recorded.missions.storage[0].altitude_per_m == 100.0)
     assert firmware.traits.flight.takeoff_above_sea == recorded.flight.takeoff_above_sea
     names = {param.name: param.value for param in recorded.params}
     scale = {"ardupilot": 100.0, "px4": 1.0}[firmware.key]  # cm and cm/s

@@ -164,7 +164,9 @@ def test_rally_points_that_are_shelved_are_returned_to(line: Line):
     origin = line.vehicle.autopilot.path_generator.origin
     point = MissionItem(5100, 3, (0.0,) * 4, round(origin.lat_deg * 1e7) + 9000, round(origin.lon_deg * 1e7), 5.0)
     line.ask("MISSION_COUNT", count=1, mission_type=2)
-    (ack,) = named(line.say(item_to_message(point, 0, line.vehicle.station, mission_type=2)), "MISSION_ACK")
+    (ack,) = named(
+        line.say(item_to_message(point, 0, line.vehicle.station, mission_type=2, integer_frames=False)), "MISSION_ACK"
+    )
     assert ack["type"] == MissionResult.ACCEPTED
     (place,) = line.vehicle.autopilot.path_generator.rally_ned_m
     assert place == pytest.approx([100.0, 0.0], abs=0.3)

@@ -78,7 +78,7 @@ def test_a_file_is_read_in_pieces_or_as_a_burst_until_it_ends():
     assert [piece.offset for piece in pieces] == list(range(0, len(whole), 80))
     assert (end.opcode, end.error, end.burst_complete) == (FtpOpcode.NAK, FtpError.END_OF_FILE, True)
     assert not any(piece.burst_complete for piece in pieces)
-    assert compare_missions(client.held, read_mission_file(whole, 0, VEHICLE), autopilot=Autopilot.PX4) == []
+    assert compare_missions(client.held, read_mission_file(whole, 0, VEHICLE), autopilot=Autopilot.ARDUPILOT) == []
     assert client.one(READ, offset=30, size=50).data == whole[30:80]
     assert client.refused(READ, offset=len(whole), size=1) == FtpError.END_OF_FILE
     checksum = client.one(FtpOpcode.CALC_FILE_CRC32, data=PATH.encode())
