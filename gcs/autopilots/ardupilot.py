@@ -189,6 +189,8 @@ ARDUPILOT = AutopilotTraits(
         wait_s=5.0,
         rally_step_m=1.0,
         default_altitude_m=15.0,  # RTL_ALT
+        # In RTL the action RTL changes nothing; LAND is for breaches of more than 100 m (AC_FENCE_GIVE_UP_DISTANCE).
+        at_fence="flies on through the zone (FENCE_ACTION 1, RTL), or lands where it is 100 m inside",
         parameters=_return_parameters,
     ),
     flight=FlightBehaviour(

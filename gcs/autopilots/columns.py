@@ -80,6 +80,7 @@ class ReturnBehaviour:
     wait_s: float  # above the landing point before the descent
     rally_step_m: float  # altitudes of rally points are multiples of it, others are cut off
     default_altitude_m: float
+    at_fence: str  # what it does where its return meets an exclusion of its fence, in words: "it ..."
     parameters: Callable[[ReturnSettings], ReturnParameters]  # ints for whole-number parameters
 
 

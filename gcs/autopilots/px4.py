@@ -168,6 +168,7 @@ PX4 = AutopilotTraits(
         wait_s=0.0,
         rally_step_m=0.01,
         default_altitude_m=60.0,  # RTL_RETURN_ALT
+        at_fence="stops and holds (GF_ACTION 2, Hold)",  # recorded: "Failsafe activated", and it hovers there
         parameters=_return_parameters,
     ),
     flight=FlightBehaviour(

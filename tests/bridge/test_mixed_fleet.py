@@ -49,11 +49,11 @@ def test_returns_hold_for_what_each_vehicle_does(mixed: Plan) -> None:
         values, altitude_m = dict(safety.parameters[row]), safety.returns.altitudes_m[row]
         if known is ARDUPILOT:  # it flies at the higher of its rally point and RTL_ALT
             assert values["RTL_ALT"] == pytest.approx(100.0 * altitude_m)
-            assert (safety.rally[row].alt_m, values["RTL_LOIT_TIME"]) == (altitude_m, 5000)
+            assert (safety.rally[row][0].alt_m, values["RTL_LOIT_TIME"]) == (altitude_m, 5000)
             assert altitude_m == round(altitude_m)
         else:  # it adds RTL_RETURN_ALT to the height of its rally point, which is the ground
             assert values["RTL_RETURN_ALT"] == pytest.approx(altitude_m)
-            assert (safety.rally[row].alt_m, values["RTL_LAND_DELAY"]) == (0.0, 0.0)
+            assert (safety.rally[row][0].alt_m, values["RTL_LAND_DELAY"]) == (0.0, 0.0)
     worst = safety.returns.worst
     assert worst is not None
     assert worst.distance_m >= mixed.scenario.judge.separation_min_m

@@ -108,7 +108,7 @@ def test_mavsdk_reads_the_plans(exported: Exported) -> None:
                 assert_raw(raw, item, raw.seq, MISSION)
             assert [raw.seq for raw in data.mission_items] == list(range(len(data.mission_items)))
             assert [raw.current for raw in data.mission_items].count(1) == 1
-            fence, rally = fence_items(safety.fence.geofence), rally_items([safety.rally[row]])
+            fence, rally = fence_items(safety.fence.geofence), rally_items(safety.rally[row])
             for found, wanted, kind in ((data.geofence_items, fence, FENCE), (data.rally_items, rally, RALLY)):
                 assert len(found) == len(wanted)
                 for seq, (raw, item) in enumerate(zip(found, wanted, strict=True)):
@@ -161,7 +161,7 @@ def test_pymavlink_reads_the_tables(exported: Exported, monkeypatch: pytest.Monk
         for suffix, loader, items in (
             ("waypoints", mavwp.MAVWPLoader(), wanted),
             ("fence", mavwp.MissionItemProtocol_Fence(), fence_items(safety.fence.geofence)),
-            ("rally", mavwp.MissionItemProtocol_Rally(), rally_items([safety.rally[row]])),
+            ("rally", mavwp.MissionItemProtocol_Rally(), rally_items(safety.rally[row])),
         ):
             assert loader.load(str(folder / f"uav{mission.sysid}.{suffix}")) == len(items)
             for seq, item in enumerate(items):
@@ -201,6 +201,6 @@ def test_the_plan_says_everything_again(exported: Exported) -> None:
             file.cruise_speed_mps,
             file.hover_speed_mps,
             safety.fence.geofence,
-            (safety.rally[row],),
+            safety.rally[row],
         )
         assert file == wanted

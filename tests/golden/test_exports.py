@@ -126,13 +126,13 @@ def test_fence_and_rally_points(fresh: Path, expected: Path, name: str, sysid: i
         for file in (ours, golden)
     ]
     assert shapely.hausdorff_distance(*shapes) <= DEGE7 * FENCE_M / POSITION_M
-    assert len(ours.rally) == len(golden.rally) == 1
+    assert len(ours.rally) == len(golden.rally) == (8 if name == "field" else 1)
     for point, other in zip(ours.rally, golden.rally, strict=True):
         assert abs(point.place.lat_degE7 - other.place.lat_degE7) <= DEGE7
         assert abs(point.place.lon_degE7 - other.place.lon_degE7) <= DEGE7
     for folder, file in ((fresh, ours), (expected, golden)):
         parameters = json.loads((folder / INDEX).read_text())["parameters"][str(sysid)]
-        assert file.rally[0].alt_m * 100 == pytest.approx(parameters["RTL_ALT"])
+        assert all(p.alt_m * 100 == pytest.approx(parameters["RTL_ALT"]) for p in file.rally)
 
 
 @pytest.mark.parametrize("sysid", range(1, 7))

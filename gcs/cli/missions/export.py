@@ -203,12 +203,12 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     worst = returns.worst
     if worst is not None:
         first, second = worst.sysids
-        where = "home" if worst.ends == "home" else "the nearer of home and rally point"
+        where = "home" if worst.ends == "home" else "the nearest of home and rally points"
         screen.say(
             f"  if all return at any time: at least {worst.distance_m:.2f} m apart (vehicles {first} and {second}, "
             f"return to {where} at {worst.t_s:.1f} s)"
         )
-    for text in return_warnings(plan, returns):
+    for text in return_warnings(plan, returns, index.autopilots):
         screen.warn(text)
 
 

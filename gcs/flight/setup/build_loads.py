@@ -45,11 +45,11 @@ def build_loads(
         missions = _missions(plan, MissionOrder(each, timed=timed), safe)
     if not safety:
         return missions_only(missions)
-    for text in return_warnings(plan, safe.returns):
+    for text in return_warnings(plan, safe.returns, each):
         warn(text)
     fence = fence_items(safe.fence.geofence)
     return tuple(
-        VehicleLoad(mission, fence, rally_items([rally]), parameters)
+        VehicleLoad(mission, fence, rally_items(rally), parameters)
         for mission, rally, parameters in zip(missions, safe.rally, safe.parameters, strict=True)
     )
 

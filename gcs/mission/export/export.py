@@ -130,7 +130,7 @@ def _fences(material: _Material) -> _Values:
 
 def _rally(material: _Material) -> _Values:
     points = zip(material.plan.sysids, material.safety.rally, strict=True)
-    return ((vehicle_name(sysid), [point]) for sysid, point in points)
+    return ((vehicle_name(sysid), list(each)) for sysid, each in points)
 
 
 def _parameters(material: _Material) -> _Values:

@@ -107,6 +107,8 @@ def _returns(safety: Safety) -> dict[str, Any]:
         "top_m": returns.top_m,
         "speeds": asdict(returns.speeds),
         "worst": None if returns.worst is None else asdict(returns.worst),
+        "routed_worst": None if returns.routed is None else asdict(returns.routed),
+        "without_way": [asdict(gap) for gap in returns.no_way],
         "through_zones": [asdict(crossing) for crossing in returns.crossings],
     }
     return document

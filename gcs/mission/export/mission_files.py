@@ -128,9 +128,7 @@ def _held(missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot], s
         speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
         speed_mps = round(sum(speeds) / len(speeds), 1)
         name = vehicle_name(mission.sysid)
-        held.append(
-            MissionFile(name, firmware, mission.home, mission.items, safety.fence.geofence, (rally,), speed_mps)
-        )
+        held.append(MissionFile(name, firmware, mission.home, mission.items, safety.fence.geofence, rally, speed_mps))
     return held
 
 

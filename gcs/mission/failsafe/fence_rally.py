@@ -6,7 +6,6 @@ All vehicles have the same fence. Its inclusion is a convex hull, so every strai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -54,7 +53,7 @@ class Safety:
     """Fence, rally points, returns and parameters of a fleet; one entry per vehicle, in the plan's order."""
 
     fence: Fence
-    rally: tuple[RallyPoint, ...]
+    rally: tuple[tuple[RallyPoint, ...], ...]
     returns: ReturnPlan
     parameters: tuple[tuple[tuple[str, int | float], ...], ...]
 
@@ -69,7 +68,7 @@ def build_safety(plan: Plan, firmware: FleetFirmware) -> Safety:
         return_parameters(known, returns, row, float(homes_m[row]), float(hover_m[row] - homes_m[row]))
         for row, known in enumerate(autopilots)
     )
-    return Safety(build_fence(plan), build_rally(plan, autopilots, returns.altitudes_m), returns, parameters)
+    return Safety(build_fence(plan), build_rally(plan, autopilots, returns), returns, parameters)
 
 
 def build_fence(plan: Plan) -> Fence:
@@ -108,20 +107,25 @@ def _shrunk(area: shapely.Polygon, places: Array) -> list[shapely.Polygon]:
     return [part for part in parts if part.area >= np.pi * _LEAST_RADIUS_M**2]
 
 
-def build_rally(plan: Plan, firmware: FleetFirmware, altitudes_m: Sequence[float]) -> tuple[RallyPoint, ...]:
-    """The landing point of each vehicle as its rally point, in the plan's order; altitudes above its own home.
+def build_rally(plan: Plan, firmware: FleetFirmware, returns: ReturnPlan) -> tuple[tuple[RallyPoint, ...], ...]:
+    """The rally points of each vehicle, in the plan's order, its landing point first; altitudes above its own home.
 
     ArduPilot returns to a rally point at the higher of its altitude and RTL_ALT. Here they are equal, or in a large
     fleet the rally point is less than a metre lower: the vehicle holds RTL_ALT, which was verified. PX4 adds
     RTL_RETURN_ALT to the rally point's altitude, so for PX4 that is the ground.
     """
-    places = _places(plan.landing_points_ned_m[:, :2], local_origin(plan.scenario))
-    ground_m = np.round(plan.pads_ned_m[:, 2] - plan.landing_points_ned_m[:, 2], _HEIGHT_DECIMALS) + 0.0
-    rows = [known.traits.returns for known in one_each(firmware, len(places))]
-    above_m = np.where([row.rally_at_return_altitude for row in rows], np.array(altitudes_m), ground_m)
-    per_m = np.round([1.0 / row.rally_step_m for row in rows])
-    above_m = np.floor(above_m * per_m + 1e-6) / per_m + 0.0  # what it stores
-    return tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m.tolist(), strict=True))
+    origin = local_origin(plan.scenario)
+    found = []
+    for row, known in enumerate(one_each(firmware, len(plan.sysids))):
+        points = np.array(returns.rally_ned_m[row])
+        above_m = np.round(plan.pads_ned_m[row, 2] - points[:, 2], _HEIGHT_DECIMALS)
+        if known.traits.returns.rally_at_return_altitude:
+            above_m[:] = returns.altitudes_m[row]
+        per_m = round(1.0 / known.traits.returns.rally_step_m)
+        above_m = np.floor(above_m * per_m + 1e-6) / per_m + 0.0  # what it stores
+        places = _places(points[:, :2], origin)
+        found.append(tuple(RallyPoint(place, alt_m) for place, alt_m in zip(places, above_m.tolist(), strict=True)))
+    return tuple(found)
 
 
 def _places(flat_m: Array, origin: Origin) -> tuple[GeoPoint, ...]:

@@ -2,7 +2,8 @@
 
 Altitudes start above the highest ground under all return tracks and are one step apart. The order of vehicles in the
 stagger is searched: all orders of up to 8 vehicles, exchanges of two in fleets of up to 12. Larger fleets return at one
-altitude, in formation. Vehicles return to their homes, or to the nearer of home and rally point (`rtl_cases`).
+altitude, in formation. Vehicles return to their homes, or to the nearest of home and rally points
+(`rally_choice`).
 
 If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
 under climbing ones; at a lower speed it passes later, when they are higher.
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_returns import (
     NoWay,
@@ -53,7 +55,7 @@ class WorstReturn:
     distance_m: float
     t_s: float
     sysids: tuple[int, int]
-    ends: str  # "home", or "nearest" of home and rally point
+    ends: str  # "home", or "nearest" of home and rally points
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class ReturnPlan:
     crossings: tuple[Crossing, ...]  # of straight returns, as autopilots fly them
     routed: WorstReturn | None = None  # as `worst`, of returns that the ground station flies round no-fly zones
     no_way: tuple[NoWay, ...] = ()
+    rally_ned_m: tuple[tuple[tuple[float, float, float], ...], ...] = ()  # of each vehicle, on the ground
 
 
 def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
@@ -79,17 +82,19 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
 
     `firmware` is the autopilot of all vehicles, or that of each.
     """
-    rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
+    every = one_each(firmware, len(plan.sysids))
+    rows = [known.traits.returns for known in every]
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
     routes = ReturnRoutes(plan)
     routed = routed_returns(plan, routes, _ROUTED_S)
+    rally = rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
     ground_m = 0.0
     for share in _CRUISE_SHARES:
         speeds = _speeds(plan, firmware, share)
-        coarse = return_cases(plan, firmware, speeds, _COARSE_S)
+        coarse = return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
         if best is None:
-            straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S))
+            straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally))
             ground_m = max(straight_m, highest_under_ways_m(plan, routed))
         base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
         vehicles = len(plan.sysids)
@@ -102,15 +107,17 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
         homes_m = -plan.pads_ned_m[:, 2]
         order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m))
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
-        worst = _worst(plan, firmware, speeds, altitudes_m) if vehicles > 1 else None
+        worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
+        fine = return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
         found = ReturnPlan(
             tuple(altitudes_m.tolist()),
             speeds,
             step_m,
             ground_m,
-            float(np.max(altitudes_m + homes_m)),
+            max(float(np.max(case.datum_m + altitudes_m[:, None])) for case in fine),
             worst,
-            tuple(c for case in return_cases(plan, firmware, speeds, _FINE_S) for c in crossings(plan, case)),
+            tuple(crossing for case in fine for crossing in crossings(plan, case)),
+            rally_ned_m=tuple(tuple(map(tuple, points)) for points in rally.tolist()),
         )
         if worst is None or worst.distance_m >= limits.separation_min_m:
             found = _with_routed(plan, routes, routed, found)
@@ -146,16 +153,22 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
     return replace(found, routed=worst)
 
 
-def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array) -> WorstReturn:
-    """The nearest two vehicles of all returns, to homes and to the nearer of home and rally point."""
+def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array, rally: Array) -> WorstReturn:
+    """The nearest two vehicles of all returns, to homes and to the nearest of home and rally points."""
     if len(altitudes_m) > _SEARCHED:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
-        cases = return_cases(plan, firmware, speeds, period_s)
+        cases = return_cases(plan, firmware, speeds, period_s, rally_ned_m=rally)
         return min((_nearest_in_formation(plan, case, altitudes_m) for case in cases), key=_distance)
-    fine = [_nearest_pair(plan, case, altitudes_m) for case in return_cases(plan, firmware, speeds, _FINE_S)]
+    fine = [
+        _nearest_pair(plan, case, altitudes_m)
+        for case in return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
+    ]
     worst = min(fine, key=_distance)
     around = max(worst.t_s - _FINE_S, plan.t_start_s), min(worst.t_s + _FINE_S, plan.t_end_s)
-    finer = [_nearest_pair(plan, case, altitudes_m) for case in return_cases(plan, firmware, speeds, _FINEST_S, around)]
+    finer = [
+        _nearest_pair(plan, case, altitudes_m)
+        for case in return_cases(plan, firmware, speeds, _FINEST_S, around, rally)
+    ]
     return min(worst, *finer, key=_distance)
 
 
@@ -242,7 +255,7 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
     return worst
 
 
-def return_warnings(plan: Plan, returns: ReturnPlan) -> Iterator[str]:
+def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
     """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
     worst, required_m = returns.worst, plan.scenario.judge.separation_min_m
     if worst is not None and worst.distance_m < required_m:
@@ -257,9 +270,27 @@ def return_warnings(plan: Plan, returns: ReturnPlan) -> Iterator[str]:
             f"returns reach {returns.top_m:.1f} m, above the plan's ceiling of {ceiling_m:g} m; check that the "
             "airspace allows it"
         )
-    for crossing in returns.crossings:
-        where = "to home" if crossing.ends == "home" else "to the nearer of home and rally point"
+    routed = returns.routed
+    if routed is not None and routed.distance_m < required_m:
+        first, second = routed.sysids
         yield (
-            f"straight return tracks {where} cross no-fly zone {crossing.zone} from {crossing.from_s:.1f} s to "
-            f"{crossing.to_s:.1f} s; do not command RTL then"
+            f"if the ground station returns all vehicles at {routed.t_s:.1f} s, vehicles {first} and {second} come "
+            f"within {routed.distance_m:.2f} m ({required_m:g} m required); land them instead"
         )
+    for gap in returns.no_way:
+        yield (
+            f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} has no way home outside all no-fly zones "
+            "and inside the fence; ordered to return, it lands where it is"
+        )
+    acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
+    for crossing in returns.crossings:
+        where = (
+            "to home (without rally points)" if crossing.ends == "home" else "to the nearest of home and rally points"
+        )
+        for at_fence in dict.fromkeys(acts[sysid].at_fence for sysid in crossing.sysids):
+            sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
+            yield (
+                f"from {crossing.from_s:.1f} s to {crossing.to_s:.1f} s the autopilot's own straight return {where} "
+                f"crosses no-fly zone {crossing.zone}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
+                "ground station lead round it"
+            )

@@ -11,7 +11,7 @@ import shapely
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.quadrotor import POSITION, Array
 from gcs.scenario.environment.no_fly import displacement_m, outline
 from gcs.scenario.environment.terrain import ground_envelope_m
 
@@ -24,12 +24,13 @@ _LOOKS_MAX = 3_000_000
 
 @dataclass(frozen=True)
 class Crossing:
-    """A no-fly zone that straight return tracks cross when the return begins in [from_s, to_s] of plan time."""
+    """A no-fly zone that straight returns of some vehicles cross when they begin in [from_s, to_s] of plan time."""
 
     zone: int
     ends: str
     from_s: float
     to_s: float
+    sysids: tuple[int, ...]
 
 
 def return_cases(
@@ -38,16 +39,21 @@ def return_cases(
     speeds: ReturnSpeeds,
     period_s: float,
     within: tuple[float, float] | None = None,
+    rally_ned_m: Array | None = None,
 ) -> list[Returning]:
-    """Two cases: returns to homes, and to the nearer of home and landing point, from instants `period_s` apart."""
+    """Two cases: returns to homes, and to the nearest of home and rally points, from instants `period_s` apart.
+
+    `rally_ned_m` (V, R, 3) are the rally points; without it, the landing points are.
+    """
     begin_s, end_s = within or (plan.t_start_s, plan.t_end_s)
     count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
     t_s = np.clip(np.linspace(begin_s, end_s, count), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     start = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)
     homes = np.broadcast_to(plan.pads_ned_m[:, None], start.shape)
-    rally = np.broadcast_to(plan.landing_points_ned_m[:, None], start.shape)
-    away = [np.linalg.norm(start[..., :2] - end[..., :2], axis=-1) for end in (homes, rally)]
-    nearest = np.where((away[0] <= away[1])[..., None], homes, rally)
+    rally = plan.landing_points_ned_m[:, None] if rally_ned_m is None else rally_ned_m
+    ends = np.concatenate([plan.pads_ned_m[:, None], rally], axis=1)
+    away_m = np.linalg.norm(start[:, :, None, :2] - ends[:, None, :, :2], axis=-1)
+    nearest = np.take_along_axis(ends, np.argmin(away_m, axis=-1)[..., None], axis=1)
     rows = [known.traits.returns for known in one_each(firmware, len(start))]
     above_home = np.array([row.altitude_above_home for row in rows])[:, None]
     datum = [-homes[..., 2], -np.where(above_home, homes[..., 2], nearest[..., 2])]
@@ -92,7 +98,13 @@ def crossings(plan: Plan, case: Returning) -> list[Crossing]:
         inside = shapely.intersects(area, tracks)
         through = np.flatnonzero(np.diff(np.concatenate([[False], inside.any(axis=0), [False]])))
         found += [
-            Crossing(number, case.name, float(case.t_s[a]), float(case.t_s[b - 1]))
+            Crossing(
+                number,
+                case.name,
+                float(case.t_s[a]),
+                float(case.t_s[b - 1]),
+                tuple(n for n, row in zip(plan.sysids, inside[:, a:b].any(axis=1).tolist(), strict=True) if row),
+            )
             for a, b in through.reshape(-1, 2).tolist()
         ]
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.frames import geodetic_to_ned
 from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M, inclusion_corners
 from gcs.mission.failsafe.fence_rally import EXCLUSION_SLACK_M, build_fence, build_rally
+from gcs.mission.failsafe.rtl_altitudes import plan_returns
 from gcs.mission.geofence import GeoPoint
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
@@ -69,11 +71,12 @@ def test_a_fence_with_many_corners_is_made_simpler_and_keeps_the_margin() -> Non
     assert area.area < np.pi * (50 + INCLUSION_MARGIN_M + 8) ** 2
 
 
-def test_rally_points_are_landing_points(simulation1_plan: Plan) -> None:
+def test_without_zones_rally_points_are_landing_points(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     altitudes = (10.0, 11.0, 12.0, 13.0, 14.0, 15.0)
-    ardupilot = build_rally(plan, Autopilot.ARDUPILOT, altitudes)
-    px4 = build_rally(plan, Autopilot.PX4, altitudes)
+    returns = replace(plan_returns(plan, Autopilot.ARDUPILOT), altitudes_m=altitudes)
+    (ardupilot,) = zip(*build_rally(plan, Autopilot.ARDUPILOT, returns), strict=True)
+    (px4,) = zip(*build_rally(plan, Autopilot.PX4, returns), strict=True)
     assert [p.place for p in ardupilot] == [p.place for p in px4]
     assert flat(tuple(p.place for p in px4), plan) == pytest.approx(plan.landing_points_ned_m[:, :2], abs=0.01)
     assert tuple(p.alt_m for p in ardupilot) == altitudes

@@ -164,7 +164,7 @@ def test_return_altitudes_are_what_each_autopilot_stores(simulation1_plan: Plan)
         assert safe.returns.altitudes_m == returns.altitudes_m
         assert all(round(a * per_m) == pytest.approx(a * per_m, abs=1e-6) for a in returns.altitudes_m)
         storage = firmware.traits.link.item_storage.of(FenceCommand.RALLY_POINT).z
-        for row, point in enumerate(safe.rally):
+        for row, (point,) in enumerate(safe.rally):
             stored_m = math.trunc(point.alt_m) if storage.stored is StoredAs.WHOLE else point.alt_m
             assert stored_m == point.alt_m
             parameters = dict(safe.parameters[row])
@@ -276,7 +276,7 @@ def test_a_large_fleet_returns_in_formation(simulation1_plan: Plan) -> None:
     returns = plan_returns(fleet, ARDUPILOT)
     tops = np.array(returns.altitudes_m) - fleet.pads_ned_m[:, 2]
     assert np.ptp(tops) < 0.011
-    rally_m = np.array([point.alt_m for point in build_rally(fleet, ARDUPILOT, returns.altitudes_m)])
+    rally_m = np.array([point.alt_m for (point,) in build_rally(fleet, ARDUPILOT, returns)])
     assert np.array_equal(rally_m, np.floor(returns.altitudes_m))  # below RTL_ALT, which the vehicle then holds
     assert returns.worst is not None
     assert returns.worst.distance_m == pytest.approx(0.5, abs=0.12)  # pads are not level: climbs take different times
