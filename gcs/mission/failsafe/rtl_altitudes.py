@@ -279,7 +279,7 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     for gap in returns.no_way:
         yield (
-            f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} has no way home outside all no-fly zones "
+            f"from {gap.from_s:.1f} s to {gap.to_s:.1f} s vehicle {gap.sysid} cannot return outside all no-fly zones "
             "and inside the fence; ordered to return, it lands where it is"
         )
     acts = dict(zip(plan.sysids, (known.traits.returns for known in one_each(firmware, len(plan.sysids))), strict=True))
