@@ -7,12 +7,12 @@ is on board as it was meant, and how that is known.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 
-import numpy as np
-
+_SINGLE = struct.Struct("<f")
 HEADING_TOLERANCE_DEG = 1e-3
 CENTIMETRES_TOLERANCE_M = 0.0101  # one centimetre, and the rounding of an altitude of some km
 
@@ -121,5 +121,7 @@ UNKNOWN_STORAGE = ItemStorage()  # every field of every command has to come back
 
 
 def _single(value: float) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.float32(value))
+    try:
+        return float(_SINGLE.unpack(_SINGLE.pack(value))[0])
+    except OverflowError:
+        return math.copysign(math.inf, value)
