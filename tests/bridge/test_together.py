@@ -43,7 +43,7 @@ def test_followers_stay_with_a_leader_that_is_held_up(hop: Plan) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_followers_do_not_add_an_error_that_all_make(hop: Plan, autopilot: str) -> None:
-    """All are held up for two seconds, in a wind. A copied error made it 2.1 times the leader's, the shape 2.1 m off."""
+    """All are held up for 2 s, in a wind. A copied error made it 2.1 times the leader's, the shape 2.1 m off."""
     data = hop.scenario.model_dump(mode="json")
     data["mission"]["autopilot"] = autopilot
     plan = replace(hop, scenario=type(hop.scenario).model_validate(data))
