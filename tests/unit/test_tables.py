@@ -14,6 +14,8 @@ NEAR = "tests/bridge/test_giving_way.py"
 DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
 MACHINES = "tests/unit/link/test_mission_machines.py"
 PARAMETERS = "tests/unit/link/test_parameters.py"
+STATUS = "tests/unit/link/session/test_status_report.py"
+PREFLIGHT = "tests/unit/flight/setup/test_preflight_rules.py"
 PROLOGUE = "tests/unit/flight/sequence/test_takeoff_landing.py"
 STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
 
@@ -102,6 +104,8 @@ FLOWN = {
 HABITS = {
     "silence until asked": [(PROLOGUE, "test_nothing_is_expected_that_was_not_asked_for")],
     "readiness too early": [("tests/unit/autopilots/test_flight_modes.py", "test_ready_as_the_recordings_show_it")],
+    "denied requests": [(STATUS, "test_what_is_not_streamed_and_denied_is_streamed_for_a_moment")],
+    "no remote control": [(PREFLIGHT, "test_the_scenario_says_which_sensors_are_required")],
     "home moves": [
         ("tests/unit/autopilots/test_flight_modes.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
