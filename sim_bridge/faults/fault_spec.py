@@ -139,10 +139,11 @@ PUSH = FaultKind(
         Value("down_mps2", -_HARDEST_MPS2, _HARDEST_MPS2, 0.0),
     ),
 )
+WRONG_CRC = FaultKind("wrong-crc", 18, "CalcFileCRC32 of MAVLink FTP answers another checksum")
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
-    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH),
+    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
 _WHOLE = frozenset({"motor", "sensor"})

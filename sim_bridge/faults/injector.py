@@ -129,6 +129,7 @@ class FaultInjector:
         active = row_faults.schedule.active
         vehicle = self._vehicles[row]
         vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
+        vehicle.wrong_checksums = any(fault.kind is f.WRONG_CRC for fault in active)
         if row in self.radios:
             radio = self.radios[row]
             radio.up.impairment = _impairment(active, LinkDirection.UP)

@@ -79,6 +79,16 @@ class Conversation:
     def rejects_missions(self, rejects: bool) -> None:
         self._store.rejects = rejects
 
+    @property
+    def wrong_checksums(self) -> bool:
+        """A fault: the checksum of a file is answered wrong."""
+        return self._files is not None and self._files.wrong_checksums
+
+    @wrong_checksums.setter
+    def wrong_checksums(self, wrong: bool) -> None:
+        if self._files is not None:
+            self._files.wrong_checksums = wrong
+
     def die(self) -> None:
         """Act on a fault: the motors stop for good, and the vehicle sends nothing more."""
         self._dead = True

@@ -20,6 +20,7 @@ _IDLE_S = 3.0
 _SEQS = 0x10000
 _REPORTED_SIZE = 1 << 20  # of every file of @MISSION: the real size is known only when the file is generated
 _BURST_MAX = 2000
+_ALL_BITS = 0xFFFFFFFF
 _NO_SPACE = 28  # ENOSPC
 _WRITES = (FtpOpcode.CREATE_FILE, FtpOpcode.OPEN_FILE_WO)
 
@@ -45,6 +46,7 @@ class FileServer:
 
     def __init__(self, files: MissionFiles) -> None:
         self._files = files
+        self.wrong_checksums = False  # a fault
         self._open: _Open | None = None
         self._replied_s = 0.0
         self._last = _Last()
@@ -100,7 +102,8 @@ class FileServer:
                 path = _path(request)
                 if not self._files.has(path):
                     return [_nak(request, FtpError.FILE_NOT_FOUND)]
-                return [_ack(request, self._files.checksum(path).to_bytes(4, "little"))]
+                checksum = self._files.checksum(path) ^ (_ALL_BITS if self.wrong_checksums else 0)
+                return [_ack(request, checksum.to_bytes(4, "little"))]
             case _:
                 return [_nak(request, FtpError.UNKNOWN_COMMAND)]
 

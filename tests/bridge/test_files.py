@@ -62,6 +62,20 @@ def held(fleet: Fleet, sysid: int) -> bool:
     return compare_missions(ITEMS[1:], shelf.items()[1:], autopilot=Autopilot.ARDUPILOT) == []
 
 
+def test_a_wrong_checksum_sends_nothing_twice(make_fleet: MakeFleet) -> None:
+    """The read-back, compared item by item, is the proof: one file there, one burst back."""
+    fleet, link = emulated(make_fleet, "ardupilot", "all:wrong-crc")
+
+    async def scene() -> None:
+        machines, seen = await upload(link, Transfer.AUTO)
+        assert all(isinstance(machine, FileUpload) for machine in machines)
+        assert all(machine._tries == 1 and machine._reads_left == 3 for machine in machines)
+        assert not seen[ITEM]
+        assert all(held(fleet, sysid) for sysid in SYSIDS)
+
+    run(scene())
+
+
 def test_files_on_a_link_that_loses_one_message_of_five(make_fleet: MakeFleet) -> None:
     fleet, link = emulated(make_fleet, "ardupilot", "all:loss=0.2", "all:duplicate=0.1", "all:reorder=0.1")
 

@@ -12,6 +12,7 @@ from gcs.flight.contingency.policy_rows import KEEPS, POLICY
 MISHAPS = "tests/bridge/test_mishaps.py"
 NEAR = "tests/bridge/test_giving_way.py"
 DELIVERY = "tests/unit/link/mission_protocol/test_verified_upload.py"
+STORED = "tests/unit/link/mission_protocol/test_stored_items.py"
 MACHINES = "tests/unit/link/test_mission_machines.py"
 PARAMETERS = "tests/unit/link/test_parameters.py"
 STATUS = "tests/unit/link/session/test_status_report.py"
@@ -126,6 +127,19 @@ HABITS = {
     "read-back differs": [
         ("tests/unit/link/mission_protocol/test_read_back.py", "test_changes_that_mean_nothing"),
         ("tests/unit/link/mission_protocol/test_read_back.py", "test_what_ardupilot_cuts_off_px4_has_to_keep"),
+        (STORED, "test_what_a_real_vehicle_stored_is_no_difference"),
+        (STORED, "test_a_changed_value_is_reported"),
+    ],
+    "rally altitudes": [
+        ("tests/unit/mission/failsafe/test_rtl_motion.py", "test_return_altitudes_are_what_each_autopilot_stores")
+    ],
+    "rally frames": [(STORED, "test_px4_gets_rally_points_in_a_frame_that_it_can_return_to")],
+    "checksum of a file": [
+        (
+            "tests/unit/link/ftp/test_recorded_files.py",
+            "test_recorded_bytes_and_checksum_follow_from_the_size_of_the_pieces",
+        ),
+        ("tests/bridge/test_files.py", "test_a_wrong_checksum_sends_nothing_twice"),
     ],
     "wrong item": [(MACHINES, "test_invalid_sequence_is_not_fatal")],
     "stalled upload": [(DELIVERY, "test_a_mixed_mission_after_a_stall_is_found_and_mended")],

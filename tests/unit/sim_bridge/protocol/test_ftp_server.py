@@ -83,6 +83,8 @@ def test_a_file_is_read_in_pieces_or_as_a_burst_until_it_ends():
     assert client.refused(READ, offset=len(whole), size=1) == FtpError.END_OF_FILE
     checksum = client.one(FtpOpcode.CALC_FILE_CRC32, data=PATH.encode())
     assert int.from_bytes(checksum.data, "little") == client.air.files._files.checksum(PATH)
+    client.air.files.wrong_checksums = True
+    assert client.one(FtpOpcode.CALC_FILE_CRC32, data=PATH.encode()).data != checksum.data
     assert client.refused(WRITE, data=b"x") == FtpError.FAIL
 
 
