@@ -82,7 +82,7 @@ def test_a_whole_flight_passes_without_an_incident(name: str, tmp_path: Path) ->
             options,
             loads=missions_only(build_missions(plan)),
             stream=build_stream(plan, 5.0),
-            returns=plan_returns(plan, Autopilot.ARDUPILOT),
+            returns=plan_returns(plan, fleet_autopilots(plan, {n: s.autopilot for n, s in sessions.items()})),
             hooks=FlightHooks(events.append),
         )
         await sequence.resume(Resume.RESUME, recorded.t0_unix_s)
