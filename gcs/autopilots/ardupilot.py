@@ -6,6 +6,7 @@ ArduCopter 4.5.6 and 4.7-dev that were recorded frame by frame.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from gcs.autopilots.columns import (
@@ -28,6 +29,7 @@ from gcs.autopilots.columns import (
     ReturnParameters,
     ReturnSettings,
 )
+from gcs.autopilots.landing.landing_profile import LandingBehaviour, LandingProfile
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.storage.ardupilot_items import ARDUPILOT_ITEMS
@@ -113,6 +115,21 @@ _RENAMING = ParameterRenaming(
         RenamedParameter("ANGLE_MAX", "ATC_ANGLE_MAX", 100),  # centidegrees in a degree
     ),
 )
+
+
+def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
+    """Its law of braking leads from the speed above LAND_ALT_LOW to LAND_SPEED: gain 1/s, at most 1 m/s2.
+
+    Both speeds are reached above LAND_ALT_LOW. Without a rangefinder heights count from home.
+    """
+    low_m, slow_mps = max(values["LAND_ALT_LOW"] / _CM, 1.0), values["LAND_SPEED"] / _CM
+    fast_mps = (values["LAND_SPEED_HIGH"] or values["WPNAV_SPEED_DN"]) / _CM
+    if fast_mps <= slow_mps:
+        return LandingProfile((0.0,), (slow_mps,), slow_mps / 2.0)
+    speeds = [slow_mps + (fast_mps - slow_mps) * share for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    above_m = [speed if speed <= 1.0 else speed**2 / 2.0 + 0.5 for speed in speeds]
+    return LandingProfile(tuple(low_m + height for height in above_m), tuple(speeds), fast_mps / 2.0)
+
 
 _COMMANDS: dict[int, CommandSource] = {
     **dict.fromkeys(
@@ -208,6 +225,9 @@ ARDUPILOT = AutopilotTraits(
         waits_for_time_of_day=True,
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
         failsafe=_FAILSAFE,
+    ),
+    landing=LandingBehaviour(
+        {"LAND_SPEED": 50.0, "LAND_SPEED_HIGH": 0.0, "LAND_ALT_LOW": 1000.0, "WPNAV_SPEED_DN": 150.0}, _landing_profile
     ),
     link=LinkBehaviour(
         home_is_item_0=True,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from gcs.autopilots.landing.landing_profile import LandingBehaviour
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.protocol_timers import STANDARD, ProtocolTimers
 from gcs.autopilots.storage.stored_fields import UNKNOWN_STORAGE, ItemStorage
@@ -234,6 +235,7 @@ class AutopilotTraits:
     missions: MissionSupport
     returns: ReturnBehaviour
     flight: FlightBehaviour
+    landing: LandingBehaviour
     link: LinkBehaviour
     parameter_file: ParameterFileStyle
     navigator: Navigator  # the model that predicts its flight of waypoints

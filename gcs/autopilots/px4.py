@@ -7,6 +7,7 @@ recorded frame by frame.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from gcs.autopilots.columns import (
     ABOVE_HOME,
@@ -25,6 +26,7 @@ from gcs.autopilots.columns import (
     ReturnParameters,
     ReturnSettings,
 )
+from gcs.autopilots.landing.landing_profile import LandingBehaviour, LandingProfile
 from gcs.autopilots.navigation import calibration
 from gcs.autopilots.protocol_timers import STANDARD
 from gcs.autopilots.storage.px4_items import PX4_ITEMS
@@ -41,6 +43,8 @@ from gcs.mavlink import (
 )
 
 _TAKEOFF_M = 2.5  # MIS_TAKEOFF_ALT: it climbs so far before anything else
+_CRAWL_M = 1.0  # MPC_LAND_ALT3
+_SINKS = 0.95  # recorded speed of descent over the one asked for
 _DESCEND_M = 30.0  # RTL_DESCEND_ALT: from there on it lands slowly
 # Once it is ready it sets all ten flags, CONST_POS_MODE among them: on PX4 that one means nothing.
 _ESTIMATOR = EstimatorReport(MessageId.ESTIMATOR_STATUS, POSITION_FLAGS | EkfFlag.PRED_POS_HORIZ_ABS, 0)
@@ -59,6 +63,20 @@ def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
         ("MIS_TAKEOFF_ALT", min(_TAKEOFF_M, math.floor(wanted.takeoff_m * 10) / 10)),
         ("GF_MAX_VER_DIST", wanted.fence_top_m),
     )
+
+
+def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
+    """Linear from MPC_Z_V_AUTO_DN at MPC_LAND_ALT1 to MPC_LAND_SPEED at MPC_LAND_ALT2; it crawls just above the ground.
+
+    Recorded speeds were 5 % lower than these. Heights count from home unless it measures the distance to the ground.
+    """
+    slow_mps, fast_mps = values["MPC_LAND_SPEED"], values["MPC_Z_V_AUTO_DN"]
+    crawl_mps = min(values["MPC_LAND_CRWL"], slow_mps)
+    low_m = max(values["MPC_LAND_ALT2"], _CRAWL_M + 0.2)
+    high_m = max(values["MPC_LAND_ALT1"], low_m + 0.1)
+    speeds = (crawl_mps, slow_mps, slow_mps, fast_mps)
+    heights = (_CRAWL_M - 0.1, _CRAWL_M + 0.1, low_m, high_m)
+    return LandingProfile(heights, tuple(_SINKS * speed for speed in speeds), 0.8)
 
 
 _COMMANDS: dict[int, CommandSource] = {
@@ -188,6 +206,16 @@ PX4 = AutopilotTraits(
         health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
         failsafe=_FAILSAFE,
         takeoff_modes=frozenset({px4_mode(4, 2)}),
+    ),
+    landing=LandingBehaviour(
+        {
+            "MPC_LAND_SPEED": 0.7,
+            "MPC_LAND_CRWL": 0.3,
+            "MPC_LAND_ALT1": 10.0,
+            "MPC_LAND_ALT2": 5.0,
+            "MPC_Z_V_AUTO_DN": 1.5,
+        },
+        _landing_profile,
     ),
     link=LinkBehaviour(
         home_is_item_0=False,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
+from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.lateness import Lateness
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
@@ -25,21 +27,27 @@ class VehicleView:
     position_ned_m: Array = field(default_factory=lambda: np.full(3, np.nan))
     velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
     unix_s: float = math.nan
-    error_m: float = math.nan  # distance to the planned position at the same time
+    error_m: float = math.nan  # distance to the expected position at the same time
     lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
 
 
 class Monitor:
     """Reported positions in, deviations and separations out."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, landings: Mapping[int, LandingProfile] | None = None) -> None:
+        """`landings`: how vehicles land by themselves, by system id; without one a vehicle lands as planned."""
         self.plan = plan
+        self.expected = ExpectedMotion(plan, landings)
         self.t0_unix_s: float | None = None
         self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
         self.least_separation_m = math.inf
         self.plan_time_s: float | None = None
         self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
         self.aloft: Collection[int] = plan.sysids  # the vehicles of the separation
+
+    def expect_landings(self, landings: Mapping[int, LandingProfile]) -> None:
+        """Compare landings with these descents from now on."""
+        self.expected = ExpectedMotion(self.plan, landings)
 
     def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
         """Take in a LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
@@ -85,7 +93,7 @@ class Monitor:
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
         if not self.plan.phase("mission").start_s - 60.0 <= t_s <= self.plan.t_end_s:
             return
-        state = self.plan.states(np.array([max(t_s, self.plan.t_start_s)]))[row, 0]
+        state = self.expected.of_vehicle(row, np.array([t_s]))[0]
         view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
         if 0.0 <= t_s <= self.plan.flight_s:
             view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])

@@ -15,6 +15,7 @@ from sim_bridge.autopilot.arming import Arming
 from sim_bridge.autopilot.events import EventQueue, Placed
 from sim_bridge.autopilot.guidance.flight_path import Flightpath, Passed
 from sim_bridge.autopilot.guidance.mission_guidance import fly_mission
+from sim_bridge.autopilot.guidance.motion_primitives import braking_m
 from sim_bridge.autopilot.guidance.path_generator import PathGenerator
 from sim_bridge.autopilot.guidance.piece import Piece, PiecePath
 from sim_bridge.autopilot.guidance.stream import StampedSetpoint
@@ -77,11 +78,19 @@ class ModeActions:
             climb_mps=settings[Setting.CLIMB_MPS],
             takeoff_mps=self._traits.takeoff_share * settings.get(Setting.TAKEOFF_MPS, settings[Setting.CLIMB_MPS]),
             liftoff_pause_s=self._traits.liftoff_pause_s,
-            slow_below_m=self._traits.slow_below_m,
+            slow_m=self._slow_down(settings),
             crawl_below_m=self._traits.crawl_below_m,
             crawl_mps=settings.get(Setting.CRAWL_MPS, 0.0),
             return_wait_s=max(settings.get(Setting.RETURN_WAIT_S, 0.0), 0.0),
         )
+
+    def _slow_down(self, settings: Mapping[Setting, float]) -> tuple[float, float]:
+        """Return the heights above home between which a descent slows down."""
+        low_m, brakes_mps2 = settings[Setting.LAND_LOW_M], self._traits.brakes_mps2
+        if brakes_mps2 is None:
+            return settings[Setting.LAND_HIGH_M], low_m
+        high_m = low_m + braking_m(settings[Setting.DESCEND_MPS], brakes_mps2)
+        return high_m, low_m + braking_m(settings[Setting.LAND_MPS], brakes_mps2)
 
     def change_speed(self, speed_mps: float) -> bool:
         """Set the ground speed; return whether it changed."""

@@ -20,6 +20,8 @@ class Setting(Enum):
     DESCEND_MPS = auto()
     TAKEOFF_MPS = auto()  # where take-off has a speed of its own
     LAND_MPS = auto()
+    LAND_HIGH_M = auto()  # height above home from which it slows down to LAND_MPS ...
+    LAND_LOW_M = auto()  # ... which it has reached at this height
     CRAWL_MPS = auto()  # just above the ground
     RETURN_HEIGHT_M = auto()
     ARRIVE_M = auto()  # within this distance the vehicle counts as above its landing point

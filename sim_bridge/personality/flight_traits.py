@@ -24,8 +24,8 @@ class ArmingTraits:
 class FlightTraits:
     """Take-off, landing, missions and return."""
 
-    slow_below_m: float  # above home: below this height it descends at LAND_MPS ...
-    crawl_below_m: float  # ... and below this one at CRAWL_MPS
+    brakes_mps2: float | None  # above LAND_LOW_M, until it descends at LAND_MPS; None: from LAND_HIGH_M to LAND_LOW_M
+    crawl_below_m: float  # above home: below this height it descends at CRAWL_MPS
     landed_after_s: float  # duration of ground contact before it counts as landed
     disarm_after_s: float  # from the landing until it disarms
     takeoff_share: float  # take-off speed as a share of the climb speed

@@ -17,6 +17,7 @@ from gcs.flight.recording.flight_folder import EVENTS, read_events
 from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
+from gcs.flight.recording.landing_parameters import reported_profiles
 from gcs.flight.recording.record_table import NAME as RECORD
 from gcs.flight.recording.record_table import build_record, telemetry_logs
 from gcs.flight.recording.recording import Recording, VehicleTrack
@@ -63,7 +64,9 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
     said = [replace(one, sysid=vehicle_of.get(one.sysid, one.sysid)) for one in said]
     tracks = _from_record(record, plan.sysids)
     events = tuple(_placed(event, t0_unix_s) for event in read_events(folder / EVENTS) if math.isfinite(event.unix_s))
-    recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes)
+    systems = {state.systems.get(sysid, sysid): sysid for sysid in plan.sysids}
+    landings = reported_profiles(messages, systems)
+    recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes, landings)
     return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
 
 

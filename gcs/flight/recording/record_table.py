@@ -13,6 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from gcs.flight.expected_motion import ExpectedMotion
+from gcs.flight.recording.landing_parameters import reported_profiles
 from gcs.flight.recording.tlog import read_messages
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
@@ -33,9 +35,11 @@ def build_record(
 
     Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
     mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1 at that time, of all vehicles; NaN
-    after the last report of one of them). Common local NED frame. `systems` are the MAVLink systems of vehicles with
-    another system id than in the plan.
+    after the last report of one of them). Common local NED frame. In the landing phase the planned columns are the
+    descent that the vehicle's autopilot flies by itself. `systems` are the MAVLink systems of vehicles with another
+    system id than in the plan.
     """
+    messages = tuple(messages)
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
     clocks = {sysid: VehicleClock() for sysid in plan.sysids}
     modes = dict.fromkeys(plan.sysids, (False, 0))
@@ -58,7 +62,7 @@ def build_record(
             if unix_s is not None:
                 motion = (fields[name] for name in ("x", "y", "z", "vx", "vy", "vz"))
                 rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid]))
-    return _table(plan, rows)
+    return _table(ExpectedMotion(plan, reported_profiles(messages, vehicle_of)), rows)
 
 
 def telemetry_logs(folder: Path) -> list[Path]:
@@ -92,17 +96,17 @@ def _formation_error_m(plan: Plan, t_s: Array, sysids: NDArray[np.int64], places
     return np.asarray(np.interp(t_s, grid_s, error, left=np.nan, right=np.nan))
 
 
-def _table(plan: Plan, rows: list[Row]) -> pa.Table:
+def _table(expected: ExpectedMotion, rows: list[Row]) -> pa.Table:
+    plan = expected.plan
     columns = list(zip(*rows, strict=True)) or [()] * 12
     t_s, sysids = np.array(columns[0], dtype=np.float64), np.array(columns[1], dtype=np.int64)
     reported = np.array(columns[2:8], dtype=np.float64).reshape(6, -1).T
     planned = np.full((len(t_s), 6), np.nan)
-    inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     for row, sysid in enumerate(plan.sysids):
         mine = sysids == sysid
         reported[mine, :3] += plan.pads_ned_m[row]
         if mine.any():
-            states = plan.states(inside[mine])[row]
+            states = expected.of_vehicle(row, t_s[mine])
             planned[mine] = np.hstack([states[:, POSITION], states[:, VELOCITY]])
     planned[(t_s < plan.t_start_s) | (t_s > plan.t_end_s)] = np.nan
     data: dict[str, object] = {"t_s": t_s, "sysid": sysids}

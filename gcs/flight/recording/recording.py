@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
+from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.progress import Event
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
@@ -58,6 +61,7 @@ class Recording:
     remarks: tuple[Event, ...]  # modes, arming, texts
     plan: Plan | None
     notes: tuple[str, ...] = ()  # what was not read, in sentences
+    landings: Mapping[int, LandingProfile] = field(default_factory=dict)  # by system id
 
     @property
     def sysids(self) -> tuple[int, ...]:
@@ -76,11 +80,14 @@ class Recording:
         return np.stack([places for places, _ in found]), np.stack([rates for _, rates in found])
 
     def planned(self, t_s: Array) -> tuple[Array, Array] | None:
-        """Return the planned ones, NaN before and after the plan; None without a plan."""
+        """Return the planned ones, NaN before and after the plan; None without a plan.
+
+        In the landing phase they are those of the autopilots' own descents.
+        """
         plan = self.plan
         if plan is None:
             return None
-        states = plan.states(np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf)))
+        states = ExpectedMotion(plan, self.landings).states(t_s)
         states = np.where(((t_s < plan.t_start_s) | (t_s > plan.t_end_s))[None, :, None], np.nan, states)
         return states[..., POSITION], states[..., VELOCITY]
 

@@ -20,6 +20,7 @@ from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.orders import StandingOrder
 from gcs.flight.contingency.policy import State
+from gcs.flight.expected_motion import landing_profiles
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
@@ -30,6 +31,7 @@ from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
+    expected_landings,
     request_telemetry,
     start_mission,
     take_off,
@@ -87,7 +89,7 @@ class FlightSequence:
         self._hooks = hooks or FlightHooks()
         self.sessions = sessions
         self.options = options
-        self.monitor = Monitor(plan)
+        self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
         self.step = Step.READY
         self.vehicles = {
             sysid: FlightVehicle(
@@ -178,10 +180,12 @@ class FlightSequence:
             await self._hooks.on_ready()
         self._enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
-            self._start = CommonStart(self.sessions, self.time, self.loads, self._provisional_ahead_s())
+            ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase("takeoff").duration_s
+            self._start = CommonStart(self.sessions, self.time, self.loads, ahead_s)
             self.loads = self._start.loads
         self.held = await upload_fleet(self.sessions, self.loads, self.plan.hash)
         self.held.require(self.plan.hash, self.plan.sysids)
+        self.monitor.expect_landings(await expected_landings(self.vehicles.values()))
         texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
         self._contingency = await self._make_contingency()
         await self.time.until(texts_end_unix_s)
@@ -333,11 +337,6 @@ class FlightSequence:
                 f"the flight did not complete the plan: {words}.",
                 hint="see events.jsonl in the flight's folder for incidents and orders",
             )
-
-    def _provisional_ahead_s(self) -> float:
-        """Time enough to upload, arm and take off before the provisional start."""
-        takeoff = self.plan.phase("takeoff")
-        return self.options.start_after_takeoff_s + 2.0 * (takeoff.end_s - takeoff.start_s)
 
     async def _fly_missions(self) -> float:
         """Agree on a start, switch all vehicles to their missions, which wait in the hover for it; return T0."""

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.aio import LOOK_S, until
+from gcs.aio import LOOK_S, each, until
 from gcs.autopilots.columns import FlightBehaviour
-from gcs.errors import PeerTimeout
+from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.autopilots.traits import traits_of
+from gcs.errors import PeerError, PeerTimeout
+from gcs.flight.expected_motion import landing_profiles
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.single_vehicle import until_mode
@@ -73,6 +77,21 @@ async def until_ready(vehicle: FlightVehicle) -> None:
                 hint="wait for its GNSS fix: a formation needs a common time to start",
             )
         await asyncio.sleep(LOOK_S)
+
+
+async def expected_landings(vehicles: Iterable[FlightVehicle]) -> dict[int, LandingProfile]:
+    """Return how each vehicle will land, from the parameters it reports, or else from its autopilot's defaults."""
+    known: dict[int, dict[str, float]] = {}
+
+    async def ask(vehicle: FlightVehicle) -> None:
+        row = traits_of(vehicle.session.autopilot)
+        with suppress(PeerError):
+            found = await vehicle.session.read_parameters(tuple(row.landing.parameters if row is not None else ()))
+            known[vehicle.sysid] = {name: float(one.value) for name, one in found.items()}
+
+    fleet = tuple(vehicles)
+    await each(fleet, ask)
+    return landing_profiles({vehicle.sysid: vehicle.session.autopilot for vehicle in fleet}, known)
 
 
 async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] = lambda _: None) -> None:

@@ -240,6 +240,11 @@ class Descent:
     slower: tuple[tuple[float, float], ...]
 
 
+def braking_m(speed_mps: float, most_mps2: float) -> float:
+    """Return how far above its goal ArduPilot brakes from this speed: gain 1/s where that is gentler than the limit."""
+    return speed_mps if speed_mps <= most_mps2 else speed_mps**2 / (2.0 * most_mps2) + most_mps2 / 2.0
+
+
 def descend(start_s: float, flat: Array, descent: Descent, limits: MotionLimits) -> list[Piece]:
     """Return the pieces straight down from rest. A speed without enough height for it is left out.
 

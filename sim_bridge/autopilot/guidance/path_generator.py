@@ -25,6 +25,7 @@ from sim_bridge.autopilot.guidance.piece import Piece, PiecePath, hold
 
 _MOVED_M = 0.05  # a target closer than this counts as reached
 _LEVEL_MPS = 0.05
+_SLOWER = 6  # speeds of a descent that slows down, the first and the last included
 _LOOKS = 101  # sample points to find where the vehicle is within `arrive_m` of its landing point
 _FLOAT_M = np.array([0.0, 0.0, 0.05, 0.0])
 
@@ -48,8 +49,8 @@ class PathGenerator:
     takeoff_mps: float = math.inf
     liftoff_pause_s: float = 0.0  # just above the ground, before a take-off climbs
     return_wait_s: float = 0.0  # above home, before the descent
-    slow_below_m: float = 10.0  # above home: below this height it descends at `land_mps`
-    crawl_below_m: float = 0.0  # ... and below this one at `crawl_mps`
+    slow_m: tuple[float, float] = (10.0, 10.0)  # between these heights above home it slows down to `land_mps`
+    crawl_below_m: float = 0.0  # above home: below this height it descends at `crawl_mps`
     crawl_mps: float = 0.0
     arrive_m: float = 0.0  # within this distance the vehicle counts as above its landing point
     rally_ned_m: tuple[Array, ...] = ()  # each (2,): the vehicle returns to the nearest one if it is nearer than home
@@ -113,7 +114,13 @@ class PathGenerator:
         return travel(t_s, flat, target, speeds, self.limits)
 
     def _descend(self, t_s: float, flat: Array) -> list[Piece]:
-        slower = [(self.home_ned_m[2] - self.slow_below_m, self.land_mps)]
+        high_m, low_m = self.slow_m
+        heights_m = np.linspace(high_m, low_m, _SLOWER if high_m > low_m else 1)[-(_SLOWER - 1) :]
+        speeds_mps = np.linspace(self.descend_mps, self.land_mps, len(heights_m) + 1)[1:]
+        slower = [
+            (self.home_ned_m[2] - height_m, mps)
+            for height_m, mps in zip(heights_m.tolist(), speeds_mps.tolist(), strict=True)
+        ]
         if self.crawl_below_m > 0.0:
             slower.append((self.home_ned_m[2] - self.crawl_below_m, min(self.crawl_mps, self.land_mps)))
         return descend(t_s, flat, Descent(self.descend_mps, tuple(slower)), self.limits)

@@ -217,7 +217,7 @@ ARDUPILOT = Personality(
     modes=_MODES,
     arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=2.9, has_sticks=True, status_shows_armable=False),
     flight=FlightTraits(
-        slow_below_m=10.0,
+        brakes_mps2=1.0,
         crawl_below_m=0.0,
         landed_after_s=1.75,
         disarm_after_s=0.3,

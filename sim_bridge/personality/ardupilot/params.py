@@ -46,6 +46,7 @@ PARAMS = (
     Param("GPS_HDOP_GOOD", 140.0, _INT16),
     Param("WP_YAW_BEHAVIOR", 0.0, _INT8),
     Param("LAND_SPEED", 50.0, _INT16, 30.0, 200.0, Setting.LAND_MPS, 0.01),
+    Param("LAND_ALT_LOW", 1000.0, _INT16, 100.0, 10_000.0, Setting.LAND_LOW_M, 0.01),
     Param("LAND_SPEED_HIGH", 0.0, _INT16),
     Param("PILOT_SPEED_UP", 250.0, _INT16),
     Param("PILOT_ACCEL_Z", 250.0, _INT16),

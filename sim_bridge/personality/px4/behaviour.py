@@ -200,7 +200,7 @@ PX4 = Personality(
     modes=_MODES,
     arming=ArmingTraits(idle_disarm_s=10.0, spool_up_s=1.5, has_sticks=False, status_shows_armable=True),
     flight=FlightTraits(
-        slow_below_m=5.0,
+        brakes_mps2=None,
         crawl_below_m=1.0,
         landed_after_s=3.3,
         disarm_after_s=2.0,

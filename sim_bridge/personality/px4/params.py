@@ -57,6 +57,8 @@ PARAMS = (
     Param("MPC_ACC_UP_MAX", 4.0, _REAL32),
     Param("MPC_JERK_AUTO", 4.0, _REAL32),
     Param("MPC_JERK_MAX", 8.0, _REAL32),
+    Param("MPC_LAND_ALT1", 10.0, _REAL32, 0.0, 122.0, Setting.LAND_HIGH_M),
+    Param("MPC_LAND_ALT2", 5.0, _REAL32, 0.0, 122.0, Setting.LAND_LOW_M),
     Param("MPC_LAND_CRWL", 0.3, _REAL32, 0.1, 1.0, Setting.CRAWL_MPS),
     Param("MPC_LAND_SPEED", 0.7, _REAL32, 0.6, 12.0, Setting.LAND_MPS),
     Param("MPC_TILTMAX_AIR", 45.0, _REAL32),

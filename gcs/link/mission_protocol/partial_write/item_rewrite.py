@@ -176,7 +176,9 @@ class ItemRewrite:
                 self._failure = MissionRefused(self.peer, result, self._seq)
                 if result not in DOUBTFUL:
                     return self._fail(self._failure)
-                self._give_up_s = min(self._give_up_s, now_s + doubt_s(self._round_trip, self._timers))
+                wait_s = doubt_s(self._round_trip, self._timers)
+                self._give_up_s = min(self._give_up_s, now_s + wait_s)
+                self._resend_s = max(self._resend_s, now_s + wait_s / 4)
         return []
 
     def _read(self, message: Message, now_s: float) -> list[Message]:

@@ -1,0 +1,1 @@
+"""How vehicles descend in the landing of their own autopilot."""
