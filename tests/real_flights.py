@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import lzma
-import selectors
 import shutil
 from collections.abc import Coroutine
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,13 +21,14 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan
+from tests.virtual_clock import VirtualLoop
 
 T = TypeVar("T")
-FOLDER = Path(__file__).resolve().parent / "recordings"
+FOLDER = Path(__file__).resolve().parent / "recorded" / "flights"
 FLIGHTS = tuple(sorted(folder.name for folder in FOLDER.iterdir()))
 WHERE = ("127.0.0.1", 14550)
 _ACCEPTED = 0
-_YIELD_S = 1e-3  # what a turn of the event loop costs that waits for nothing
+_TURN_S = 1e-3
 
 
 def unpacked(name: str, to: Path) -> Path:
@@ -114,32 +115,7 @@ class Recorded:
         self.over.set()
 
 
-class _NoWait(selectors.DefaultSelector):
-    """Waits for nothing: virtual time passes instead."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.now_s = 0.0
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        events = super().select(0.0)
-        if not events:
-            if timeout is None:
-                raise RuntimeError("the recording waits for something that never comes")
-            self.now_s += max(timeout, _YIELD_S)
-        return events
-
-
-class _VirtualTime(asyncio.SelectorEventLoop):
-    def __init__(self) -> None:
-        self._no_wait = _NoWait()
-        super().__init__(self._no_wait)
-
-    def time(self) -> float:
-        return self._no_wait.now_s
-
-
 def in_virtual_time(work: Coroutine[Any, Any, T]) -> T:
     """Run `work` as `asyncio.run` does; waiting takes no time."""
-    with asyncio.Runner(loop_factory=_VirtualTime) as runner:
+    with asyncio.Runner(loop_factory=partial(VirtualLoop, _TURN_S)) as runner:
         return runner.run(work)

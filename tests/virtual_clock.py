@@ -8,23 +8,24 @@ from typing import Any
 
 
 class _NoWait(selectors.DefaultSelector):
-    """A wait is over at once, and the clock has moved by as much."""
+    """A wait is over at once, and the clock has moved by as much; by `turn_s` if nothing waits."""
 
-    def __init__(self) -> None:
+    def __init__(self, turn_s: float) -> None:
         super().__init__()
         self.now_s = 1000.0
+        self._turn_s = turn_s
 
     def select(self, timeout: float | None = None) -> list[Any]:
         assert timeout is not None, "all tasks wait for each other"
-        self.now_s += timeout
+        self.now_s += max(timeout, self._turn_s)
         return super().select(0.0)
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """Runs any time in no time."""
+    """Runs any time in no time. With `turn_s` a busy loop takes time too."""
 
-    def __init__(self) -> None:
-        self._clock = _NoWait()
+    def __init__(self, turn_s: float = 0.0) -> None:
+        self._clock = _NoWait(turn_s)
         super().__init__(self._clock)
 
     def time(self) -> float:
