@@ -85,8 +85,8 @@ _FAILSAFE = FailsafeSigns(
     always_critical=False,
 )
 
-# ArduPilot's page "Parameter Name Changes" (4.6 to 4.7). A recorded 4.7.0-dev of October 2025 has MAV_SYSID, and the
-# old names of all others.
+# ArduPilot's page "Parameter Name Changes" (4.6 to 4.7). A source tree of 4.7.0-dev has MAV_SYSID, and the old names of
+# all others; the recorded one has old names too.
 _RENAMING = ParameterRenaming(
     since=(4, 7),
     names=(

@@ -11,6 +11,8 @@ from rich.table import Table
 from gcs.cli.console import Screen
 from gcs.flight.setup.preflight_check import PreflightCheck, complete
 
+_CHECK_WIDTH = 9  # the longest word of a check's name
+
 
 async def typed_line() -> str:
     """The next line of standard input without its line end; empty without an input. It may be cancelled at any time."""
@@ -32,9 +34,12 @@ async def typed_line() -> str:
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:
     """Show a table: one row per check, one column per vehicle, failed checks marked, and the requirement."""
     screen.show(checks_table(checks))
+    vehicles_of: dict[str, list[str]] = {}
     for check in checks:
         if check.warning:
-            screen.warn(f"vehicle {check.sysid}: {check.warning}")
+            vehicles_of.setdefault(check.warning, []).append(str(check.sysid))
+    for text, sysids in vehicles_of.items():
+        screen.warn(f"vehicle{'s' * (len(sysids) > 1)} {', '.join(sysids)}: {text}")
 
 
 def checks_table(checks: tuple[PreflightCheck, ...]) -> Table:
@@ -47,7 +52,8 @@ def checks_table(checks: tuple[PreflightCheck, ...]) -> Table:
     title = ("GO" if go else "NO-GO") + (f", waived: {', '.join(waived)}" if waived else "")
     sysids = dict.fromkeys(str(c.sysid) for row in rows.values() for c in row)
     table = Table(title=title)
-    for heading in ("check", *sysids, "required"):
+    table.add_column("check", min_width=_CHECK_WIDTH)
+    for heading in (*sysids, "required"):
         table.add_column(heading, overflow="fold")
     for name, row in rows.items():
         table.add_row(name, *(escape(_cell(c)) for c in row), escape(row[0].required))

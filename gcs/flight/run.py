@@ -41,6 +41,10 @@ from gcs.scenario.schema.preflight_table import PreflightTable
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
+MIXED_FOLLOWING = (
+    "the vehicles run different autopilots, whose tracking errors differ: --follow brings them no closer together. "
+    "Leave --follow out"
+)
 
 
 @dataclass(frozen=True)
@@ -242,6 +246,8 @@ async def _flight(
     """The flight of emulated vehicles with their missions, or of vehicles on a link with all their loads."""
     plan = order.plan
     lead_s = SIM_LEAD_S if order.link is None else 0.0
+    if order.options.follow and len({session.autopilot for session in sessions.values()}) > 1:
+        watcher.warn(MIXED_FOLLOWING)
     options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s)
     if order.link is None:
         loads = missions_only(exported.missions)

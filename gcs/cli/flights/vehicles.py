@@ -63,7 +63,7 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
                 hint="start the vehicles, or check the address and port they send to",
             )
         if isinstance(fleet, LinkedFleet):
-            reports = [status_report(s, fleet.where(n)) for n, s in fleet.sessions.items() if n in heard]
+            reports = [status_report(s, fleet.where(n)) for n, s in sorted(fleet.sessions.items()) if n in heard]
         else:
             reports = [vehicle.report() for vehicle in fleet.known if vehicle.heard]
         found = await asyncio.gather(*reports)

@@ -81,7 +81,7 @@ def test_the_system_id_has_a_parameter_on_both() -> None:
 
 @pytest.mark.parametrize("version", [None, NEW_DEV])
 def test_a_development_build_answers_for_the_names_that_it_has(version: int | None) -> None:
-    """4.7.0-dev reports version 4.7.0 and had no new name but MAV_SYSID."""
+    """4.7.0-dev reports version 4.7.0; of the new names its source tree had MAV_SYSID only."""
     there = {name: (value, kind) for name, value, kind in RECORDED} | {"MAV_SYSID": (1.0, 4)}
     found = _read([*(name for name, _, _ in RECORDED), "SYSID_THISMAV"], there, version)
     assert found["RTL_ALT"] == Parameter("RTL_ALT", 1500, 6)

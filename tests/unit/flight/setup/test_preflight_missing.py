@@ -155,3 +155,12 @@ def test_all_vehicles_that_report_all_go(field: Plan) -> None:
     refuse_no_go(checks)
     assert not [c.warning for c in checks if c.warning]
     assert "GO" in shown(checks)
+
+
+def test_a_warning_of_several_vehicles_is_told_once(simulation1_plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+    reports = {n: full(simulation1_plan, row) for row, n in enumerate(simulation1_plan.sysids)}
+    checks = [replace(c, warning="set it") if c.name == "capacity" else c for c in preflight(simulation1_plan, reports)]
+    show_checks(Screen(json=False), tuple(checks))
+    said = capsys.readouterr()
+    assert (said.out + said.err).count("set it") == 1
+    assert "vehicles 1, 2, 3, 4, 5, 6: set it" in said.out + said.err
