@@ -38,7 +38,7 @@ SANS_IO = (
     "gcs/flight/contingency/detection.py",
     "gcs/flight/contingency/manoeuvres.py",
     "gcs/flight/contingency/mode_signs.py",
-    "gcs/flight/contingency/orders.py",
+    "gcs/flight/orders/order_book.py",
     "gcs/flight/contingency/policy.py",
     "gcs/flight/contingency/policy_rows.py",
     "gcs/flight/energy",

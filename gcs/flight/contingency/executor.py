@@ -16,19 +16,12 @@ from gcs.errors import FlightError
 from gcs.flight.contingency.conflict_prediction import SeparationWatch
 from gcs.flight.contingency.decisions import ContingencyPolicy
 from gcs.flight.contingency.detection import Incident, IncidentKind, VehicleWatch
-from gcs.flight.contingency.manoeuvres import (
-    LegsReference,
-    ReturnReference,
-    hold_reference,
-    return_reference,
-    spread_reference,
-)
-from gcs.flight.contingency.orders import StandingOrder
+from gcs.flight.contingency.manoeuvres import MotionReference
+from gcs.flight.contingency.ordered_tracks import OrderedTracks, WayBack
 from gcs.flight.contingency.policy import (
     AIRBORNE,
     IN_FORMATION,
     NOT_OBEYED_AFTER,
-    SPREAD_M,
     USABLE_M,
     Action,
     Choices,
@@ -37,15 +30,15 @@ from gcs.flight.contingency.policy import (
 )
 from gcs.flight.energy.charge_watch import ChargeWatch
 from gcs.flight.energy.energy_choice import EnergyAdviser, EnergyChoice, SafePoint
-from gcs.flight.monitor import Monitor, VehicleView
+from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.orders.order_book import StandingOrder
+from gcs.flight.orders.order_carrier import OrderCarrier, hurried
 from gcs.flight.progress import Event
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.order_carrier import OrderCarrier, hurried
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.wire.message import Message
-from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel
@@ -54,7 +47,6 @@ from gcs.plan.trajectory.plan import Plan
 _PERIOD_S = 0.1  # of fleet time between two checks
 _SLEEP_S = 0.005
 _REJOIN_S = 8.0
-_HOVER_M = 1.0  # over the pad, before the landing
 
 
 class ContingencyExecutor:
@@ -92,11 +84,11 @@ class ContingencyExecutor:
         self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in vehicles.items()}
         self._now_s = -math.inf  # fleet time, computed once for many messages
-        self._routes = ReturnRoutes(plan)
-        self._returning: dict[int, LegsReference | ReturnReference] = {}
+        self._returning: dict[int, WayBack] = {}
         self._carrier = carrier
         self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m))
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
+        self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
         self._told: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
@@ -164,6 +156,11 @@ class ContingencyExecutor:
     def _t0_known(self) -> bool:
         return self._monitor.t0_unix_s is not None
 
+    @property
+    def _t0_s(self) -> float:
+        assert self._monitor.t0_unix_s is not None
+        return self._monitor.t0_unix_s
+
     def _plan_time_s(self, unix_s: float) -> float:
         """Plan time; before T0 is known as if the take-off had begun on time."""
         if self._monitor.t0_unix_s is not None:
@@ -199,10 +196,17 @@ class ContingencyExecutor:
         self._check_separation(now_s, t_s)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
-        for sysid, track in list(self._returning.items()):
-            if t_s > track.end_s and not self._carrier.stands(sysid):
+        for sysid, way in list(self._returning.items()):
+            view = self._monitor.views[sysid]
+            if self._carrier.stands(sysid):
+                continue
+            if way.has_arrived(view, t_s):
                 del self._returning[sysid]
                 self._start(sysid, "land", self._land(self._vehicles[sysid]))
+            elif way.is_left(view, self._t0_s, t_s):
+                track = self._track(way.order, self._vehicles[sysid], way.renewals + 1)
+                if track is not None:
+                    self._streamer.streamed[sysid].reference = track
         formation = self.policy.in_formation
         self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
         if not formation:
@@ -237,7 +241,7 @@ class ContingencyExecutor:
     def _way_m(self, row: int, start: Array, end: Array) -> float:
         """The length of a way round no-fly zones that begins now."""
         del row
-        return self._routes.length_m(start, end, self._plan_time_s(self._now_s))
+        return self._tracks.routes.length_m(start, end, self._plan_time_s(self._now_s))
 
     def _free_points(self, sysid: int) -> list[SafePoint]:
         """Landing points of vehicles that are lost or have landed elsewhere, without any vehicle near them."""
@@ -309,42 +313,21 @@ class ContingencyExecutor:
     async def _take_over(self, order: Order) -> None:
         """Give an order once, from where the vehicle is now."""
         vehicle = self._vehicles[order.sysid]
+        track = self._track(order, vehicle)
+        if track is not None:
+            await self._streamer.take_over(hurried(vehicle), track)
+
+    def _track(self, order: Order, vehicle: FlightVehicle, renewals: int = 0) -> MotionReference | None:
+        """The reference of an order from now on. Without a way back the vehicle is ordered to land: None."""
         begin_s = self._plan_time_s(self._time.sure_s()) + self._options.lead_s
-        track = self._reference(order, vehicle.view, vehicle.row, begin_s)
+        track = self._tracks.reference(order, vehicle.view, vehicle.row, self._t0_s, begin_s)
         if track is None:
             rule = f"{order.rule}; no way back keeps out of no-fly zones and inside the fence"
             self._carry_out(Order(order.sysid, Action.LAND, rule), begin_s)
-            return
-        if order.action in (Action.RETURN, Action.DIVERT):
-            self._returning[order.sysid] = track
-            self._heading[order.sysid] = SafePoint("as ordered", self._end_ned_m(order, vehicle.row))
-        await self._streamer.take_over(hurried(vehicle), track)
-
-    def _reference(
-        self, order: Order, view: VehicleView, row: int, begin_s: float
-    ) -> LegsReference | ReturnReference | None:
-        """The reference trajectory of an order, from the vehicle's predicted position at plan time `begin_s`.
-
-        None: a return without a way.
-        """
-        assert self._monitor.t0_unix_s is not None
-        ahead_s = min(max(begin_s - (view.unix_s - self._monitor.t0_unix_s), 0.0), 1.0)
-        position, velocity = view.position_ned_m + view.velocity_ned_mps * ahead_s, view.velocity_ned_mps
-        at = np.clip(np.array([begin_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
-        yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
-        if order.action is Action.HOLD:
-            return hold_reference(position, velocity, yaw, begin_s)
-        if order.action is Action.SPREAD:
-            return spread_reference(position, velocity, yaw, begin_s, SPREAD_M)
-        home, end, speeds = self._plan.pads_ned_m[row], self._end_ned_m(order, row), self.returns.speeds
-        top_down_m = float(home[2]) - self.returns.altitudes_m[row]
-        return return_reference(position, velocity, yaw, begin_s, self._routes, end, top_down_m, speeds, _HOVER_M)
-
-    def _end_ned_m(self, order: Order, row: int) -> Array:
-        """Where an order to return or to divert ends (3,)."""
-        choice = self._chosen.get(order.sysid)
-        target = None if choice is None or order.action is not Action.DIVERT else choice.chosen.target_ned_m
-        return self._plan.pads_ned_m[row] if target is None else np.array(target)
+        elif order.action in (Action.RETURN, Action.DIVERT):
+            self._returning[order.sysid] = WayBack(order, track, renewals)
+            self._heading[order.sysid] = SafePoint("as ordered", self._tracks.end_ned_m(order, vehicle.row))
+        return track
 
     def _land(self, vehicle: FlightVehicle) -> Callable[[], Awaitable[None]]:
         async def land() -> None:

@@ -1,14 +1,13 @@
 """Reference trajectories of contingencies: hold, climb, return, rejoin; in plan time and the common local NED frame.
 
-Their acceleration is bounded, and all of them end at rest.
+Their acceleration is bounded, and all of them end at rest. Braking keeps out of no-fly zones and inside the fence where
+that is possible.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,103 +21,8 @@ BRAKE_MPS2 = ACCEL_MPS2
 SPREAD_MPS, SPREAD_MPS2 = 1.0, 0.75  # while it brakes
 
 
-@dataclass(frozen=True)
-class ReferenceLeg:
-    """A straight leg from `start` by `travel` (3,) in `duration_s`: from rest to rest, or braking to rest."""
-
-    start: Array
-    travel: Array
-    duration_s: float
-    rise_s: float  # of speed, and its fall
-    braking: bool = False
-
-    def at(self, t_s: float) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration, (3,) each, `t_s` after the start."""
-        length = float(np.linalg.norm(self.travel))
-        if length == 0.0 or self.duration_s == 0.0:
-            return self.start, np.zeros(3), np.zeros(3)
-        along = self.travel / length
-        t_s = min(max(t_s, 0.0), self.duration_s)
-        left_s = self.duration_s - t_s
-        if self.braking:
-            a = 2.0 * length / self.duration_s**2
-            passed, speed, push = length - a * left_s**2 / 2, a * left_s, -a
-        else:
-            top = length / (self.duration_s - self.rise_s)
-            a = top / self.rise_s
-            if t_s < self.rise_s:
-                passed, speed, push = a * t_s**2 / 2, a * t_s, a
-            elif left_s < self.rise_s:
-                passed, speed, push = length - a * left_s**2 / 2, a * left_s, -a
-            else:
-                passed, speed, push = top * (t_s - self.rise_s / 2), top, 0.0
-        return self.start + passed * along, speed * along, push * along
-
-
-def leg(start: Array, end: Array, speed_mps: float, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
-    """Return a leg from rest to rest at `speed_mps` or less."""
-    travel = np.asarray(end) - start
-    length = float(np.linalg.norm(travel))
-    top = min(speed_mps, math.sqrt(length * accel_mps2))
-    return ReferenceLeg(start, travel, length / top + top / accel_mps2 if top else 0.0, top / accel_mps2)
-
-
-def braking(position: Array, velocity: Array, accel_mps2: float = BRAKE_MPS2) -> ReferenceLeg:
-    """Return a leg that brakes straight on to a stop."""
-    speed = float(np.linalg.norm(velocity))
-    return ReferenceLeg(position, velocity * speed / (2.0 * accel_mps2), speed / accel_mps2, 0.0, braking=True)
-
-
-class LegsReference:
-    """Legs one after the other from plan time `begin_s` on, then rest; a leg `beside` is added to them."""
-
-    def __init__(
-        self, legs: Sequence[ReferenceLeg], begin_s: float, yaw_ned_rad: float, beside: ReferenceLeg | None = None
-    ) -> None:
-        self.begin_s = begin_s
-        durations_s = [sum(one.duration_s for one in legs), beside.duration_s if beside is not None else 0.0]
-        self.end_s = begin_s + max(durations_s)
-        self._legs_end_s = begin_s + durations_s[0]
-        self._legs = tuple(legs)
-        self._beside = beside
-        self._yaw_ned_rad = yaw_ned_rad
-
-    def at(self, k: int, t_s: float) -> Values:
-        """Return the setpoint of the legs at plan time `t_s`."""
-        del k
-        passed_s = t_s - self.begin_s
-        for one in self._legs[:-1]:
-            if passed_s < one.duration_s:
-                break
-            passed_s -= one.duration_s
-        else:
-            one = self._legs[-1]
-        position, velocity, acceleration = one.at(passed_s)
-        if t_s >= self._legs_end_s or t_s < self.begin_s:  # rest has no acceleration
-            velocity, acceleration = (velocity, np.zeros(3)) if t_s < self.begin_s else (np.zeros(3), np.zeros(3))
-        if self._beside is not None and t_s > self.begin_s:
-            moved, rate, push = self._beside.at(t_s - self.begin_s)
-            still = t_s >= self.begin_s + self._beside.duration_s
-            position, velocity = position + moved, velocity if still else velocity + rate
-            acceleration = acceleration if still else acceleration + push
-        return (*position.tolist(), *velocity.tolist(), *acceleration.tolist(), self._yaw_ned_rad)
-
-
-def hold_reference(position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float) -> LegsReference:
-    """Return a reference that brakes and holds."""
-    return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad)
-
-
-def spread_reference(
-    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, up_m: float
-) -> LegsReference:
-    """Return a reference that brakes, climbs by `up_m` meanwhile, and holds."""
-    climb = leg(np.zeros(3), np.array([0.0, 0.0, -up_m]), SPREAD_MPS, SPREAD_MPS2)
-    return LegsReference([braking(position, velocity)], begin_s, yaw_ned_rad, beside=climb)
-
-
-class ReturnReference:
-    """A return that begins at plan time `begin_s`, as it was verified."""
+class MotionReference:
+    """A motion that begins at plan time `begin_s`."""
 
     def __init__(self, motion: PiecewiseMotion, begin_s: float, yaw_ned_rad: float) -> None:
         self.begin_s = begin_s
@@ -127,8 +31,13 @@ class ReturnReference:
         self._places, self._velocities = motion.places[0], motion.velocities[0]
         self._yaw_ned_rad = yaw_ned_rad
 
+    @property
+    def end_ned_m(self) -> Array:
+        """Where it ends, at rest (3,)."""
+        return np.asarray(self._places[-1])
+
     def at(self, k: int, t_s: float) -> Values:
-        """Return the setpoint of the return at plan time `t_s`."""
+        """Return the setpoint of the motion at plan time `t_s`."""
         del k
         passed_s = t_s - self.begin_s
         piece = bisect_right(self._times_s, passed_s)
@@ -143,6 +52,21 @@ class ReturnReference:
         return (*position.tolist(), *(start + push * left_s).tolist(), *push.tolist(), self._yaw_ned_rad)
 
 
+def hold_reference(
+    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, routes: ReturnRoutes
+) -> MotionReference:
+    """Return a reference that brakes as a return does, out of no-fly zones and inside the fence, and holds."""
+    return MotionReference(_braking(position, velocity, begin_s, routes), begin_s, yaw_ned_rad)
+
+
+def spread_reference(
+    position: Array, velocity: Array, yaw_ned_rad: float, begin_s: float, routes: ReturnRoutes, up_m: float
+) -> MotionReference:
+    """Return a reference that brakes in the same way, climbs by `up_m` meanwhile, and holds."""
+    motion = _both(_braking(position, velocity, begin_s, routes), _climbing(up_m))
+    return MotionReference(motion, begin_s, yaw_ned_rad)
+
+
 def return_reference(
     position: Array,
     velocity: Array,
@@ -153,7 +77,7 @@ def return_reference(
     top_down_m: float,
     speeds: ReturnSpeeds,
     end_above_m: float,
-) -> ReturnReference | None:
+) -> MotionReference | None:
     """Return a reference as returns are verified: brake, climb to `top_down_m`, follow the way to the end, descend.
 
     The way leads round no-fly zones and keeps inside the fence; None without a way. A higher vehicle keeps its
@@ -166,7 +90,39 @@ def return_reference(
         return None
     top = np.array([min(top_down_m, float(here[2]))])
     low = np.array([float(end_ned_m[2]) - end_above_m])
-    return ReturnReference(routed_motion(stop, way[None], top, low, speeds), begin_s, yaw_ned_rad)
+    return MotionReference(routed_motion(stop, way[None], top, low, speeds), begin_s, yaw_ned_rad)
+
+
+def _braking(position: Array, velocity: Array, begin_s: float, routes: ReturnRoutes) -> PiecewiseMotion:
+    stop = stops(position[None], velocity[None], np.array([begin_s]), routes)
+    zero = np.zeros_like(stop.velocities)
+    return PiecewiseMotion(
+        np.stack([np.zeros(1), stop.duration_s / 2, stop.duration_s], axis=1),
+        np.stack([stop.places, stop.half_ned_m, stop.end_ned_m], axis=1),
+        np.stack([stop.velocities, stop.half_ned_mps, zero], axis=1),
+    )
+
+
+def _climbing(up_m: float) -> PiecewiseMotion:
+    """A climb from rest to rest, as a change of the position."""
+    top_mps = min(SPREAD_MPS, math.sqrt(up_m * SPREAD_MPS2))
+    rise_s, even_s = top_mps / SPREAD_MPS2, up_m / top_mps - top_mps / SPREAD_MPS2
+    heights_m, speeds_mps = np.zeros((1, 4, 3)), np.zeros((1, 4, 3))
+    speeds_mps[0, 1:3, 2] = -top_mps
+    heights_m[0, :, 2] = -np.cumsum([0.0, top_mps * rise_s / 2, top_mps * even_s, top_mps * rise_s / 2])
+    return PiecewiseMotion(np.cumsum([[0.0, rise_s, even_s, rise_s]], axis=1), heights_m, speeds_mps)
+
+
+def _both(first: PiecewiseMotion, second: PiecewiseMotion) -> PiecewiseMotion:
+    """The sum of two motions, with the knots of both."""
+    times_s = np.union1d(first.times_s, second.times_s)[None]
+    places = first.places_at(times_s) + second.places_at(times_s)
+    return PiecewiseMotion(times_s, places, _velocities_at(first, times_s) + _velocities_at(second, times_s))
+
+
+def _velocities_at(motion: PiecewiseMotion, times_s: Array) -> Array:
+    axes = [np.interp(times_s[0], motion.times_s[0], motion.velocities[0, :, axis]) for axis in range(3)]
+    return np.stack(axes, axis=1)[None]
 
 
 class RejoinReference:

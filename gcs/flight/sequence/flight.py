@@ -18,15 +18,15 @@ from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
-from gcs.flight.contingency.orders import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.expected_motion import landing_profiles
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
+from gcs.flight.orders.fleet_landing import FleetLanding
+from gcs.flight.orders.order_book import StandingOrder
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
 from gcs.flight.sequence.common_start import CommonStart
-from gcs.flight.sequence.fleet_landing import FleetLanding
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (

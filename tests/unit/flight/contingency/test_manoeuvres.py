@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,9 +14,8 @@ from hypothesis import strategies as st
 from gcs.flight.contingency.manoeuvres import (
     BRAKE_MPS2,
     SPREAD_MPS2,
-    LegsReference,
+    MotionReference,
     RejoinReference,
-    ReturnReference,
     hold_reference,
     return_reference,
     spread_reference,
@@ -25,10 +25,11 @@ from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import NoFlyZone
 
-places = st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(-50, -3)).map(np.array)
 speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.array)
 STEP_S = 0.02
+middle = st.tuples(st.floats(80, 520), st.floats(-10, 10), st.floats(-50, -3)).map(np.array)  # of the fence
 flown = st.tuples(st.floats(50, 550), st.floats(-40, 40), st.floats(-50, -3)).map(np.array)
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=0.0)
 
@@ -48,7 +49,7 @@ def sampled(course: ReferenceTrajectory, begin_s: float, end_s: float) -> tuple[
     return values[:, :3], values[:, 3:6], values[:, 6:9]
 
 
-def consistent(course: LegsReference | ReturnReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
+def consistent(course: MotionReference, accel_mps2: float = BRAKE_MPS2) -> tuple[Array, Array, Array]:
     """Velocity is position's rate; nothing jumps; it ends at rest."""
     place, velocity, acceleration = sampled(course, course.begin_s, course.end_s + 1.0)
     np.testing.assert_allclose(np.diff(place, axis=0) / STEP_S, (velocity[1:] + velocity[:-1]) / 2, atol=0.02)
@@ -58,10 +59,18 @@ def consistent(course: LegsReference | ReturnReference, accel_mps2: float = BRAK
     return place, velocity, acceleration
 
 
-@settings(deadline=None)
-@given(places, speeds)
-def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
-    course = hold_reference(place, velocity, 0.3, 5.0)
+@pytest.fixture(scope="module")
+def zoned_routes(plan_of: Callable[[str], Plan]) -> ReturnRoutes:
+    """The ways of a plan with one no-fly zone, a circle of 20 m around (300, 0)."""
+    plan = plan_of("field/scenario.toml")
+    zone = NoFlyZone(north_m=300.0, east_m=0.0, radius_m=20.0)
+    return ReturnRoutes(replace(plan, scenario=plan.scenario.model_copy(update={"no_fly": (zone,)})))
+
+
+@settings(max_examples=40, deadline=None)
+@given(middle, speeds)
+def test_holding_brakes_straight_on(open_routes: ReturnRoutes, place: Array, velocity: Array) -> None:
+    course = hold_reference(place, velocity, 0.3, 5.0, open_routes)
     path, rate, _ = consistent(course)
     np.testing.assert_allclose(path[0], place, atol=1e-9)
     np.testing.assert_allclose(rate[0], velocity, atol=1e-9)
@@ -69,12 +78,31 @@ def test_holding_brakes_straight_on(place: Array, velocity: Array) -> None:
     np.testing.assert_allclose(path[-1], place + velocity * speed / (2 * BRAKE_MPS2), atol=1e-6)
 
 
-@settings(deadline=None)
-@given(places, speeds)
-def test_spreading_ends_above(place: Array, velocity: Array) -> None:
-    path, _, _ = consistent(spread_reference(place, velocity, 0.0, 5.0, 2.0), BRAKE_MPS2 + SPREAD_MPS2)
-    stop = consistent(hold_reference(place, velocity, 0.0, 5.0))[0][-1]
+@settings(max_examples=40, deadline=None)
+@given(middle, speeds)
+def test_spreading_ends_above(open_routes: ReturnRoutes, place: Array, velocity: Array) -> None:
+    path, _, _ = consistent(spread_reference(place, velocity, 0.0, 5.0, open_routes, 2.0), BRAKE_MPS2 + SPREAD_MPS2)
+    stop = consistent(hold_reference(place, velocity, 0.0, 5.0, open_routes))[0][-1]
     np.testing.assert_allclose(path[-1], stop - [0.0, 0.0, 2.0], atol=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.0, math.tau), st.floats(3.5, 8.0), st.floats(0.5, 0.9), st.floats(-0.9, 0.9))
+def test_holding_and_spreading_stop_before_a_no_fly_zone(
+    zoned_routes: ReturnRoutes, bearing_rad: float, speed_mps: float, share: float, aside: float
+) -> None:
+    """The zone begins where braking straight on at 1.5 m/s2 would still move: all brake sideways or harder."""
+    out = np.array([math.cos(bearing_rad), math.sin(bearing_rad), 0.0])
+    zone, brakes_m = np.array([300.0, 0.0, 0.0]), speed_mps**2 / (2 * BRAKE_MPS2)
+    place = zone + (20.0 + max(share * brakes_m, brakes_m / 2 + 0.1)) * out - [0.0, 0.0, 12.0]
+    across = np.array([-out[1], out[0], 0.0])
+    velocity = -speed_mps * math.cos(aside) * out + speed_mps * math.sin(aside) * across
+    for course in (
+        hold_reference(place, velocity, 0.0, 5.0, zoned_routes),
+        spread_reference(place, velocity, 0.0, 5.0, zoned_routes, 2.0),
+    ):
+        path, _, _ = consistent(course, 3.4 + SPREAD_MPS2)
+        assert np.linalg.norm((path - zone)[:, :2], axis=1).min() >= 20.0 - 1e-6
 
 
 @settings(max_examples=40, deadline=None)
@@ -86,7 +114,7 @@ def test_returning_climbs_crosses_and_sinks(
     course = return_reference(place, velocity, 0.0, 5.0, open_routes, home, home[2] - level_m, SPEEDS, 1.0)
     assert course is not None
     path, rate, _ = consistent(course, 3.4)  # harder and sideways where it would leave the fence
-    stop = hold_reference(place, velocity, 0.0, 5.0)
+    stop = hold_reference(place, velocity, 0.0, 5.0, open_routes)
     moving = np.arange(5.0, course.end_s + 1.0, STEP_S)[: len(path)] > stop.end_s
     level = np.hypot(*(path[:, :2] - path[-1, :2]).T)
     crossing = moving & (np.hypot(rate[:, 0], rate[:, 1]) > 1e-6)
@@ -98,8 +126,8 @@ def test_returning_climbs_crosses_and_sinks(
     assert level[-1] == 0.0
 
 
-def test_rejoining_fades_what_is_off() -> None:
-    base = hold_reference(np.array([10.0, 20.0, -5.0]), np.zeros(3), 0.5, 0.0)
+def test_rejoining_fades_what_is_off(open_routes: ReturnRoutes) -> None:
+    base = hold_reference(np.array([10.0, 20.0, -5.0]), np.zeros(3), 0.5, 0.0, open_routes)
     off, rate = np.array([3.0, -1.0, 0.5]), np.array([-1.0, 0.2, 0.0])
     course = RejoinReference(base, off, rate, 100.0, 8.0)
     place, velocity, acceleration = sampled(course, 100.0, 110.0)

@@ -7,16 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.manoeuvres import hold_reference
+from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, due_messages, wait_s
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message, Station
+from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.plan.trajectory.plan import Plan
 
 T0, BOOT_S = 1_700_000_100.0, 1_700_000_000.0  # GNSS time of T0 and of the vehicle's start
+
+AT_REST = MotionReference(PiecewiseMotion(np.zeros((1, 1)), np.zeros((1, 1, 3)), np.zeros((1, 1, 3))), 0.0, 0.0)
 
 
 def clock_at(now_s: float, boot_s: float) -> VehicleClock:
@@ -51,9 +54,7 @@ def test_the_next_deadline_in_local_time() -> None:
     grid = Grid.of(np.arange(0.0, 10.0, 0.02), 50.0)
     scheduler = Scheduler(grid, T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(
-        Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), hold_reference(np.zeros(3), np.zeros(3), 0.0, 0.0)
-    )
+    vehicle = Streamed(Station(3, 1), clock_at(7.0, 99.99), np.zeros(3), AT_REST)
     assert wait_s(scheduler, [vehicle], 7.0, 1.0) == pytest.approx(0.01, abs=1e-6)
     assert wait_s(scheduler, [vehicle], 7.0, 0.004) == 0.004
     scheduler.due(3, T0)
@@ -79,5 +80,5 @@ def test_streams_end_at_rest(simulation1_plan: Plan) -> None:
 def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     scheduler = Scheduler(Grid((0.0, 0.1), 0.1), T0)
     scheduler.start(3, 0, None)
-    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), hold_reference(np.zeros(3), np.zeros(3), 0.0, 0.0))
+    vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), AT_REST)
     assert due_messages(scheduler, vehicle, 1e9) == []

@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.flight.contingency.manoeuvres import ReturnReference
+from gcs.flight.contingency.manoeuvres import MotionReference
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import ACCEL_MPS2, CORNER_M, routed_motion, stops
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
@@ -47,7 +47,7 @@ def test_ways_are_followed_within_limits(
     stop = stops(start, np.zeros((1, 3)), np.zeros(1), routes_of())
     motion = routed_motion(stop, way[None], np.array([down_m - climb_m]), np.array([0.0]), SPEEDS)
     t_s = np.arange(0.0, motion.times_s[0, -1] + 1.0, STEP_S)
-    course = ReturnReference(motion, 0.0, 0.0)
+    course = MotionReference(motion, 0.0, 0.0)
     place, velocity, acceleration = np.split(np.array([course.at(0, float(t)) for t in t_s])[:, :9], 3, axis=1)
     np.testing.assert_allclose(motion.places_at(t_s[None])[0], place, atol=1e-9)  # what is verified is what is flown
     np.testing.assert_allclose(np.diff(place, axis=0) / STEP_S, (velocity[1:] + velocity[:-1]) / 2, atol=0.02)

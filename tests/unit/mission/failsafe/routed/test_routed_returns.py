@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.flight.contingency.manoeuvres import ReturnReference, return_reference
+from gcs.flight.contingency.manoeuvres import MotionReference, return_reference
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
@@ -38,7 +38,7 @@ def flown(plan: Plan, returns: ReturnPlan, t_s: float) -> Array:
     state = plan.leader_trajectory.state(np.array([t_s]))
     places = state[:, POSITION] + plan.offsets(np.array([t_s]))[:, 0]
     velocities = state[:, VELOCITY] + plan.offsets(np.array([t_s]), 1)[:, 0]
-    courses: list[ReturnReference] = []
+    courses: list[MotionReference] = []
     for row, home in enumerate(plan.pads_ned_m):
         top_down_m = float(home[2]) - returns.altitudes_m[row]
         course = return_reference(places[row], velocities[row], 0.0, t_s, routes, home, top_down_m, returns.speeds, 0.0)

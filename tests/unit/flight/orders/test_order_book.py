@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from gcs.flight.contingency.orders import FIRST_PAUSE_S, LONGEST_PAUSE_S, OrderBook
+from gcs.flight.orders.order_book import FIRST_PAUSE_S, LONGEST_PAUSE_S, OrderBook
 
 
 def test_pauses_grow_to_a_limit_and_attempts_do_not_end() -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gcs.aio import ended
 from gcs.errors import GcsError
-from gcs.flight.contingency.orders import FailedOrder, OrderBook, StandingOrder
+from gcs.flight.orders.order_book import FailedOrder, OrderBook, StandingOrder
 from gcs.flight.sequence.takeoff_landing import FlightVehicle
 
 ATTEMPT_S = 6.0  # for the HEARTBEAT to show the ordered mode

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 
 from gcs.aio import LOOK_S
 from gcs.errors import GcsError, OrderError
-from gcs.flight.contingency.orders import StandingOrder
 from gcs.flight.contingency.policy import State
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightOptions
-from gcs.flight.sequence.order_carrier import OrderCarrier, hurried
+from gcs.flight.orders.order_book import StandingOrder
+from gcs.flight.orders.order_carrier import OrderCarrier, hurried
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
 from gcs.link.microservices.command import CommandSender
 from gcs.mavlink import MavCommand

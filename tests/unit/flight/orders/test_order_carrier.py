@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from gcs.errors import PeerRefusal
-from gcs.flight.contingency.orders import StandingOrder
-from gcs.flight.sequence.order_carrier import OrderCarrier
+from gcs.flight.orders.order_book import StandingOrder
+from gcs.flight.orders.order_carrier import OrderCarrier
 from tests.real_flights import in_virtual_time
 
 
@@ -60,7 +60,7 @@ def test_a_refused_order_is_repeated_with_growing_pauses_until_it_is_carried_out
 def test_it_ends_when_the_vehicle_is_down_or_out_of_reach(attribute: str) -> None:
     vehicle = Vehicle(refusals=1000)
     carrier = given(vehicle, 400.0, lambda one: setattr(one, attribute, False))
-    assert vehicle.given_s[-1] < 225.0
+    assert vehicle.given_s[-1] - vehicle.given_s[0] < 225.0
     (failed,) = carrier.failed
     assert not failed.carried_out
 
