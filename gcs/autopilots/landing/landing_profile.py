@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 
-_STEP_M = 0.02
+_BENT_M = 0.01  # heights between two knots differ by less from the straight line
 
 
 @dataclass(frozen=True)
@@ -32,20 +32,43 @@ class LandingProfile:
 
     def height_m(self, from_m: float, ground_m: float, since_s: Array) -> Array:
         """Return the heights at times after the order; `from_m` is the height then. All heights are above home."""
-        if from_m <= ground_m:
-            return np.full(np.shape(since_s), from_m)
-        height_m, passed_s = self._table(from_m, ground_m)
-        return np.asarray(np.interp(since_s - self.delay_s, passed_s, height_m))
+        passed_s, height_m = self.knots(from_m, ground_m)
+        return np.asarray(np.interp(since_s, passed_s, height_m))
 
     def duration_s(self, from_m: float, ground_m: float) -> float:
         """Return the time from the order to the ground."""
-        return self.delay_s + float(self._table(from_m, ground_m)[1][-1]) if from_m > ground_m else 0.0
+        return float(self.knots(from_m, ground_m)[0][-1])
 
-    def _table(self, from_m: float, ground_m: float) -> tuple[Array, Array]:
-        """Heights (N,), falling, and the times (N,) at which they are passed."""
-        height_m = np.linspace(from_m, ground_m, max(2, int(np.ceil((from_m - ground_m) / _STEP_M)) + 1))
-        middle_m = (height_m[1:] + height_m[:-1]) / 2
-        return height_m, np.concatenate([[0.0], np.cumsum(-np.diff(height_m) / self.speed_mps(middle_m))])
+    def knots(self, from_m: float, ground_m: float) -> tuple[Array, Array]:
+        """Return times (N,) after the order and the heights (N,) then; between two of them the speed is constant.
+
+        The last one is on the ground. A vehicle that is not above the ground stays where it is.
+        """
+        if from_m <= ground_m:
+            return np.zeros(1), np.array([from_m])
+        inner_m = [height for height in self.heights_m if ground_m < height < from_m]
+        times, heights = [0.0, self.delay_s], [from_m, from_m]
+        for high_m, low_m in pairwise([from_m, *reversed(inner_m), ground_m]):
+            passed_s, height_m = self._piece(high_m, low_m)
+            times += (times[-1] + passed_s).tolist()
+            heights += height_m.tolist()
+        skipped = 0 if self.delay_s > 0.0 else 1
+        return np.array(times[skipped:]), np.array(heights[skipped:])
+
+    def _piece(self, high_m: float, low_m: float) -> tuple[Array, Array]:
+        """Knots of a descent in which the speed is linear in height; its begin is left out."""
+        fast_mps, slow_mps = self.speed_mps(np.array([high_m, low_m])).tolist()
+        per_s = (fast_mps - slow_mps) / (high_m - low_m)
+        if abs(per_s) * (high_m - low_m) < 1e-6 * slow_mps:
+            return np.array([2.0 * (high_m - low_m) / (fast_mps + slow_mps)]), np.array([low_m])
+        whole_s = float(np.log(fast_mps / slow_mps)) / per_s
+        # A parabola through two knots that are dt apart is a dt^2 / 8 off their straight line.
+        step_s = float(np.sqrt(8.0 * _BENT_M / (abs(per_s) * max(fast_mps, slow_mps))))
+        count = int(np.ceil(whole_s / step_s))
+        passed_s = whole_s * np.arange(1, count + 1) / count
+        height_m = high_m - (fast_mps / per_s) * -np.expm1(-per_s * passed_s)
+        height_m[-1] = low_m
+        return passed_s, height_m
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
@@ -96,7 +97,8 @@ def _allowed(areas: list[tuple[shapely.Polygon, bool]], every: bool) -> shapely.
 
 
 def _flight_inside(mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry) -> Iterator[Finding]:
-    flat = flight.ned_m[:, [1, 0]]
+    knots = _knots(flight)
+    flat = flight.ned_m[knots][:, [1, 0]]
     within = allowed.buffer(_TOUCH_M)
     if len(flat) < 2 or within.covers(shapely.LineString(flat)):
         return
@@ -107,24 +109,32 @@ def _flight_inside(mission: MissionFile, flight: PredictedFlight, allowed: shape
     samples = shapely.get_coordinates(shapely.segmentize(outside, max(outside.length / _SAMPLES, _TOUCH_M)))
     deep_m = float(np.max(shapely.distance(allowed, shapely.points(samples)), initial=0.0))
     message = f"leaves the fence, here by {deep_m:.1f} m, on {int(out.sum())} of {len(legs)} legs"
-    yield found(mission, Rule.FENCE, Level.ERROR, message, int(flight.item[leg + 1]), float(flight.t_s[leg]))
+    item, t_s = int(flight.item[knots[leg + 1]]), float(flight.t_s[knots[leg]])
+    yield found(mission, Rule.FENCE, Level.ERROR, message, item, t_s)
 
 
 def _return_tracks(
     mission: MissionFile, flight: PredictedFlight, allowed: shapely.Geometry, places: list[Array]
 ) -> Iterator[Finding]:
     """A warning where straight return tracks leave the fence: autopilots do not fly around its exclusions."""
-    flat = flight.ned_m[:, [1, 0]]
+    knots = _knots(flight)
+    flat = flight.ned_m[knots][:, [1, 0]]
     ends = np.array([place[[1, 0]] for place in places])
     nearest = ends[np.argmin(np.linalg.norm(flat[:, None] - ends, axis=-1), axis=1)]
     tracks = shapely.linestrings(np.stack([flat, nearest], axis=1))
     out = ~shapely.covers(allowed.buffer(_TOUCH_M), tracks)
     if out.any():
-        knot = int(np.flatnonzero(out)[0])
+        knot = int(knots[np.flatnonzero(out)[0]])
         message = (
             f"the straight return track leaves the fence from {int(out.sum())} of {len(flat)} points of the flight"
         )
         yield found(mission, Rule.RETURN, Level.WARNING, message, int(flight.item[knot]), float(flight.t_s[knot]))
+
+
+def _knots(flight: PredictedFlight) -> NDArray[np.intp]:
+    """Rows of the flight's knots, of its vertical descent the last alone."""
+    inside = (flight.t_s > flight.down_s) & (np.arange(len(flight.t_s)) < len(flight.t_s) - 1)
+    return np.flatnonzero(~inside)
 
 
 def _areas(mission: MissionFile, around: Surroundings) -> Iterator[tuple[shapely.Polygon, bool]]:

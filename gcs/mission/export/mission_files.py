@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each, titles
 from gcs.errors import UsageError, VerificationError
 from gcs.mission.check.fleet_check import FleetReport
+from gcs.mission.check.landing_separation import refuse_close_landing
 from gcs.mission.export.verify_export import check_written, refuse_broken, refuse_untimely, verify_box
 from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.formats.mission_file import MissionFile
@@ -81,10 +82,12 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
     """The verified missions of a plan, in those formats that hold missions.
 
     Raises `ScenarioError` if the autopilot cannot store them, and `VerificationError` if missions at the plan's own
-    speeds fail verification. Missions at corrected speeds return a `refusal` instead.
+    speeds fail verification. Missions at corrected speeds return a `refusal` instead. Landings at the autopilots' own
+    speeds are verified for streams too: they raise `VerificationError`.
     """
     altitude = order.altitude
     autopilots = one_each(order.firmware, len(plan.sysids))
+    refuse_close_landing(plan, autopilots, [dict(values) for values in safety.parameters])
     formats = [row for row in formats if row.content is Content.MISSION]
     corrected = order.corrected and bool(formats) and plan.begin_state is None
     if corrected:
@@ -124,15 +127,22 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
 def _held(missions: Sequence[VehicleMission], autopilots: Sequence[Autopilot], safety: Safety) -> list[MissionFile]:
     """The contents of each vehicle's mission files, the same for every format."""
     held = []
-    for mission, firmware, rally in zip(missions, autopilots, safety.rally, strict=True):
+    rows = zip(missions, autopilots, safety.rally, safety.parameters, strict=True)
+    for mission, firmware, rally, parameters in rows:
         speeds = [i.params[1] for i in mission.items if i.command == Command.DO_CHANGE_SPEED]
         speed_mps = round(sum(speeds) / len(speeds), 1)
         name = vehicle_name(mission.sysid)
-        held.append(MissionFile(name, firmware, mission.home, mission.items, safety.fence.geofence, rally, speed_mps))
+        fence = safety.fence.geofence
+        file = MissionFile(name, firmware, mission.home, mission.items, fence, rally, speed_mps)
+        held.append(replace(file, parameters=dict(parameters)))
     return held
 
 
 def _read_back(row: Format, name: str, data: str | bytes, wanted: MissionFile) -> MissionFile:
-    """The mission in a file as written; a format that holds no fence is checked with the fleet's."""
+    """The mission in a file as written; a format that holds no fence is checked with the fleet's.
+
+    The vehicle has the parameters that the export gives it.
+    """
     read: MissionFile = row.read(data.encode() if isinstance(data, str) else data, name, wanted.firmware)
+    read = replace(read, parameters=wanted.parameters)
     return read if row.fenced else replace(read, geofence=wanted.geofence, rally=wanted.rally)

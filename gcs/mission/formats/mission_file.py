@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.formats.json_lines import line_of
@@ -24,6 +25,7 @@ class MissionFile:
     lines: tuple[int, ...] = ()  # of every item, where the format has a line for each
     text: str = ""  # of a `.plan`, in which `line` finds the lines
     jumps_from: int = 1  # the number DO_JUMP gives the first item: 1 in a `.plan`, its seq on the wire
+    parameters: Mapping[str, float] = field(default_factory=dict, compare=False)  # that the vehicle has, if known
 
     def seq(self, index: int) -> int:
         """The number ground stations show for item `index`: home counts where the autopilot counts it."""

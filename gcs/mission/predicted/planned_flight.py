@@ -1,7 +1,8 @@
 """The predicted flight of a mission at its planned speeds: what each command does to position and time.
 
-Legs are straight. Missions of a formation start together: at the end of its take-off each vehicle waits for the others
-(`together`). `autopilot_flight` lets a model of the autopilot fly the legs instead.
+Legs are straight, and landings descend at the autopilot's own speeds. Missions of a formation start together: at the
+end of its take-off each vehicle waits for the others (`together`). `autopilot_flight` lets a model of the autopilot fly
+the legs instead.
 """
 
 from __future__ import annotations
@@ -269,12 +270,18 @@ class Flying:
         self._down(index)
 
     def _down(self, index: int) -> None:
+        """Descend to the ground at the speeds of the autopilot's own landing; its heights count from home."""
         self.down_s = self.t_s
-        ground = -float(self.around.height_of_ground_m(self.here, -self.home_ned_m[2]))
-        self.t_s += max(ground - float(self.here[2]), 0.0) / self.sink_mps
-        self.here = np.array([*self.here[:2], max(ground, self.here[2])])
+        home_m = -float(self.home_ned_m[2])
+        ground_m = float(self.around.height_of_ground_m(self.here, home_m))
+        profile = self.mission.firmware.traits.landing.profile(self.mission.parameters)
+        times, heights = profile.knots(-float(self.here[2]) - home_m, ground_m - home_m)
+        begin = min(1, len(times) - 1)  # its first knot is the present one
+        for passed_s, height_m in zip(times[begin:].tolist(), heights[begin:].tolist(), strict=True):
+            self.t_s = self.down_s + passed_s
+            self.here = np.array([*self.here[:2], -(height_m + home_m)])
+            self._knot(index)
         self.ends_s = self.t_s
-        self._knot(index)
 
     def _wait(self, seconds: float, index: int) -> None:
         if seconds > 0 and math.isfinite(seconds):

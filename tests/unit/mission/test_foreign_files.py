@@ -85,5 +85,6 @@ def test_a_loop_is_flown_as_often_as_it_says() -> None:
     report = check_fleet([mission], surroundings([mission]), FlightLimits())
     leg_s = math.hypot(math.cos(math.radians(35.3626)) * 111.2, 5.0) / 5.0
     climb_s, out_s, home_s = 20 / 2.5, 83.4 / 5, math.hypot(83.4, 90.7) / 5
-    expected = climb_s + out_s + 5 * leg_s + 3 * 3.0 + home_s + 25.0 / 1.5
+    down_s = mission.firmware.traits.landing.profile().duration_s(25.0, 0.0)
+    expected = climb_s + out_s + 5 * leg_s + 3 * 3.0 + home_s + down_s
     assert report.duration_s == pytest.approx(expected, abs=2.0)
