@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gcs.files import atomic_write
+from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
 from tools.reference import DOCS
 
@@ -21,6 +22,25 @@ folder is handed over. `gcs check` reads the missions, fences and rally points o
 | name | files | what it is for | content |
 | --- | --- | --- | --- |
 """
+FOREIGN = """
+## Files of other programs
+
+`gcs check` finds the format from the first line that counts, whatever the suffix. It reads, besides the formats above:
+
+- tables of version 100 and 120 (`QGC WPL`),
+- MAVProxy's list of fence points: lines of latitude and longitude; the return point, the vertices, the first again,
+- MAVProxy's list of rally points: `RALLY` lines with latitude, longitude and altitude above home,
+- QGroundControl's `.mission` of version 1.0 and 2.
+
+Files are read as generously as MAVProxy and QGroundControl read them. Each oddity is a warning (`format`) with its file
+and line. Equal ones in a file are one warning with the first line and their number.
+
+"""
+REFUSED = """
+What could fly otherwise than it is written is refused with its line: a position that is missing or not on Earth, text
+where a number must be, a jump to a number that is not exactly one item, a fence whose last point does not repeat the
+first vertex, a rally altitude that is not above home, complex items.
+"""
 CONTENTS = """
 ## Contents
 
@@ -33,7 +53,7 @@ The content of a format is what its writer is given and its reader returns. `RAL
 
 def formats_reference() -> str:
     """The page."""
-    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _contents()
+    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _foreign() + _contents()
 
 
 def _cells(row: Format) -> tuple[str, ...]:
@@ -41,6 +61,11 @@ def _cells(row: Format) -> tuple[str, ...]:
     stem = "uavN" if row.content.per_vehicle else FLEET
     files = " or ".join(f"`{stem}{suffix}`" for suffix in row.suffixes)
     return name, files, row.purpose, f"`{row.content.name}`"
+
+
+def _foreign() -> str:
+    """What is read although other programs write it otherwise."""
+    return FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
 
 
 def _contents() -> str:

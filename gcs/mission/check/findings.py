@@ -35,6 +35,7 @@ class Rule(StrEnum):
     ORDER = "order"
     CHANGED = "changed"
     ASSUMED = "assumed"
+    FORMAT = "format"
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ def check_fleet(
     findings: list[Finding] = []
     lowest = []
     for mission, flight in zip(missions, flights, strict=True):
+        findings += [Finding(Rule.FORMAT, Level.WARNING, str(o), o.source, o.line) for o in mission.oddities]
         findings += check_items(mission)
         if mission.home is None:
             message = "the file has no home position; the check takes the first position instead"

@@ -1,6 +1,7 @@
 """Mission files of any format and any program, each with the fence and rally points from the files beside it.
 
-The format is found from the first bytes (`registry`), because other programs use other suffixes.
+The format is found from the first line that counts (`registry`), because other programs use other suffixes. MAVProxy's
+lists of points and QGroundControl's `.mission` files are read too, and never written.
 """
 
 from __future__ import annotations
@@ -12,11 +13,17 @@ from pathlib import Path
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError, UsageError
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand
+from gcs.mission.formats.foreign.mission_json import is_mission_json, read_mission_json
+from gcs.mission.formats.foreign.oddities import Oddity
+from gcs.mission.formats.foreign.point_lists import begins_fence, begins_rally, read_fence_list, read_rally_list
+from gcs.mission.formats.foreign.table_rows import HEADER
+from gcs.mission.formats.foreign.text_lines import first_line
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.formats.qgc_wpl import HEADER, read_fence, read_rally, read_waypoints
+from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.geofence import Geofence, RallyPoint
 
+_Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities
 _LARGEST_BYTES = 64 * 1024 * 1024
 
 
@@ -27,7 +34,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
     Raises `FileFormatError` with file, line and reason, and `UsageError` if no file holds a mission.
     """
     missions: list[MissionFile] = []
-    extras: list[tuple[Path, Geofence | tuple[RallyPoint, ...]]] = []
+    extras: list[tuple[Path, _Extra]] = []
     for path in paths:
         data = _read(path)
         extra = _extra(data, str(path))
@@ -42,40 +49,40 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
         same = [Path(m.source).with_suffix("") == path.with_suffix("") for m in missions]
         belongs = same if any(same) else [True] * len(missions)
         missions = [_with(m, extra) if its else m for m, its in zip(missions, belongs, strict=True)]
+        first = belongs.index(True)  # one warning for a file, not one for each mission
+        missions[first] = replace(missions[first], oddities=missions[first].oddities + extra[1])
     return tuple(missions)
 
 
 def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
     """The mission in a file's bytes, in the format that they begin. Raises `FileFormatError` with its place."""
-    start = _start(data)
+    if is_mission_json(data):
+        return read_mission_json(data, source, firmware)
+    start = first_line(data).encode()
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission
 
 
-def _with(mission: MissionFile, extra: Geofence | tuple[RallyPoint, ...]) -> MissionFile:
-    if isinstance(extra, Geofence):
-        return replace(mission, geofence=extra)
-    return replace(mission, rally=extra)
+def _with(mission: MissionFile, extra: _Extra) -> MissionFile:
+    held = extra[0]
+    return replace(mission, geofence=held) if isinstance(held, Geofence) else replace(mission, rally=held)
 
 
-def _extra(data: bytes, source: str) -> Geofence | tuple[RallyPoint, ...] | None:
-    """The fence or the rally points in a table that holds nothing else; None for a mission file."""
-    if not _is_table(data):
+def _extra(data: bytes, source: str) -> _Extra | None:
+    """The fence or the rally points in a file that holds nothing else; None for a mission file."""
+    start = first_line(data)
+    if begins_fence(start):
+        return read_fence_list(data, source)
+    if begins_rally(start):
+        return read_rally_list(data, source)
+    if not start.startswith(HEADER.split()[0]):
         return None
-    commands = {item.command for item in read_waypoints(data, source, home_first=False).items}
+    table = read_waypoints(data, source, home_first=False)
+    commands = {item.command for item in table.items}
     if commands & FENCE_COMMANDS:
-        return read_fence(data, source)
-    return read_rally(data, source) if FenceCommand.RALLY_POINT in commands else None
-
-
-def _is_table(data: bytes) -> bool:
-    return _start(data).startswith(HEADER.split()[0].encode())
-
-
-def _start(data: bytes) -> bytes:
-    """A file's bytes without byte order mark and leading blanks."""
-    return data.removeprefix(b"\xef\xbb\xbf").lstrip()
+        return fence_in(table, source), table.oddities
+    return (rally_in(table, source), table.oddities) if FenceCommand.RALLY_POINT in commands else None
 
 
 def _read(path: Path) -> bytes:

@@ -1,9 +1,11 @@
-"""Find the line number of a JSON value, for error messages."""
+"""The line of a JSON value, and the refusal of one with its line."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+
+from gcs.errors import FileFormatError
 
 Key = str | int
 
@@ -33,3 +35,12 @@ def line_of(text: str, path: Sequence[Key]) -> int:
             if word in "{[":
                 here.append(0 if word == "[" else None)
     return text.count("\n", 0, found) + 1
+
+
+def refused(text: str, source: str, path: Sequence[Key], reason: str, *, hint: str = "") -> FileFormatError:
+    """The error for one value, with its line. If the text is not JSON, the reason contains the line."""
+    syntax = re.fullmatch(r"Invalid JSON: (.*) at line (\d+) column \d+", reason)
+    if syntax:
+        return FileFormatError(f"{source}, line {syntax[2]}: not JSON: {syntax[1]}.")
+    key = ".".join(map(str, path))
+    return FileFormatError(f"{source}, line {line_of(text, path)}: {f'{key}: ' if key else ''}{reason}.", hint=hint)

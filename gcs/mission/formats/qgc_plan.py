@@ -7,31 +7,25 @@ from __future__ import annotations
 
 import json
 import math
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.formats.json_lines import line_of
+from gcs.mission.formats.foreign.item_place import place_in_file
+from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList
+from gcs.mission.formats.foreign.text_lines import decoded, without_mark
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.formats.qgc_wpl import file_position, wire_position
+from gcs.mission.formats.plan_items import AnyItem, Finite, PlanPart, PlanText, Point, PointAndAltitude, Whole
 from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
-from gcs.mission.model import Command, Frame, Home, MissionItem
+from gcs.mission.model import Frame, Home, MissionItem
 
 _MULTIROTOR = 2  # MAV_TYPE_QUADROTOR
 # QGroundControl's own altitude modes, by frame: relative 1, AMSL 2, terrain frame 4; 0 if items differ.
 _ALTITUDE_MODE = {Frame.GLOBAL: 2, Frame.GLOBAL_RELATIVE_ALT: 1, Frame.GLOBAL_TERRAIN_ALT: 4}
 _MIXED = 0
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Latitude = Annotated[float, Field(ge=-90, le=90)]
-Longitude = Annotated[float, Field(ge=-180, le=180)]
-Point = tuple[Latitude, Longitude]
-PointAndAltitude = tuple[Latitude, Longitude, Finite]
 
 
 @dataclass(frozen=True)
@@ -45,66 +39,52 @@ class PlanFile:
     hover_speed_mps: float = 5.0
     geofence: Geofence = NO_FENCE
     rally: tuple[RallyPoint, ...] = ()
+    oddities: tuple[Oddity, ...] = field(default=(), compare=False)
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(strict=True)
+class PlannedMission(PlanPart):
+    """The key `mission`, and all of a `.mission` file of version 2."""
 
-
-class _Simple(_Part):
-    type: Literal["SimpleItem"]
-    autoContinue: bool = True
-    command: Annotated[int, Field(ge=0, le=0xFFFF)]
-    doJumpId: int | None = None
-    frame: Annotated[int, Field(ge=0, le=0xFF)]
-    params: Annotated[list[Finite | None], Field(min_length=7, max_length=7)]
-
-
-class _Complex(_Part):
-    type: Literal["ComplexItem"]
-    complexItemType: str = "unnamed"
-
-
-class _Mission(_Part):
     version: Literal[2]
-    firmwareType: int
+    firmwareType: Whole
     cruiseSpeed: Finite = 15.0
     hoverSpeed: Finite = 5.0
     plannedHomePosition: PointAndAltitude
-    items: list[Annotated[_Simple | _Complex, Field(discriminator="type")]]
+    items: list[AnyItem]
 
 
-class _Polygon(_Part):
+class _Polygon(PlanPart):
     inclusion: bool = True
     polygon: Annotated[list[Point], Field(min_length=LEAST_VERTICES)]
 
 
-class _Disk(_Part):
+class _Disk(PlanPart):
     center: Point
     radius: Annotated[Finite, Field(gt=0)]
 
 
-class _Circle(_Part):
+class _Circle(PlanPart):
     inclusion: bool = True
     circle: _Disk
 
 
-class _Fence(_Part):
-    version: Literal[2]
-    polygons: list[_Polygon] = []
-    circles: list[_Circle] = []
+class _Fence(PlanPart):
+    version: Literal[1, 2] | None = None
+    polygon: Any = None  # of version 1
+    polygons: list[_Polygon] = Field(default_factory=list)
+    circles: list[_Circle] = Field(default_factory=list)
     breachReturn: PointAndAltitude | None = None
 
 
-class _Rally(_Part):
-    version: Literal[2]
-    points: list[PointAndAltitude] = []
+class _Rally(PlanPart):
+    version: Literal[1, 2]
+    points: list[PointAndAltitude] = Field(default_factory=list)
 
 
-class _Document(_Part):
+class _Document(PlanPart):
     fileType: Literal["Plan"]
     version: Literal[1]
-    mission: _Mission
+    mission: PlannedMission
     geoFence: _Fence = _Fence(version=2)
     rallyPoints: _Rally = _Rally(version=2)
 
@@ -132,37 +112,26 @@ def write_plan_file(file: PlanFile) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def read_plan_file(text: str | bytes, source: str) -> PlanFile:
-    """Contents of a file; `source` names it in errors.
+def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = None) -> PlanFile:
+    """Contents of a file; `source` names it in errors, `firmware` counts where the file names an unknown autopilot.
 
-    Raises `FileFormatError` with file, line, key and reason for anything that cannot be flown as written.
+    What other programs write otherwise is in `oddities`. Raises `FileFormatError` with file, line, key and reason for
+    anything that cannot be flown as written.
     """
-    try:
-        document = _Document.model_validate_json(text)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        raise _refusal(text, source, first["loc"], first["msg"]) from error
+    oddities = OddityList(source)
+    plan = PlanText(without_mark(decoded(text, source), oddities), source, oddities)
+    document = plan.parsed(_Document)
     mission = document.mission
-    if mission.firmwareType not in tuple(Autopilot):
-        known = ", ".join(f"{a.value} ({a.title})" for a in Autopilot)
-        reason = f"{mission.firmwareType} is not an autopilot that missions are written for: {known}"
-        raise _refusal(text, source, ("mission", "firmwareType"), reason)
-    jumps = any(item.type == "SimpleItem" and item.command == Command.DO_JUMP for item in mission.items)
-    items = []
-    for index, item in enumerate(mission.items):
-        try:
-            items.append(_read(item, index + 1, jumps))
-        except ValueError as error:
-            raise _refusal(text, source, ("mission", "items", index), str(error)) from error
-    return PlanFile(
-        Autopilot(mission.firmwareType),
+    file = PlanFile(
+        plan.autopilot(mission.firmwareType, ("mission", "firmwareType"), firmware),
         Home(*mission.plannedHomePosition),
-        tuple(items),
+        plan.mission_items(mission.items, ("mission", "items")),
         mission.cruiseSpeed,
         mission.hoverSpeed,
-        _read_fence(document.geoFence),
-        tuple(map(_read_point, document.rallyPoints.points)),
+        _read_fence(document.geoFence, plan),
+        _read_rally(document.rallyPoints, plan),
     )
+    return replace(file, oddities=oddities.found())
 
 
 def write_mission(file: MissionFile) -> str:
@@ -178,9 +147,7 @@ def write_mission(file: MissionFile) -> str:
 
 def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) -> MissionFile:
     """The mission in a file, for `firmware` or the autopilot that the file names. Raises `FileFormatError`."""
-    file = read_plan_file(data, source)
-    speed_mps = file.hover_speed_mps if file.hover_speed_mps > 0 else None
-    text = data.decode("utf-8", errors="replace")
+    file = read_plan_file(data, source, firmware)
     return MissionFile(
         source,
         file.firmware if firmware is None else firmware,
@@ -188,21 +155,10 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
         file.items,
         file.geofence,
         file.rally,
-        speed_mps,
-        text=text,
+        file.hover_speed_mps if file.hover_speed_mps > 0 else None,
+        text=data.decode("utf-8"),
+        oddities=file.oddities,
     )
-
-
-def _refusal(text: str | bytes, source: str, path: tuple[str | int, ...], reason: str) -> FileFormatError:
-    """The error for one value, with its line. If the text is not JSON, the reason contains the line."""
-    decoded = text if isinstance(text, str) else text.decode("utf-8", errors="replace")
-    syntax = re.fullmatch(r"Invalid JSON: (.*) at line (\d+) column \d+", reason)
-    if syntax:
-        return FileFormatError(f"{source}, line {syntax[2]}: not JSON: {syntax[1]}.")
-    # pydantic names the kind of an item as if it were a key.
-    path = tuple(key for key in path if key not in ("SimpleItem", "ComplexItem"))
-    key = ".".join(map(str, path))
-    return FileFormatError(f"{source}, line {line_of(decoded, path)}: {f'{key}: ' if key else ''}{reason}.")
 
 
 def _written(item: MissionItem, number: int) -> dict[str, Any]:
@@ -212,28 +168,13 @@ def _written(item: MissionItem, number: int) -> dict[str, Any]:
         "command": int(item.command),
         "doJumpId": number,
         "frame": int(item.frame),
-        "params": [*params, *file_position(item), item.alt_m],
+        "params": [*params, *place_in_file(item), item.alt_m],
         "type": "SimpleItem",
     }
     if item.frame in _ALTITUDE_MODE:
         mode = _ALTITUDE_MODE[Frame(item.frame)]
         written |= {"AMSLAltAboveTerrain": None, "Altitude": item.alt_m, "AltitudeMode": mode}
     return dict(sorted(written.items()))
-
-
-def _read(item: _Simple | _Complex, number: int, jumps: bool) -> MissionItem:
-    if isinstance(item, _Complex):
-        raise ValueError(f"a complex item ({item.complexItemType}); replace it by simple items")
-    if jumps and item.doJumpId not in (None, number):
-        raise ValueError(f"doJumpId is {item.doJumpId}, but this is item {number}, and the mission has jumps")
-    x, y, z = item.params[4:]
-    if item.frame == Frame.MISSION:
-        x, y, z = x or 0.0, y or 0.0, z or 0.0
-    if x is None or y is None or z is None:
-        raise ValueError("the position has a null")
-    p1, p2, p3, p4 = (math.nan if p is None else p for p in item.params[:4])
-    lat, lon = wire_position(item.frame, x, y)
-    return MissionItem(item.command, item.frame, (p1, p2, p3, p4), lat, lon, z, item.autoContinue)
 
 
 def _written_fence(fence: Geofence) -> dict[str, Any]:
@@ -257,12 +198,24 @@ def _written_fence(fence: Geofence) -> dict[str, Any]:
     return written
 
 
-def _read_fence(fence: _Fence) -> Geofence:
+def _read_fence(fence: _Fence, plan: PlanText) -> Geofence:
+    if fence.version != 2:
+        path = ("geoFence", "version")
+        if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
+            raise plan.refused(path, f"Input should be 2, got {fence.version}; QGroundControl drops older fences")
+        plan.told(Odd.FENCE_1, path, f"{fence.version} instead of 2; the fence is empty")
     return Geofence(
         tuple(FencePolygon(tuple(_place(*point) for point in p.polygon), p.inclusion) for p in fence.polygons),
         tuple(FenceCircle(_place(*c.circle.center), c.circle.radius, c.inclusion) for c in fence.circles),
         None if fence.breachReturn is None else _read_point(fence.breachReturn),
     )
+
+
+def _read_rally(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
+    if rally.version != 2:
+        text = f"{rally.version} instead of 2; QGroundControl drops the {len(rally.points)} points"
+        plan.told(Odd.RALLY_1, ("rallyPoints", "version"), text)
+    return tuple(map(_read_point, rally.points))
 
 
 def _written_point(point: RallyPoint) -> list[float]:

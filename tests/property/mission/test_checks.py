@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -51,10 +52,12 @@ def test_damaged_files(name: str, data: st.DataObject) -> None:
         assert error.message.startswith(f"{name}")
         return
     if name.endswith(".waypoints"):
-        rows = [row for row in damaged.decode("utf-8-sig").splitlines()[1:] if row.strip() and row.strip()[0] != "#"]
+        lines = damaged.decode("utf-8-sig").splitlines()
+        _, *rows = (line for line in lines if re.split("#|//", line, maxsplit=1)[0].strip())
         assert len(mission.items) + (mission.home is not None) == len(rows)
     else:
-        assert len(mission.items) == len(json.loads(damaged)["mission"]["items"])
+        document = json.loads(damaged)
+        assert len(mission.items) == len(document.get("mission", document)["items"])
     report = check_fleet([mission, mission], surroundings([mission]), FlightLimits())
     assert all(str(f) and f.data() for f in report.findings)
 

@@ -16,6 +16,8 @@ from hypothesis.extra.numpy import arrays
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
+from gcs.mission.formats.foreign.mission_json import read_mission_json
+from gcs.mission.formats.foreign.point_lists import read_fence_list, read_rally_list
 from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
 from gcs.mission.formats.maps.tracks import MapFile, Track
@@ -77,6 +79,7 @@ def test_waypoints_survive(home: Home | None, items: tuple[MissionItem, ...]) ->
     text = write_waypoints(WaypointFile(home, items))
     back = read_waypoints(text, "x", home_first=home is not None)
     assert back.home == home
+    assert back.oddities == ()
     assert list(map(comparable, back.items)) == list(map(comparable, items))
 
 
@@ -241,6 +244,10 @@ MAP = MapFile(
     Geofence(FENCE.polygons, FENCE.circles),
 )
 HISTORY = History(1, "abc", np.array([0.0, 1.0]), np.ones((2, 12)), np.ones((2, 4)))
+FENCE_LIST = "47.1 8.5\n47 8\n47.2\t8.1\n47.3 8.1\n47.3 8.0\n47 8\n"
+MISSION_JSON = """{"MAV_AUTOPILOT": 12, "items": [{"type": "missionItem", "id": 1, "command": 22, "frame": 3,
+"param1": 0, "param2": 0, "param3": 0, "param4": 0, "coordinate": [47.3, 8.5, 10]}], "version": "1.0",
+"plannedHomePosition": {"coordinate": [47.3, 8.5, 488]}}"""
 PARAMETERS = (("RTL_ALT", 5123), ("RTL_CONE_SLOPE", 0.5))
 
 
@@ -253,6 +260,9 @@ FORMATS: dict[str, tuple[Callable[[bytes, str], Any], bytes]] = {
     for name, read, data in (
         ("waypoints", read_waypoints, write_waypoints(WaypointFile(HOME, ITEMS))),
         ("plan", read_plan_file, write_plan_file(PlanFile(Autopilot.PX4, HOME, ITEMS, 5.0, 5.0, FENCE, RALLY))),
+        ("mission", read_mission_json, MISSION_JSON),
+        ("fence list", read_fence_list, FENCE_LIST),
+        ("rally list", read_rally_list, "RALLY 47.3 8.5 20.5 0 0 0\nRALLY 47.4 8.5 20 40 0 1\n"),
         ("fence", read_fence, write_fence(FENCE)),
         ("rally", read_rally, write_rally(RALLY)),
         ("setpoints", read_setpoints, write_setpoints(STREAM)),
@@ -312,7 +322,7 @@ def test_a_file_cut_short_is_refused_or_as_good_as_whole(
         read(whole[:end], "cut")
     except FileFormatError:
         return
-    by_lines = whole.startswith((b"QGC WPL", b"# vehicle", b"# Onboard"))
+    by_lines = whole.startswith((b"QGC WPL", b"RALLY", b"# vehicle", b"# Onboard"))
     assert by_lines or whole[end:].strip() in (b"", b"1")
 
 

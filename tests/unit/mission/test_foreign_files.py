@@ -9,15 +9,17 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
+from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import check_fleet
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.formats.any_mission import load_missions
+from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.model import Home
 from gcs.mission.predicted.planned_flight import surroundings
 
 FOLDER = Path(__file__).parent / "foreign"
 ARDUPILOT, PX4 = Autopilot.ARDUPILOT, Autopilot.PX4
-ZURICH = Home(47.397742, 8.545594, 488.1)
+ZURICH, ROUNDED = Home(47.397742, 8.545594, 488.1), Home(47.397742, 8.545594, 488.0)
 
 READ = {
     "mission_planner.waypoints": (ARDUPILOT, Home(-35.3632621, 149.1652374, 584.09), [22, 178, 16, 16, 177, 20]),
@@ -26,20 +28,55 @@ READ = {
     "px4.waypoints": (PX4, None, [22, 16, 21]),
     "qgroundcontrol.plan": (PX4, ZURICH, [22, 530, 16, 206, 16, 20]),
     "written_by_a_script.plan": (ARDUPILOT, ZURICH, [22, 16, 21]),
+    "gap.waypoints": (ARDUPILOT, ROUNDED, [22, 16, 21]),
+    "version_100.waypoints": (ARDUPILOT, ROUNDED, [22, 16, 21]),
+    "version_120.waypoints": (PX4, None, [22, 16, 177, 21]),
+    "remarks.waypoints": (ARDUPILOT, ROUNDED, [22, 178, 20]),
+    "version_1.mission": (PX4, ROUNDED, [22, 16, 21]),
+    "version_2.mission": (ARDUPILOT, ROUNDED, [22, 16, 20]),
+    "renumbered.plan": (ARDUPILOT, ROUNDED, [22, 16, 206, 177, 20]),
+}
+ODD = {  # kind, line of the first, how many
+    "by_hand.waypoints": [(Odd.SEPARATOR, 2, 4), (Odd.REMARK, 4, 1)],
+    "mavproxy.waypoints": [(Odd.REMARK, 2, 3), (Odd.BLANK, 7, 1)],
+    "gap.waypoints": [(Odd.SEQ, 3, 3)],
+    "version_100.waypoints": [(Odd.VERSION, 1, 1), (Odd.YAW, 4, 1)],
+    "version_120.waypoints": [(Odd.VERSION, 1, 1)],
+    "remarks.waypoints": [
+        (Odd.MARK, 1, 1),
+        (Odd.REMARK, 1, 3),
+        (Odd.SEPARATOR, 5, 1),
+        (Odd.BLANK, 6, 1),
+        (Odd.CURRENT, 7, 1),
+        (Odd.EMPTY, 7, 2),
+        (Odd.NO_PLACE, 7, 2),
+    ],
+    "version_1.mission": [(Odd.VERSION, 71, 1)],
+    "version_2.mission": [(Odd.NO_PLACE, 40, 1), (Odd.VERSION, 63, 1)],
+    "renumbered.plan": [
+        (Odd.MARK, 1, 1),
+        (Odd.FENCE_1, 5, 1),
+        (Odd.SEQ, 26, 4),
+        (Odd.FRACTION, 42, 1),
+        (Odd.JUMP, 58, 1),
+        (Odd.NO_PLACE, 74, 1),
+        (Odd.RALLY_1, 106, 1),
+    ],
 }
 REFUSED = {
     "survey.plan": r"line \d+: mission\.items\.2: a complex item \(survey\); replace it by simple items",
     "cut_short.plan": r"line \d+: not JSON",
     "generic_autopilot.plan": r"line \d+: mission\.firmwareType: 0 is not an autopilot that missions are written for",
-    "nowhere.plan": r"line \d+: mission\.items\.2: the position has a null",
+    "nowhere.plan": r"line \d+: mission\.items\.2: the position is missing or not a number",
     "flat_home.plan": r"line \d+: mission\.plannedHomePosition\.2: Field required",
-    "old_fence.plan": r"line \d+: geoFence\.version: Input should be 2",
-    "older_format.mission": r"line 1: fileType: Field required",
+    "old_fence.plan": r"line 4: geoFence\.breachReturn\.2: Field required",
+    "older_format.mission": r"line 6: plannedHomePosition\.coordinate: Field required",
     "with_remarks.plan": r"line 1: not JSON",
-    "version_100.waypoints": r"line 1: expected 'QGC WPL 110'",
     "short_row.waypoints": r"line 4: 11 columns instead of 12",
     "comma.waypoints": r"line 2: x must be a number, got '47,397742'",
-    "gap.waypoints": r"line 3: seq is 2, but this is item 1",
+    "which_jump.waypoints": r"line 6: jumps to item 3, and the items are not numbered in order",
+    "empty_cell.waypoints": r"line 3: the position is missing or not a number",
+    "survey.mission": r"line 4: complexItems\.0: a complex item; replace it by simple items",
 }
 
 
@@ -57,6 +94,9 @@ def test_files_that_are_read(name: str) -> None:
     assert [i.command for i in mission.items] == commands
     report = check_fleet([mission], surroundings([mission]), FlightLimits())
     assert report.errors == ()
+    assert [(o.odd, o.line, o.count) for o in mission.oddities] == ODD.get(name, [])
+    told = [(f.level, f.source, f.line) for f in report.findings if f.rule is Rule.FORMAT]
+    assert told == [(Level.WARNING, str(FOLDER / name), line) for _, line, _ in ODD.get(name, [])]
     for index in range(len(mission.items)):
         line = mission.line(index)
         assert line is not None
@@ -67,6 +107,12 @@ def test_files_that_are_read(name: str) -> None:
 def test_files_that_are_refused_with_line_and_reason(name: str) -> None:
     with pytest.raises(FileFormatError, match=f"{name}, {REFUSED[name]}"):
         load_missions([FOLDER / name])
+
+
+def test_an_autopilot_without_a_row_yields_to_the_one_that_is_asked_for() -> None:
+    (mission,) = load_missions([FOLDER / "generic_autopilot.plan"], PX4)
+    assert mission.firmware is PX4
+    assert [(o.odd, o.line) for o in mission.oddities] == [(Odd.FIRMWARE, 42)]
 
 
 def test_what_a_ground_station_leaves_open_stays_open() -> None:

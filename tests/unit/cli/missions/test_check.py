@@ -69,6 +69,17 @@ def test_findings_have_an_exit_code_of_their_own(exported: Path, capsys: pytest.
     assert set(found["findings"][0]) == {"rule", "level", "message", "file", "line", "item", "t_s"}
 
 
+def test_what_another_program_wrote_otherwise_is_told(
+    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "spaces.waypoints"
+    file.write_text((exported / "uav1.waypoints").read_text().replace("\t", " "))
+    assert main.run(["check", str(file), "--json", *PLANNED]) == FINDINGS
+    (told,) = (f for f in json.loads(capsys.readouterr().out)["findings"] if f["rule"] == "format")
+    assert (told["level"], told["file"], told["line"]) == ("warning", str(file), 2)
+    assert re.match(r"columns separated or surrounded by blanks; .* \(\d+ times in this file", told["message"])
+
+
 def test_a_file_changed_after_its_export_is_told(exported: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = exported / "uav1.plan"
     path.write_text(path.read_text() + "\n")

@@ -11,6 +11,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FileFormatError
+from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.qgc_plan import PlanFile, read_plan_file, write_plan_file
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Home, MissionItem
@@ -151,9 +152,15 @@ def test_a_fence_without_inclusion_includes_as_it_does_elsewhere() -> None:
 def test_item_numbers_only_matter_where_a_mission_jumps() -> None:
     plan = item(doJumpId=7)
     assert read_plan_file(json.dumps(plan), "x") == FILE
-    plan["mission"]["items"][1] |= {"command": 177, "params": [1, 2, 0, 0, 0, 0, 0]}
-    with pytest.raises(FileFormatError, match=r"mission.items.0: doJumpId is 7"):
-        read_plan_file(json.dumps(plan), "x")
+    plan["mission"]["items"][1] |= {"command": 177, "params": [7, 2, 0, 0, 0, 0, 0]}
+    file = read_plan_file(json.dumps(plan), "x")
+    assert file.items[1].params[:2] == (1.0, 2.0)
+    assert [(o.odd, o.line, o.count) for o in file.oddities] == [(Odd.SEQ, 1, 1), (Odd.JUMP, 1, 1)]
+    for number, found in ((1, "no"), (3, "2")):
+        plan["mission"]["items"][1]["params"][0] = number
+        plan["mission"]["items"][3]["doJumpId"] = 3
+        with pytest.raises(FileFormatError, match=rf"mission.items.1: jumps to item {number}, and {found} items have"):
+            read_plan_file(json.dumps(plan), "x")
 
 
 def test_commands_without_a_position_may_have_nulls_there() -> None:
@@ -176,7 +183,7 @@ def test_commands_without_a_position_may_have_nulls_there() -> None:
         ),
         (document(items=[{"type": "ComplexItem"}]), "mission.items.0: a complex item (unnamed)"),
         (document(items=[{"type": "Item"}]), "mission.items.0"),
-        (item(params=[0, 0, 0, 0, None, 8.5, 3]), "mission.items.0: the position has a null"),
+        (item(params=[0, 0, 0, 0, None, 8.5, 3]), "mission.items.0: the position is missing or not a number"),
         (item(params=[0, 0, 0, 0, 47.4, 188.5, 3]), "mission.items.0: latitude"),
         (item(params=[0, 0, 0, 0, 47.4, 8.5]), "mission.items.0.params"),
         (item(command=70000), "mission.items.0.command"),

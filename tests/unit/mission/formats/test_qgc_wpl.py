@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import FileFormatError
-from gcs.mission.formats.qgc_wpl import HEADER, WaypointFile, read_waypoints, write_waypoints
+from gcs.mission.formats.foreign.table_rows import HEADER
+from gcs.mission.formats.qgc_wpl import WaypointFile, read_waypoints, write_waypoints
 from gcs.mission.model import Home, MissionItem
 
 HOME = Home(-35.363262, 149.165237, 584.09)
@@ -77,14 +78,14 @@ ROW = "0\t1\t0\t16\t0\t0\t0\t0\t47.1\t8.1\t488\t1"
     ("text", "line", "reason"),
     [
         ("", 1, HEADER),
-        ("QGC WPL 120\n" + ROW, 1, HEADER),
+        ("QGC WPL 130\n" + ROW, 1, HEADER),
         (f"{HEADER}\n{ROW}\n1\t0\t3\t16\t0\t0\t0\t0\t47.1\t8.1\t10\n", 3, "11 columns"),
-        (f"{HEADER}\n{ROW}\n\n2\t0\t3\t16\t0\t0\t0\t0\t47.1\t8.1\t10\t1\n", 4, "seq is 2"),
+        (f"{HEADER}\n{ROW}\n\n2.5\t0\t3\t16\t0\t0\t0\t0\t47.1\t8.1\t10\t1\n", 4, "seq must be an integer"),
         (f"{HEADER}\n{ROW.replace('47.1', '91')}\n", 2, "not on Earth"),
-        (f"{HEADER}\n{ROW.replace('47.1', 'nan')}\n", 2, "position is not a number"),
+        (f"{HEADER}\n{ROW.replace('47.1', 'nan')}\n", 2, "position is missing or not a number"),
         (f"{HEADER}\n{ROW.replace('47.1', 'north')}\n", 2, "'north'"),
         (f"{HEADER}\n{ROW.replace('488', '1e999')}\n", 2, "infinite"),
-        (f"{HEADER}\n{ROW}\n1\t0\t2\t178\t0\t0\t0\t0\t0.5\t0\t0\t1\n", 3, "must be integers"),
+        (f"{HEADER}\n{ROW}\n1\t0\t2\t178\t0\t0\t0\t0\t3e9\t0\t0\t1\n", 3, "below 2^31"),
         (f"{HEADER}\n{ROW}\n1\t0\t3\t-16\t0\t0\t0\t0\t47.1\t8.1\t10\t1\n", 3, "command"),
         (f"{HEADER}\n0\t1\t3\t22\t0\t0\t0\t0\t47.1\t8.1\t10\t1\n", 2, "row 0 is not a home"),
     ],

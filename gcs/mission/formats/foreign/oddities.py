@@ -1,0 +1,64 @@
+"""Oddities: what is read although a file should not have it. Each is a warning, none is silent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Odd(StrEnum):
+    """A kind of oddity; the value says what readers do with it."""
+
+    VERSION = "An older version of a format (QGC WPL 100 and 120, `.mission`) is read as its program wrote it."
+    MARK = "A byte order mark is skipped."
+    REMARK = "Comments (# and //), before, between and behind the rows, are skipped."
+    BLANK = "Blank lines between the rows are skipped."
+    SEPARATOR = "Columns may be separated by blanks, and have blanks around them."
+    SEQ = "Wrong, double and missing item numbers: the order of the items counts."
+    JUMP = "Jumps to an item number of the file are changed to the place of that item."
+    CURRENT = "The column `current` is ignored."
+    YAW = "The column `yaw` of QGC WPL 100 is ignored."
+    EMPTY = "Empty parameters are 0."
+    NO_PLACE = "Empty, null and NaN coordinates of commands without a position are 0."
+    FRACTION = "In frame 2, parameters 5 and 6 lose their decimals, as on the wire."
+    HOME = "A home row in another frame than 0 is home; its altitude counts as AMSL."
+    FIRMWARE = "An autopilot that the file names, and that has no row here, yields to `--autopilot`."
+    RETURN = "The return point of a list of fence points has no altitude: 0 m above home."
+    RALLY = "Break altitude, landing direction and flags of rally points are ignored."
+    FENCE_1 = "An empty fence of version 1 in a `.plan` is none."
+    RALLY_1 = "Rally points of version 1 in a `.plan` are read as those of version 2."
+
+
+@dataclass(frozen=True)
+class Oddity:
+    """One kind of oddity in a file: the line and text of the first, and how many there are."""
+
+    odd: Odd
+    source: str
+    line: int
+    text: str
+    count: int = 1
+
+    def __str__(self) -> str:
+        return self.text if self.count == 1 else f"{self.text} ({self.count} times in this file; this is the first)"
+
+
+class OddityList:
+    """The oddities of one file while it is read, one for each kind."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._first: dict[Odd, tuple[int, str]] = {}
+        self._counts: dict[Odd, int] = {}
+
+    def add(self, odd: Odd, text: str, line: int | Callable[[], int]) -> None:
+        """Count one. Its line is asked for only if it is the first of its kind."""
+        if odd not in self._first:
+            self._first[odd] = (line() if callable(line) else line, text)
+        self._counts[odd] = self._counts.get(odd, 0) + 1
+
+    def found(self) -> tuple[Oddity, ...]:
+        """All of them, by line."""
+        every = [Oddity(odd, self._source, *self._first[odd], count) for odd, count in self._counts.items()]
+        return tuple(sorted(every, key=lambda oddity: oddity.line))
