@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.autopilots.landing.landing_profile import LandingProfile
 from gcs.autopilots.traits import traits_of
@@ -39,6 +40,14 @@ class ExpectedMotion:
         self._landing_s = plan.phase("landing").start_s
         self._from = plan.states(np.array([self._landing_s]))[:, 0]
         self._ground_ned_m = plan.landing_points_ned_m
+
+    def covers(self, row: int, t_s: Array) -> NDArray[np.bool_]:
+        """Return whether a motion is expected at plan times (N,): in the plan, and after it on the landing point.
+
+        Without a profile nothing is expected after the plan.
+        """
+        ends_s = np.inf if self.plan.sysids[row] in self.profiles else self.plan.t_end_s
+        return (t_s >= self.plan.t_start_s) & (t_s <= ends_s)
 
     def states(self, t_s: Array) -> Array:
         """Return the states (V, N, 12) at plan times (N,), before and after the plan its first and last ones."""

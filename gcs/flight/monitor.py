@@ -27,7 +27,7 @@ class VehicleView:
     position_ned_m: Array = field(default_factory=lambda: np.full(3, np.nan))
     velocity_ned_mps: Array = field(default_factory=lambda: np.zeros(3))
     unix_s: float = math.nan
-    error_m: float = math.nan  # distance to the expected position at the same time
+    error_m: float = math.nan  # distance to the expected position at the same time; NaN where none is expected
     lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
 
 
@@ -67,15 +67,24 @@ class Monitor:
         """The delay of each vehicle behind the plan, by system id."""
         return {sysid: view.lateness.late_s for sysid, view in self.views.items()}
 
+    @property
+    def errors_m(self) -> dict[int, float]:
+        """The position error of each vehicle, by system id; NaN for one that left the plan."""
+        flying = self.in_formation
+        return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
+
     def separation_m(self) -> float:
         """Return the least distance between two airborne vehicles; NaN before all have reported."""
         now = self._now(self.aloft)
         return math.nan if now is None or len(now[1]) < 2 else float(pdist(now[1]).min())
 
     def formation_error_m(self) -> float:
-        """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known."""
+        """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known.
+
+        In the landing it is NaN: there every vehicle descends at the speeds of its own autopilot, and no shape is kept.
+        """
         now = self._now(self.in_formation)
-        if now is None or self.t0_unix_s is None:
+        if now is None or self.t0_unix_s is None or now[0] - self.t0_unix_s > self.plan.phase("landing").start_s:
             return math.nan
         unix_s, positions = now
         t_s = np.clip(np.array([unix_s - self.t0_unix_s]), self.plan.t_start_s, self.plan.t_end_s)
@@ -91,12 +100,16 @@ class Monitor:
         return newest, np.array([v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views])
 
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
-        if not self.plan.phase("mission").start_s - 60.0 <= t_s <= self.plan.t_end_s:
+        if t_s < self.plan.phase("mission").start_s - 60.0:
             return
-        state = self.expected.of_vehicle(row, np.array([t_s]))[0]
+        self.plan_time_s = t_s
+        at_s = np.array([t_s])
+        if t_s > self.plan.t_end_s and not self.expected.covers(row, at_s)[0]:
+            view.error_m = math.nan
+            return
+        state = self.expected.of_vehicle(row, at_s)[0]
         view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
         if 0.0 <= t_s <= self.plan.flight_s:
             view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])
-        self.plan_time_s = t_s
         if row == self.plan.leader:
             self.least_separation_m = min(self.least_separation_m, self.separation_m())

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gcs.cli.console import Screen
+from gcs.cli.plan_argument import verdict_word
 from gcs.cli.shared_options import DebugOption, JsonOption
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from rich.table import Table
+
+    from gcs.flight.assessment.landing_errors import LandingError
 
 
 def report(
@@ -23,7 +27,8 @@ def report(
     """Compare the planned, the reported and, for emulated vehicles, the true positions of a flight.
 
     It writes record.parquet into the folder: every reported position beside the planned one. It also takes flights
-    that were cut short.
+    that were cut short. Of each landing it says the horizontal distance from the landing point at touchdown,
+    and the largest vertical deviation from the descent of the vehicle's own autopilot.
 
     Example: gcs report flights/2026-01-31-120000-simulation1
     """
@@ -33,6 +38,7 @@ def report(
     from gcs.errors import FileFormatError
     from gcs.flight.assessment.comparison import compare
     from gcs.flight.assessment.judge import load_truth
+    from gcs.flight.assessment.landing_errors import landing_errors
     from gcs.flight.lateness import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
@@ -63,15 +69,21 @@ def report(
         screen.say(f"time skew between vehicles: {1e3 * skew:.0f} ms; last step of the flight: {book.step}")
     if shape is not None:
         screen.say(f"formation error: at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, from telemetry)")
+    landings, landing_limit_m = landing_errors(plan, record), plan.scenario.judge.arrival_position_m
+    screen.show(_landing_table(landings, landing_limit_m))
     for event in happened:
         screen.say(str(event))
     screen.say(f"{record.num_rows} positions in {folder / NAME}")
-    data = [{k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(c).items()} for c in found]
+    data = [
+        _known(vars(c)) | {"landing": _known(vars(landing)) | {"ok": landing.within(landing_limit_m)}}
+        for c, landing in zip(found, landings, strict=True)
+    ]
     screen.result(
         {
             "folder": folder,
             "vehicles": data,
             "skew_s": None if math.isnan(skew) else skew,
+            "landing_limit_m": landing_limit_m,
             "formation_error_max_m": None if shape is None else shape[0],
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
@@ -79,6 +91,24 @@ def report(
         }
     )
     return 0
+
+
+def _known(values: dict[str, Any]) -> dict[str, Any]:
+    """Values for `--json`: null where a number is not known."""
+    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
+
+
+def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
+    from rich.table import Table
+
+    title = f"landing: m from the landing point and from the expected descent, limit {limit_m:g} m horizontally"
+    table = Table("vehicle", "horizontal", "vertical, at most", "touchdown", "verdict", title=title)
+    for landing in landings:
+        ok = landing.within(limit_m)
+        metres = ("–" if math.isnan(n) else f"{n:.2f}" for n in (landing.horizontal_m, landing.vertical_max_m))
+        when = "–" if math.isnan(landing.touchdown_s) else f"t = {landing.touchdown_s:.1f} s"
+        table.add_row(str(landing.sysid), *metres, when, "not seen" if ok is None else verdict_word(ok))
+    return table
 
 
 def _formation_error(record: pa.Table, flight_s: float) -> tuple[float, float] | None:

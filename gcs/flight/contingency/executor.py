@@ -86,7 +86,7 @@ class ContingencyExecutor:
         self._now_s = -math.inf  # fleet time, computed once for many messages
         self._returning: dict[int, WayBack] = {}
         self._carrier = carrier
-        self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m))
+        self._charge = ChargeWatch(plan, EnergyAdviser(plan, model, returns, self._way_m, monitor.expected.profiles))
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to

@@ -9,13 +9,14 @@ one with the least need is chosen. A vehicle over its landing point in the landi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
+from gcs.autopilots.landing.landing_profile import LandingProfile
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel
@@ -26,7 +27,6 @@ WayLength = Callable[[int, Array, Array], float]  # row of the plan, from (3,), 
 _PRIOR = 0.01  # of a full battery: the weight of the model against the measured discharge
 _JUMP = 0.03  # a larger step between two reports is no discharge
 _BRAKE_MPS2 = 1.5
-_SLOW_MPS, _SLOW_BELOW_M = 0.5, 10.0  # the last metres of a landing
 _OVER_M = 10.0  # horizontally: over its landing point
 
 
@@ -160,11 +160,22 @@ def _preference(one: EnergyOption) -> tuple[int, float]:
 class EnergyAdviser:
     """Computes the alternatives of a plan's vehicles. `way_m` is the length of a route round no-fly zones."""
 
-    def __init__(self, plan: Plan, model: BatteryModel, returns: ReturnPlan, way_m: WayLength = straight_m) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        model: BatteryModel,
+        returns: ReturnPlan,
+        way_m: WayLength = straight_m,
+        landings: Mapping[int, LandingProfile] | None = None,
+    ) -> None:
+        """`landings`: how vehicles land, by system id; one without lands as the scenario's autopilot does."""
         self._plan = plan
         self.model = model
         self._returns = returns
         self._way_m = way_m
+        given = landings or {}
+        rows = zip(plan.sysids, plan.autopilots, strict=True)
+        self._landings = [given.get(sysid) or known.traits.landing.profile() for sysid, known in rows]
 
     def committed(self, now: EnergySituation) -> bool:
         """Whether a vehicle is over its landing point in the landing phase: it lands there, whatever is left."""
@@ -191,7 +202,7 @@ class EnergyAdviser:
         found.append(self._to_point(now, Outcome.RETURN, SafePoint("own pad", plan.pads_ned_m[row])))
         north_m, east_m, down_m = map(float, now.place_ned_m)
         ground_m = float(np.asarray(ground_envelope_m(plan.scenario.terrain, north_m, east_m)))
-        sink_s, sink_need = self._descent(-down_m - ground_m, now.scale)
+        sink_s, sink_need = self._descent(now, down_m, -ground_m)
         found.append(EnergyOption(Outcome.LAND, "", 0.0, sink_s, 100.0 * sink_need))
         return tuple(found)
 
@@ -206,7 +217,7 @@ class EnergyAdviser:
         off_m = straight_m(row, now.place_ned_m, places[0])
         flown_m = off_m + float(np.linalg.norm(np.diff(places[:, :2], axis=0), axis=1).sum())
         top_down_m = float(now.place_ned_m[2] if t_s >= landing_s else over[2])
-        sink_s, sink_need = self._descent(float(plan.landing_points_ned_m[row][2]) - top_down_m, now.scale)
+        sink_s, sink_need = self._descent(now, top_down_m, float(plan.landing_points_ned_m[row][2]))
         off_s = off_m / speeds.cruise_mps
         use = self.model.planned_use(row, start_s, landing_s) + off_s * self.model.use_per_s(speeds.cruise_mps)
         seconds = off_s + landing_s - start_s + sink_s
@@ -222,7 +233,7 @@ class EnergyAdviser:
         climb_s = (float(now.place_ned_m[2]) - top_down_m) / speeds.climb_mps
         way_m = self._way_m(now.row, now.place_ned_m, point.ned_m)
         flat_s = way_m / speeds.cruise_mps
-        sink_s, sink_need = self._descent(float(point.ned_m[2]) - top_down_m, now.scale)
+        sink_s, sink_need = self._descent(now, top_down_m, float(point.ned_m[2]))
         need = (
             (brake_s + speeds.wait_s) * model.hover_per_s
             + climb_s * model.use_per_s(0.0, speeds.climb_mps)
@@ -239,12 +250,11 @@ class EnergyAdviser:
             target_ned_m=(north, east, down),
         )
 
-    def _descent(self, height_m: float, scale: float) -> tuple[float, float]:
-        """Seconds and share of a landing from this height."""
-        height_m = max(height_m, 0.0)
-        slow_m = min(height_m, _SLOW_BELOW_M)
-        seconds = slow_m / _SLOW_MPS + (height_m - slow_m) / self._returns.speeds.sink_mps
-        return seconds, scale * seconds * self.model.hover_per_s
+    def _descent(self, now: EnergySituation, top_down_m: float, ground_down_m: float) -> tuple[float, float]:
+        """Seconds and share of the autopilot's own landing between two values of down. Its heights count from home."""
+        home_down_m = float(self._plan.pads_ned_m[now.row, 2])
+        seconds = self._landings[now.row].duration_s(home_down_m - top_down_m, home_down_m - ground_down_m)
+        return seconds, now.scale * seconds * self.model.hover_per_s
 
 
 def _rounded(values: dict[str, Any]) -> dict[str, Any]:

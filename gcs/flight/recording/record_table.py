@@ -35,9 +35,9 @@ def build_record(
 
     Columns: t_s (plan time), sysid, north/east/down_m, v_..._mps, planned_..._m, planned_v_..._mps, error_m, armed,
     mode, battery_pct (-1: not reported), autopilot, formation_error_m (Definition 1 at that time, of all vehicles; NaN
-    after the last report of one of them). Common local NED frame. In the landing phase the planned columns are the
-    descent that the vehicle's autopilot flies by itself. `systems` are the MAVLink systems of vehicles with another
-    system id than in the plan.
+    after the last report of one of them). Common local NED frame. In the landing the planned columns are the descent
+    that the vehicle's autopilot flies by itself, to the ground. `systems` are the MAVLink systems of vehicles with
+    another system id than in the plan.
     """
     messages = tuple(messages)
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
@@ -107,8 +107,8 @@ def _table(expected: ExpectedMotion, rows: list[Row]) -> pa.Table:
         reported[mine, :3] += plan.pads_ned_m[row]
         if mine.any():
             states = expected.of_vehicle(row, t_s[mine])
-            planned[mine] = np.hstack([states[:, POSITION], states[:, VELOCITY]])
-    planned[(t_s < plan.t_start_s) | (t_s > plan.t_end_s)] = np.nan
+            motion = np.hstack([states[:, POSITION], states[:, VELOCITY]])
+            planned[mine] = np.where(expected.covers(row, t_s[mine])[:, None], motion, np.nan)
     data: dict[str, object] = {"t_s": t_s, "sysid": sysids}
     for name, values in (("", reported), ("planned_", planned)):
         data |= {f"{name}{axis}_m": values[:, n] for n, axis in enumerate(_AXES)}

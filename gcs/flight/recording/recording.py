@@ -82,13 +82,14 @@ class Recording:
     def planned(self, t_s: Array) -> tuple[Array, Array] | None:
         """Return the planned ones, NaN before and after the plan; None without a plan.
 
-        In the landing phase they are those of the autopilots' own descents.
+        In the landing they are those of the autopilots' own descents, to the ground.
         """
         plan = self.plan
         if plan is None:
             return None
-        states = ExpectedMotion(plan, self.landings).states(t_s)
-        states = np.where(((t_s < plan.t_start_s) | (t_s > plan.t_end_s))[None, :, None], np.nan, states)
+        expected = ExpectedMotion(plan, self.landings)
+        covered = np.stack([expected.covers(row, t_s) for row in range(len(plan.sysids))])
+        states = np.where(covered[..., None], expected.states(t_s), np.nan)
         return states[..., POSITION], states[..., VELOCITY]
 
 

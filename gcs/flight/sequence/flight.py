@@ -164,7 +164,7 @@ class FlightSequence:
             self.step.value,
             1.0 if self.step is Step.DONE else progress,
             t_s,
-            {sysid: view.error_m for sysid, view in self.monitor.views.items()},
+            self.monitor.errors_m,
             {sysid: s.heartbeat_age_s() for sysid, s in self.sessions.items()},
             {sysid: s.armed for sysid, s in self.sessions.items()},
             self.monitor.separation_m(),

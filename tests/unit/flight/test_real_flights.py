@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from gcs.aio import alongside
 from gcs.autopilots.traits import Autopilot
+from gcs.cli.console import Screen
+from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.main import run
+from gcs.cli.plan_argument import Stopwatch
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
@@ -40,6 +44,16 @@ SEEN = {
 # Every two seconds while these flights had rally points in frame 6: shown, and no incident.
 OLD_RALLY_FRAME = "CRITICAL: RTL: unsupported MAV_FRAME"
 
+# More than the largest position error that the lines of progress say in the landing, m. Beside the planned descent it
+# would be 15 m.
+LANDING_LINES = {
+    "arducopter-4.5.6-follow-wind": 1.1,
+    "arducopter-4.5.6-stream": 1.1,
+    "mixed-stream": 3.0,
+    "px4-1.17dev-follow": 2.6,
+    "px4-1.17dev-stream": 2.3,
+}
+
 
 @pytest.mark.parametrize("name", FULL)
 def test_the_report_has_the_figures_that_were_seen(
@@ -66,7 +80,9 @@ def test_a_replay_names_every_mode_and_every_vehicle(
 
 
 @pytest.mark.parametrize("name", STREAMED)
-def test_a_whole_flight_passes_without_an_incident(name: str, tmp_path: Path) -> None:
+def test_a_whole_flight_passes_without_an_incident(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     recorded = Flight(unpacked(name, tmp_path))
     events: list[Event] = []
 
@@ -85,11 +101,17 @@ def test_a_whole_flight_passes_without_an_incident(name: str, tmp_path: Path) ->
             returns=plan_returns(plan, fleet_autopilots(plan, {n: s.autopilot for n, s in sessions.items()})),
             hooks=FlightHooks(events.append),
         )
-        await sequence.resume(Resume.RESUME, recorded.t0_unix_s)
+        async with alongside(FlightView(Screen(), Stopwatch(0.0), "").follow(sequence)):
+            await sequence.resume(Resume.RESUME, recorded.t0_unix_s)
         link.close()
         return sequence
 
     heard = in_virtual_time(hear())
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("landing: ")]
+    errors_m = [float(m[1]) for line in lines if (m := re.search(r"position error at most ([\d.]+) m", line))]
+    assert len(errors_m) >= 5
+    assert max(errors_m) < LANDING_LINES[name]
+    assert not any("formation error" in line for line in lines[1:])  # the first one is of the last moment before
     assert [event for event in events if OLD_RALLY_FRAME not in event.what] == []
     first_s, last_s = SEEN[name][1]
     assert all(first_s <= late_s <= last_s for late_s in heard.monitor.late_s.values())

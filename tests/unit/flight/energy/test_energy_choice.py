@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.autopilots.landing.landing_profile import LandingProfile
 from gcs.autopilots.traits import Autopilot
 from gcs.flight.energy.energy_choice import (
     Discharge,
@@ -26,6 +27,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import battery_model, energy_Wh
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan
+from gcs.scenario.environment.terrain import ground_envelope_m
 from tests.real_flights import FOLDER, Flight, unpacked
 
 RECORDED = "arducopter-4.5.6-mission"
@@ -171,6 +173,24 @@ def test_over_its_landing_point_in_the_landing_phase_it_lands_there(
         assert straight.decide(now, reserve_pct).chosen.outcome is Outcome.FINISH
 
 
+def test_a_landing_needs_the_time_of_the_autopilots_own_descent(field: tuple[Plan, ReturnPlan]) -> None:
+    """In closed form at constant speed; else that of the profile, from heights above the vehicle's own home."""
+    plan, returns = field
+    model, slow = battery_model(plan), LandingProfile((0.0,), (0.25,), 2.0)
+    own = {plan.sysids[0]: slow, plan.sysids[1]: Autopilot.PX4.traits.landing.profile()}
+    ours = EnergyAdviser(plan, model, returns, landings=own)
+    for row, profile in enumerate((slow, own[plan.sysids[1]], Autopilot.ARDUPILOT.traits.landing.profile())):
+        home_m = -float(plan.pads_ned_m[row, 2])
+        place = np.array([*plan.pads_ned_m[row, :2], -(home_m + 25.0)])
+        here = ours.alternatives(EnergySituation(row, place, np.zeros(3), 50.0, 60.0, 2.0))[-1]
+        assert here.outcome is Outcome.LAND
+        ground_m = float(ground_envelope_m(plan.scenario.terrain, place[0], place[1])) - home_m
+        assert here.duration_s == pytest.approx(profile.duration_s(25.0, ground_m))
+        assert here.need_pct == pytest.approx(200.0 * here.duration_s * model.hover_per_s)
+        if profile is slow:
+            assert here.duration_s == pytest.approx(2.0 + (25.0 - ground_m) / 0.25)
+
+
 def test_a_way_round_zones_counts_with_its_length(field: tuple[Plan, ReturnPlan]) -> None:
     plan, _ = field
     direct = adviser(field).alternatives(at(plan, 60.0, 50.0))
@@ -187,7 +207,7 @@ def test_a_free_landing_point_of_another_vehicle_may_be_the_nearest(field: tuple
     plan, _ = field
     now = at(plan, 60.0, 15.0)
     point = SafePoint("landing point of vehicle 4", now.place_ned_m + np.array([20.0, 0.0, 24.0]))
-    situation = EnergySituation(0, now.place_ned_m, now.velocity_ned_mps, 15.0, 60.0, points=(point,))
+    situation = EnergySituation(0, now.place_ned_m, now.velocity_ned_mps, 16.0, 60.0, points=(point,))
     choice = adviser(field).decide(situation, 10.0)
     assert choice.chosen.outcome is Outcome.NEAREST
     assert choice.chosen.target == "landing point of vehicle 4"

@@ -1,0 +1,89 @@
+"""What the monitor says of a landing: the error beside the descent of the vehicle's own autopilot, to the ground."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gcs.autopilots.landing.landing_profile import LandingProfile
+from gcs.flight.monitor import Monitor
+from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.message import Message
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.plan import Plan
+
+T0_UNIX_S = 1.7e9
+SLOW = LandingProfile((0.0,), (0.1,), 1.0)  # the landing lasts far longer than that of the plan
+
+
+class Heard:
+    """A monitor that hears where vehicles are."""
+
+    def __init__(self, plan: Plan, landings: dict[int, LandingProfile]) -> None:
+        self.plan = plan
+        self.monitor = Monitor(plan, landings)
+        self.monitor.t0_unix_s = T0_UNIX_S
+        self.clock = VehicleClock()
+
+    def at(self, t_s: float, off_ned_m: tuple[float, float, float]) -> None:
+        """All vehicles report a place that is so far from the expected one."""
+        boot_ms = round(1000.0 * t_s) + 1_000_000
+        unix_usec = round(1e6 * (T0_UNIX_S + t_s))
+        self.clock.receive(Message("SYSTEM_TIME", {"time_boot_ms": boot_ms, "time_unix_usec": unix_usec}), t_s)
+        for row in range(len(self.plan.sysids)):
+            place = self.expected(row, t_s) + np.array(off_ned_m) - self.plan.pads_ned_m[row]
+            fields = dict(zip("xyz", place.tolist(), strict=True)) | dict.fromkeys(("vx", "vy", "vz"), 0.0)
+            self.monitor.receive(row, Message("LOCAL_POSITION_NED", {"time_boot_ms": boot_ms, **fields}), self.clock)
+
+    def expected(self, row: int, t_s: float) -> Array:
+        """In closed form: above the landing point, 0.1 m/s down from 1 s after the order on."""
+        landing_s = self.plan.phase("landing").start_s
+        if t_s <= landing_s or self.plan.sysids[row] not in self.monitor.expected.profiles:
+            return np.array(self.plan.states(np.array([min(t_s, self.plan.t_end_s - 1e-6)]))[row, 0, :3])
+        place = np.array(self.plan.states(np.array([landing_s]))[row, 0, :3])
+        sunk_m = 0.1 * max(t_s - landing_s - 1.0, 0.0)
+        place[2] = min(place[2] + sunk_m, self.plan.landing_points_ned_m[row, 2])
+        return place
+
+
+def test_a_landing_is_compared_with_the_descent_of_the_autopilot_to_its_end(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = Heard(plan, dict.fromkeys(plan.sysids, SLOW))
+    for t_s in (plan.flight_s, plan.phase("landing").start_s + 5.0, plan.t_end_s + 3.0, plan.t_end_s + 100.0):
+        heard.at(t_s, (0.3, 0.0, 0.4))
+        assert heard.monitor.plan_time_s == pytest.approx(t_s, abs=0.01)
+        assert list(heard.monitor.errors_m.values()) == pytest.approx([0.5] * len(plan.sysids), abs=0.01)
+
+
+def test_without_a_profile_nothing_is_expected_after_the_plan(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = Heard(plan, {plan.sysids[0]: SLOW})
+    heard.at(plan.t_end_s - 0.1, (0.0, 0.5, 0.0))
+    assert list(heard.monitor.errors_m.values()) == pytest.approx([0.5] * len(plan.sysids), abs=0.01)
+    heard.at(plan.t_end_s + 3.0, (0.0, 0.5, 0.0))
+    first, *others = heard.monitor.errors_m.values()
+    assert first == pytest.approx(0.5, abs=0.01)
+    assert all(map(math.isnan, others))
+
+
+def test_a_vehicle_that_left_the_plan_has_no_error_beside_it(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = Heard(plan, dict.fromkeys(plan.sysids, SLOW))
+    heard.at(10.0, (0.0, 0.0, 20.0))
+    heard.monitor.in_formation = plan.sysids[1:]
+    errors_m = heard.monitor.errors_m
+    assert math.isnan(errors_m[plan.sysids[0]])
+    assert errors_m[plan.sysids[1]] == pytest.approx(20.0, abs=0.01)
+    assert heard.monitor.views[plan.sysids[0]].error_m == pytest.approx(20.0, abs=0.01)
+
+
+def test_the_formation_error_ends_with_the_formation(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = Heard(plan, dict.fromkeys(plan.sysids, SLOW))
+    heard.at(plan.phase("landing").start_s - 0.5, (0.0, 0.0, 0.0))
+    assert heard.monitor.formation_error_m() == pytest.approx(0.0, abs=0.02)
+    heard.at(plan.phase("landing").start_s + 10.0, (0.0, 0.0, 0.0))
+    assert math.isnan(heard.monitor.formation_error_m())
+    assert heard.monitor.separation_m() > 0.3
