@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import signal
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager, suppress
 from typing import Any, TypeVar
@@ -41,6 +43,46 @@ async def insisted(work: Coroutine[Any, Any, None]) -> None:
             await asyncio.shield(task)
     with suppress(asyncio.CancelledError):
         task.result()
+
+
+class Stoppable:
+    """Runs work that Ctrl-C cancels once. From then on Ctrl-C calls `on_again`, and the work ends by itself.
+
+    `asyncio.run` alone would cancel every task at the second Ctrl-C, those that land vehicles too.
+    """
+
+    def __init__(self) -> None:
+        self.on_again: Callable[[], None] = lambda: None
+        self._stopped = self._listens = False
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run `work` in an event loop of its own. Raises KeyboardInterrupt if it was stopped.
+
+        A program that handles SIGINT itself keeps doing so.
+        """
+        in_main = threading.current_thread() is threading.main_thread()
+        self._listens = in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        try:
+            return asyncio.run(self._main(work))
+        except asyncio.CancelledError:
+            if self._stopped:
+                raise KeyboardInterrupt from None
+            raise
+
+    async def _main(self, work: Coroutine[Any, Any, T]) -> T:
+        task = asyncio.ensure_future(work)
+        loop = asyncio.get_running_loop()
+        with suppress(NotImplementedError):  # Windows
+            if self._listens:
+                loop.add_signal_handler(signal.SIGINT, self._stop, task)
+        return await task
+
+    def _stop(self, task: asyncio.Future[Any]) -> None:
+        if self._stopped:
+            self.on_again()
+        else:
+            self._stopped = True
+            task.cancel()
 
 
 @asynccontextmanager

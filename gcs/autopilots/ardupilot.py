@@ -223,7 +223,7 @@ ARDUPILOT = AutopilotTraits(
         stream_first_s=0.0,
         lag_s=0.0,  # setpoints that came 0.1 s early put it 0.43 m ahead
         waits_for_time_of_day=True,
-        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS),
+        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.FENCE_STATUS, MessageId.RC_CHANNELS),
         failsafe=_FAILSAFE,
     ),
     landing=LandingBehaviour(

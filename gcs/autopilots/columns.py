@@ -152,7 +152,7 @@ class FlightBehaviour:
     stream_first_s: float  # a setpoint stream of this length must precede guided mode, and must not stop in it
     lag_s: float  # delay with which it follows setpoints that arrive on time
     waits_for_time_of_day: bool  # NAV_DELAY until an hour, minute and second
-    health_ids: tuple[int, ...]  # messages that report failures in flight
+    health_ids: tuple[int, ...]  # messages that report failures, and a pilot's input, in flight
     failsafe: FailsafeSigns = FailsafeSigns()
     takeoff_modes: frozenset[int] = frozenset()  # shown between arming and the hover, besides `armed_in`
 

@@ -203,7 +203,7 @@ PX4 = AutopilotTraits(
         stream_first_s=1.5,
         lag_s=0.1,  # 0.13 s at 20 Hz, less half a period of waiting for the next setpoint
         waits_for_time_of_day=False,
-        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT),
+        health_ids=(MessageId.SYS_STATUS, MessageId.GPS_RAW_INT, MessageId.RC_CHANNELS),
         failsafe=_FAILSAFE,
         takeoff_modes=frozenset({px4_mode(4, 2)}),
     ),

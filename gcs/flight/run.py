@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gcs.aio import Stoppable
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
 from gcs.flight.lateness import skew_s
@@ -131,7 +132,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     checks: list[PreflightCheck] = []
     sent: dict[int, SentAs] = {}
-    times, late_s = asyncio.run(_fly(order, watcher, folder, index, navigator, stream, checks, sent))
+    ctrl_c = Stoppable()
+    flying = _fly(order, watcher, folder, index, navigator, stream, checks, sent, ctrl_c)
+    times, late_s = ctrl_c.run(flying)
     missions = sent_data(sent)
     watcher.lap("fly")
     if order.link is not None:
@@ -172,6 +175,7 @@ async def _fly(
     stream: SetpointStream,
     checks: list[PreflightCheck],
     sent: dict[int, SentAs],
+    ctrl_c: Stoppable,
 ) -> tuple[FlightTimes, dict[int, float]]:
     """Return the times of the flight, and the delay of each vehicle behind the plan.
 
@@ -222,6 +226,7 @@ async def _fly(
 
         hooks = FlightHooks(on_event, on_step)
         flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
+        ctrl_c.on_again = flight.landing.tell_aloft
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()

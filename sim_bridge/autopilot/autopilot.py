@@ -43,6 +43,7 @@ class EmulatedAutopilot:
         self.setpoints = OffboardTimeout(personality.streaming.proof_s)
         self.mode = self._numbered(personality.modes.at_boot)
         self.failing = False  # a failsafe is in control
+        self.channels_us: tuple[int, ...] = ()  # of a pilot's remote control; empty without one
         self._mode_after = self.mode  # the mode after disarming, where the autopilot returns to one
         self._stream_loss: Intent | None = None
         self._disarm_s = math.inf

@@ -62,6 +62,7 @@ class Failsafe:
         self.breach = Breach.NONE
         self.breaches = 0
         self.breached_s = 0.0
+        self._told_s = 0.0  # of a breach
 
     def use(self, settings: Mapping[Setting, float]) -> None:
         """Apply these settings."""
@@ -144,11 +145,14 @@ class Failsafe:
     def _watch_fence(self, t_s: float, place_ned_m: Array) -> None:
         kind = self._crossed(place_ned_m) if self.fenced else 0
         before, self.breach = self.breach, _breach_of(kind)
-        if not kind or before is not Breach.NONE:
+        if not kind or (before is not Breach.NONE and t_s < self._told_s + self._failsafes.fence.repeats_s):
+            return
+        self._told_s = t_s
+        self._autopilot.event_queue.add_text(Note.FENCE_BREACHED, fence=_NAMES[kind])
+        if before is not Breach.NONE:
             return
         self.breaches += 1
         self.breached_s = t_s
-        self._autopilot.event_queue.add_text(Note.FENCE_BREACHED, fence=_NAMES[kind])
         self._act(t_s, self._chosen(Setting.FENCE_ACTION, self._failsafes.fence.actions))
 
     def _crossed(self, place_ned_m: Array) -> int:

@@ -140,10 +140,12 @@ PUSH = FaultKind(
     ),
 )
 WRONG_CRC = FaultKind("wrong-crc", 18, "CalcFileCRC32 of MAVLink FTP answers another checksum")
+REFUSE = FaultKind("refuse-commands", 19, "every command is refused")
+IGNORE = FaultKind("ignore-commands", 20, "no command is carried out or acknowledged")
 
 KINDS = (
     *(LOSS, DUPLICATE, REORDER, CORRUPT, DELAY, SILENT, DIE, REJECT_MISSION, REBOOT),
-    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC),
+    *(GNSS_OUTAGE, GNSS_JUMP, MOTOR, BATTERY, STUCK, SLOW, WIND, PUSH, WRONG_CRC, REFUSE, IGNORE),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}
 _WHOLE = frozenset({"motor", "sensor"})

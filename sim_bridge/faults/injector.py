@@ -130,6 +130,8 @@ class FaultInjector:
         vehicle = self._vehicles[row]
         vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
         vehicle.wrong_checksums = any(fault.kind is f.WRONG_CRC for fault in active)
+        vehicle.commands.refuses = any(fault.kind is f.REFUSE for fault in active)
+        vehicle.commands.ignores = any(fault.kind is f.IGNORE for fault in active)
         if row in self.radios:
             radio = self.radios[row]
             radio.up.impairment = _impairment(active, LinkDirection.UP)

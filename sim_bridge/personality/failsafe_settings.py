@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -79,6 +80,7 @@ class FenceFailsafe:
     actions: Actions
     one_area_suffices: bool  # being inside one of several inclusion areas is enough
     off: int | None = None  # the action value that switches the fence off; None: FENCE_ENABLED does
+    repeats_s: float = math.inf  # between its texts, as long as the vehicle is outside
 
 
 @dataclass(frozen=True)

@@ -54,12 +54,13 @@ class _Task:
 
 
 class CommandServer:
-    """Carries out the commands of one vehicle."""
+    """Carries out the commands of one vehicle. Faults: it `refuses` all of them, or `ignores` them."""
 
     def __init__(self, autopilot: EmulatedAutopilot, telemetry: Telemetry) -> None:
         self._autopilot = autopilot
         self._telemetry = telemetry
         self._replies = autopilot.personality.replies
+        self.refuses = self.ignores = False
         self._memory = CommandMemory()
         self._task: _Task | None = None
         self._handlers: dict[int, Callable[[Request, float], CommandAnswer]] = {
@@ -85,11 +86,15 @@ class CommandServer:
 
         A command that is repeated because its COMMAND_ACK was lost is acknowledged again, but not carried out again.
         """
+        if self.ignores:
+            return []
         known = self._memory.repeated(message, now_s)
         if known is not None:
             return [known]
         request = _request_in(message)
-        if request.command == MavCommand.STORAGE_FORMAT and self._replies.formats:
+        if self.refuses:
+            answer = CommandAnswer(self._replies.refused)
+        elif request.command == MavCommand.STORAGE_FORMAT and self._replies.formats:
             answer = self._format(message, t_s)
         else:
             handler = self._handlers.get(request.command) if request.command not in self._replies.unsupported else None

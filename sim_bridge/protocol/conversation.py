@@ -48,7 +48,7 @@ class Conversation:
         self._failsafe = Failsafe(autopilot)
         self._telemetry = Telemetry(Sources(instruments, autopilot, self._failsafe, personality))
         self._texts = StatusTextSender(personality.replies.numbered_texts)
-        self._commands = CommandServer(autopilot, self._telemetry)
+        self.commands = CommandServer(autopilot, self._telemetry)
         self._params = ParamServer(personality, sysid, instruments.capacity_mAh)
         self._store = MissionStore(
             self.station,
@@ -134,7 +134,7 @@ class Conversation:
             self._take_setpoint(message)
             return []
         if name in ("COMMAND_LONG", "COMMAND_INT"):
-            return self._commands.receive(message, self._instruments.t_s, now_s)
+            return self.commands.receive(message, self._instruments.t_s, now_s)
         if name == "MISSION_SET_CURRENT":
             self.autopilot.set_current(self._instruments.t_s, message.fields["seq"])
             return [m for m in [self._telemetry.build(MessageId.MISSION_CURRENT)] if m is not None]
@@ -175,8 +175,8 @@ class Conversation:
         messages: list[Message] = self._telemetry.due(t_s)
         if self._failsafe.due(t_s):
             self._failsafe.step(t_s, now_s, self._instruments.readings)
-        if self._commands.busy:
-            messages += self._commands.step(t_s)
+        if self.commands.busy:
+            messages += self.commands.step(t_s)
         if self._store.waits:
             messages += self._store.tick(now_s)
         if autopilot.events:

@@ -68,6 +68,8 @@ EFFECTS: dict[str, Callable[[World, int], bool]] = {
     "stuck=barometer": stuck,
     "slow=0.5": crept,
     "wind=0,4,-1": lambda fleet, row: fleet.airframes.wind_ned_mps[row].tolist() == [0.0, 4.0, -1.0],
+    "refuse-commands": lambda fleet, row: fleet.vehicles[row].commands.refuses,
+    "ignore-commands": lambda fleet, row: fleet.vehicles[row].commands.ignores,
     "wrong-crc": lambda fleet, row: fleet.vehicles[row].wrong_checksums,
     "push=0,5": lambda fleet, row: bool(fleet.airframes.truth[row, 4] > 0.5),
 }

@@ -23,7 +23,7 @@ from gcs.scenario.load import load_scenario
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World, WorldOptions
-from tests.fleets import free_port, running_fleet, wait_until
+from tests.fleets import free_port, running_fleet
 
 GCS = [sys.executable, "-c", "import sys; from gcs.cli.main import run; sys.exit(run())"]
 
@@ -301,9 +301,11 @@ def test_ctrl_c_lands_vehicles_that_are_not_ours(
     process.send_signal(signal.SIGINT)
     time.sleep(0.05)
     process.send_signal(signal.SIGINT)  # as people do
-    process.communicate(timeout=90.0)
+    said, _ = process.communicate(timeout=90.0)
     assert process.returncode == 130
-    wait_until(lambda: bool(fleet.airframes.landed.all()))
+    assert fleet.airframes.landed.all()
+    for sysid in fleet.sysids:
+        assert f"vehicle {sysid} still in the air" in said
 
 
 @pytest.mark.slow

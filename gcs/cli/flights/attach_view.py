@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from gcs.aio import each, until
+from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
 from gcs.errors import FlightError, UsageError
@@ -67,7 +66,8 @@ def take_up(request: AttachRequest) -> int:
     known = replace(connection(links, key_file=request.key_file), systems=book.systems)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
-    found = asyncio.run(_take_up(request, book, plan, known, loads, stream))
+    ctrl_c = Stoppable()
+    found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
     request.screen.result(found)
     return 0
 
@@ -79,6 +79,7 @@ async def _take_up(
     known: Connection,
     loads: Sequence[VehicleLoad],
     stream: SetpointStream,
+    ctrl_c: Stoppable,
 ) -> dict[str, Any]:
     options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow)
     folder, screen = request.folder, request.screen
@@ -107,6 +108,7 @@ async def _take_up(
 
         hooks = FlightHooks(tell, log_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
+        ctrl_c.on_again = flight.landing.tell_aloft
         shown = await _show(flight, book, screen)
         if request.what is not Resume.SHOW:
             await flight.resume(request.what, book.t0_unix_s)

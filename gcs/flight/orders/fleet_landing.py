@@ -21,6 +21,8 @@ from gcs.link.microservices.command import CommandSender
 from gcs.mavlink import MavCommand
 
 PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
+ORDERED_WORDS = "it was ordered to land; the flight ends when it has landed"
+SILENT_WORDS = "not heard: it is not known whether landed"
 
 
 class FleetLanding:
@@ -54,14 +56,17 @@ class FleetLanding:
         """Return the vehicles that do not report themselves disarmed: those in the air, and those not heard."""
         return [i for i, v in self._vehicles.items() if v.session.armed or not self.is_heard(i)]
 
-    def order(self, vehicle: FlightVehicle) -> None:
-        """Order a landing until the vehicle shows it; failures become events."""
+    def order(self, vehicle: FlightVehicle, *, planned: bool = False) -> None:
+        """Order a landing until the vehicle shows it; failures become events.
+
+        `planned`: as the plan wants it. Then an order that a repetition carried out did not fail.
+        """
 
         async def land() -> None:
             await set_mode(hurried(vehicle), vehicle.behaviour.land)
             self._streamer.leave(vehicle.sysid)
 
-        self.orders.start(vehicle.sysid, "land", land, self._tell_failure)
+        self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
 
     def send_once(self, *, arming: bool) -> None:
         """Send every vehicle the order to land once, without waiting for an acknowledgement."""
@@ -94,6 +99,14 @@ class FleetLanding:
                     self._told.add(sysid)
             await asyncio.sleep(LOOK_S)
 
+    def tell_aloft(self) -> None:
+        """Report the vehicles that are still in the air, and what becomes of them: Ctrl-C came once more."""
+        states = self._states()
+        for sysid, vehicle in self._vehicles.items():
+            if vehicle.session.armed:
+                ours = PILOT_WORDS if states.get(sysid) is State.LEFT else ORDERED_WORDS
+                self._tell(sysid, "still in the air", ours if self.is_heard(sysid) else SILENT_WORDS)
+
     def words(self) -> str:
         """Return which vehicles reported a landing, and which did not."""
         left = self.not_landed()
@@ -101,14 +114,18 @@ class FleetLanding:
             return "all vehicles have landed"
         lost = [i for i in left if not self.is_heard(i)]
         aloft = [i for i in left if i not in lost]
-        parts = [f"{_named(lost)} not heard: it is not known whether landed"] if lost else []
+        parts = [f"{_named(lost)} {SILENT_WORDS}"] if lost else []
         parts += [f"{_named(aloft)} still armed"] if aloft else []
         landed = [i for i in self._vehicles if i not in left]
         return "; ".join([*([f"{_named(landed)} landed"] if landed else []), *parts])
 
     def raise_failed_orders(self, stopped: BaseException | None = None) -> None:
-        """Raises OrderError if a vehicle refused or did not answer an order. `stopped` ended the flight early."""
-        failed = "; ".join(str(order) for order in self.orders.failed)
+        """Raises OrderError if a vehicle refused or did not answer an order. `stopped` ended the flight early.
+
+        A planned landing did not fail where the vehicle landed, however late its answers came.
+        """
+        left = self.not_landed()
+        failed = "; ".join(str(order) for order in self.orders.failed if not order.planned or order.sysid in left)
         if failed:
             because = f"{stopped.message} " if isinstance(stopped, GcsError) else ""
             raise OrderError(

@@ -1,7 +1,7 @@
 """An order in a crisis is repeated until it is carried out, with growing pauses. Time is an argument.
 
 It ends when the vehicle shows the ordered mode, has landed, or is out of reach. What was refused or not answered stays
-known to the end of the flight.
+known to the end of the flight. A planned landing is repeated in the same way; it has failed only if nothing came of it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ class FailedOrder:
     reason: str
     attempts: int
     carried_out: bool = False  # by a later repetition
+    planned: bool = False  # by the plan, not in a crisis
 
     def __str__(self) -> str:
         times = "once" if self.attempts == 1 else f"{self.attempts} times"
@@ -36,6 +37,7 @@ class StandingOrder:
     due_s: float = 0.0
     attempts: int = 0
     reason: str = ""
+    planned: bool = False
     _pause_s: float = field(default=FIRST_PAUSE_S)
 
     def wait_s(self, now_s: float) -> float:
@@ -57,9 +59,9 @@ class OrderBook:
         self._orders: dict[int, StandingOrder] = {}
         self._failed: dict[tuple[int, str], FailedOrder] = {}
 
-    def give(self, sysid: int, what: str, now_s: float) -> StandingOrder:
+    def give(self, sysid: int, what: str, now_s: float, *, planned: bool = False) -> StandingOrder:
         """Begin an order, due at once."""
-        order = StandingOrder(sysid, what, now_s)
+        order = StandingOrder(sysid, what, now_s, planned=planned)
         self._orders[sysid] = order
         return order
 
@@ -70,12 +72,16 @@ class OrderBook:
     def note_failure(self, order: StandingOrder, now_s: float, reason: str) -> None:
         """Take in an attempt that failed."""
         order.failed(now_s, reason)
-        self._failed[order.sysid, order.what] = FailedOrder(order.sysid, order.what, reason, order.attempts)
+        self._failed[order.sysid, order.what] = FailedOrder(
+            order.sysid, order.what, reason, order.attempts, planned=order.planned
+        )
 
     def carried_out(self, order: StandingOrder) -> None:
         """Take in that the vehicle did as ordered."""
         if self.stands(order):
             self.end(order.sysid)
+        if order.planned:
+            self._failed.pop((order.sysid, order.what), None)
         before = self._failed.get((order.sysid, order.what))
         if before is not None:
             self._failed[order.sysid, order.what] = FailedOrder(

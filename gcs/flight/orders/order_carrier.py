@@ -34,10 +34,21 @@ class OrderCarrier:
         """Every order that was refused or not answered at least once."""
         return self._book.failed
 
-    def start(self, sysid: int, what: str, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
-        """Begin an order in place of the one before. `work` gives it once and raises GcsError if that fails."""
+    def start(
+        self,
+        sysid: int,
+        what: str,
+        work: Callable[[], Awaitable[object]],
+        on_failure: OnFailure,
+        *,
+        planned: bool = False,
+    ) -> None:
+        """Begin an order in place of the one before. `work` gives it once and raises GcsError if that fails.
+
+        A `planned` order that a repetition carried out did not fail.
+        """
         self.end(sysid)
-        order = self._book.give(sysid, what, asyncio.get_running_loop().time())
+        order = self._book.give(sysid, what, asyncio.get_running_loop().time(), planned=planned)
         self._tasks[sysid] = asyncio.ensure_future(self._insist(order, work, on_failure))
 
     def end(self, sysid: int) -> None:

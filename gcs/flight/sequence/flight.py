@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gcs.aio import LOOK_S, alongside, each, ended, insisted, until
+from gcs.aio import alongside, each, ended, insisted, until
 from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
@@ -28,6 +28,7 @@ from gcs.flight.orders.order_book import StandingOrder
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
 from gcs.flight.sequence.common_start import CommonStart
 from gcs.flight.sequence.fleet_time import FleetTime
+from gcs.flight.sequence.link_watch import watch_links
 from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
@@ -136,7 +137,7 @@ class FlightSequence:
 
     async def _guarded(self, flying: Coroutine[Any, Any, T]) -> T:
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
-        watch = asyncio.ensure_future(self._watch_links())
+        watch = asyncio.ensure_future(watch_links(self.sessions, lambda: self.step, self.options.lost_after_s))
         work = asyncio.ensure_future(flying)
         try:
             done, _ = await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
@@ -314,7 +315,7 @@ class FlightSequence:
         if self.options.mode is FlightMode.STREAM:
             for vehicle in self.vehicles.values():
                 if self.contingency.policy.states[vehicle.sysid] is State.FLYING:
-                    self.landing.order(vehicle)
+                    self.landing.order(vehicle, planned=True)
         await self.landing.until_landed()
 
     def _tell_failure(self, order: StandingOrder) -> None:
@@ -375,23 +376,6 @@ class FlightSequence:
                 self.streamer.wake()
 
         return vehicle.session.subscribe(receive)
-
-    async def _watch_links(self) -> None:
-        """Raises FlightError as soon as a vehicle has been silent for too long; in flight, as soon as all have."""
-        while True:
-            await asyncio.sleep(LOOK_S)
-            silent = {s.sysid: s.heartbeat_age_s() for s in self.sessions.values()}
-            lost = [sysid for sysid, silent_s in silent.items() if silent_s > self.options.lost_after_s]
-            if self.step in (Step.FLY, Step.LAND) and len(lost) < len(silent):
-                continue  # the contingency policy handles this
-            if lost:
-                lost_words = (
-                    f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
-                )
-                raise FlightError(
-                    f"{lost_words} lost ({self.step.value}): no heartbeat for {silent[lost[0]]:.1f} s.",
-                    hint="the others were ordered to land; search for it at its last reported position",
-                )
 
     async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
         await ended(work)

@@ -10,10 +10,11 @@ import numpy as np
 from gcs.aio import ended
 from gcs.autopilots.columns import FlightBehaviour
 from gcs.autopilots.flight_modes import flight_behaviour
-from gcs.errors import PeerError
+from gcs.errors import PeerError, PeerTimeout
 from gcs.flight.offboard.setpoint_messages import setpoint_message
 from gcs.link.session.vehicle_api import Flyable, Setpoint
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
 
 if TYPE_CHECKING:
@@ -28,26 +29,34 @@ async def until_mode(
 ) -> None:
     """Request a mode, by DO_SET_MODE or `command`, and wait until the HEARTBEAT shows it.
 
+    A HEARTBEAT with the mode is as good as the COMMAND_ACK: on a busy machine both come seconds late, in any order.
     Raises CommandRefused, PeerTimeout.
     """
+
+    def shown(message: Message) -> bool:
+        return message.name == "HEARTBEAT" and bool(message.fields["custom_mode"] == mode)
+
+    parameters = behaviour.mode_parameters(mode) if command is None else ()
     # Listen first: an emulated vehicle may have landed and left the mode again before its acknowledgement is read.
-    seen = asyncio.ensure_future(
-        session.wait_for(
-            lambda m: m.name == "HEARTBEAT" and m.fields["custom_mode"] == mode,
-            timeout_s,
-            f"mode {behaviour.mode_name(mode)}",
-            or_latest=True,
-        )
-    )
+    seen = asyncio.ensure_future(session.wait_for(shown, timeout_s, f"mode {behaviour.mode_name(mode)}"))
+    asked = asyncio.ensure_future(session.command(MavCommand.DO_SET_MODE if command is None else command, *parameters))
+    missed: PeerTimeout | None = None
     try:
-        await asyncio.sleep(0)
-        if command is None:
-            await session.command(MavCommand.DO_SET_MODE, *behaviour.mode_parameters(mode))
-        else:
-            await session.command(command)
+        await asyncio.wait({seen, asked}, return_when=asyncio.FIRST_COMPLETED)
+        if not seen.done():
+            try:
+                await asked
+            except PeerTimeout as silence:
+                missed = silence
+            else:
+                if shown(session.latest["HEARTBEAT"]):
+                    return
         await seen
+    except PeerTimeout as hidden:
+        raise (missed or hidden) from None
     finally:
         await ended(seen)
+        await ended(asked)
 
 
 def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:

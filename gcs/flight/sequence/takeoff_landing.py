@@ -1,4 +1,4 @@
-"""Take-off and landing of one vehicle: telemetry, readiness, arming, hover over the pad, disarming."""
+"""One vehicle before its flight: telemetry, readiness, arming, hover over the pad, and its modes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.single_vehicle import until_mode
 from gcs.link.session.vehicle_session import VehicleSession
-from gcs.link.wire.message import Message
-from gcs.mavlink import MavCommand, MessageId, ModeFlag
+from gcs.mavlink import MavCommand, MessageId
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 
@@ -128,15 +127,3 @@ async def until_hovering(vehicle: FlightVehicle) -> None:
         return bool(near and np.linalg.norm(view.velocity_ned_mps) < _SETTLED_MPS)
 
     await until(settled, vehicle.options.phase_timeout_s, f"vehicle {vehicle.sysid}: hover over its pad")
-
-
-async def until_landed(vehicle: FlightVehicle) -> None:
-    """Wait until a vehicle is disarmed: EXTENDED_SYS_STATE and items reached come too early. Raises PeerTimeout."""
-    await vehicle.session.wait_for(
-        is_disarmed, vehicle.options.phase_timeout_s, "disarming after the landing", or_latest=True
-    )
-
-
-def is_disarmed(message: Message) -> bool:
-    """Whether it is a HEARTBEAT of a disarmed vehicle."""
-    return message.name == "HEARTBEAT" and not message.fields["base_mode"] & ModeFlag.ARMED

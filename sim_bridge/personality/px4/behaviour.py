@@ -127,7 +127,9 @@ _FAILSAFES = FailsafeSettings(
         ),
     ),
     battery_timeout_s=0.0,
-    fence=FenceFailsafe(actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0),
+    fence=FenceFailsafe(
+        actions={2: Intent.HOLD, 3: Intent.RETURN, 5: Intent.LAND}, one_area_suffices=True, off=0, repeats_s=2.1
+    ),
     estimate=EstimateFailsafe(6.0, {}, always=Intent.LAND),
     stream=dict.fromkeys((0, 1, 2), Intent.MANUAL) | {3: Intent.RETURN, 4: Intent.LAND, 5: Intent.HOLD},
 )

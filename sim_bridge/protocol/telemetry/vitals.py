@@ -15,6 +15,7 @@ _RTK_FIXED, _FIX_3D = 6, 3
 _SATELLITES = 18
 _DILUTION = {"rtk": (60, 100), "gnss": (121, 200)}  # of precision, in hundredths: horizontal, vertical
 _LARGEST_INT16 = 0x7FFF
+_CHANNELS, _NO_RSSI = 18, 255  # of RC_CHANNELS
 
 
 def heartbeat(sources: Sources) -> Message:
@@ -182,6 +183,16 @@ def _fence_status(sources: Sources) -> Message:
     )
 
 
+def _rc_channels(sources: Sources) -> Message | None:
+    channels_us = sources.autopilot.channels_us
+    if not channels_us:
+        return None
+    padded = [*channels_us, *[_UNKNOWN] * _CHANNELS][:_CHANNELS]
+    values = {f"chan{n}_raw": us for n, us in enumerate(padded, start=1)}
+    head = {"time_boot_ms": sources.instruments.boot_ms, "chancount": len(channels_us), "rssi": _NO_RSSI}
+    return Message("RC_CHANNELS", head | values)
+
+
 BUILDERS: dict[int, Builder] = {
     MessageId.HEARTBEAT: heartbeat,
     MessageId.SYS_STATUS: _sys_status,
@@ -191,4 +202,5 @@ BUILDERS: dict[int, Builder] = {
     MessageId.EKF_STATUS_REPORT: _ekf_status,
     MessageId.ESTIMATOR_STATUS: _estimator_status,
     MessageId.EXTENDED_SYS_STATE: _extended_state,
+    MessageId.RC_CHANNELS: _rc_channels,
 }

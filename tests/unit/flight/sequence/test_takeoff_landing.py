@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +22,6 @@ from gcs.flight.sequence.takeoff_landing import (
     set_mode,
     start_mission,
     take_off,
-    until_landed,
 )
 from gcs.link.microservices.command import CommandRefused
 from gcs.link.session.vehicle_session import VehicleSession
@@ -32,7 +32,6 @@ from tests.virtual_clock import VirtualLoop
 
 ARDUPILOT, PX4 = (known.traits.flight for known in (Autopilot.ARDUPILOT, Autopilot.PX4))
 BOTH = pytest.mark.parametrize("behaviour", [ARDUPILOT, PX4], ids=["ArduPilot", "PX4"])
-ON_THE_GROUND = 1  # MAV_LANDED_STATE
 
 
 def autopilot_of(behaviour: FlightBehaviour) -> Autopilot:
@@ -50,6 +49,7 @@ class Vehicle:
     obey: Callable[[Vehicle, dict[str, Any]], None] = lambda vehicle, fields: None
     heard: list[dict[str, Any]] = field(default_factory=list)
     session: VehicleSession | None = None
+    ack_s: float = 0.01  # after a command
 
     def heartbeat(self) -> Message:
         fields = {
@@ -67,7 +67,9 @@ class Vehicle:
         assert message.name == "COMMAND_LONG"
         self.heard.append(message.fields)
         target = {"target_system": GROUND.sysid, "target_component": GROUND.compid, "progress": 0, "result_param2": 0}
-        self.say(Message("COMMAND_ACK", {"command": message.fields["command"], "result": self.result, **target}, 1, 1))
+        answer = {"command": message.fields["command"], "result": self.result, **target}
+        if self.ack_s < math.inf:
+            self.say(Message("COMMAND_ACK", answer, 1, 1), self.ack_s)
         self.obey(self, message.fields)
 
     async def beat(self) -> None:
@@ -132,17 +134,27 @@ def test_a_mission_has_begun_when_the_heartbeat_shows_its_mode() -> None:
         live(Vehicle(ARDUPILOT, mode=ARDUPILOT.guided), None, start_mission)
 
 
-def test_landed_is_who_has_disarmed() -> None:
-    """PX4 tells its LAND item as reached 16 s before the ground, both tell that they stand before they disarm."""
-    vehicle = Vehicle(PX4, armed=True)
+@BOTH
+@pytest.mark.parametrize("ack_s", [6.0, math.inf])
+def test_a_heartbeat_with_the_mode_is_as_good_as_the_acknowledgement(behaviour: FlightBehaviour, ack_s: float) -> None:
+    """A PX4 on a busy machine: the mode was sent five times in 3.5 s, the answers came 4 to 7 s later."""
 
-    async def come_down(crew: FlightVehicle) -> None:
-        vehicle.say(Message("MISSION_ITEM_REACHED", {"seq": 7}, 1, 1), 1.0)
-        vehicle.say(Message("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": ON_THE_GROUND}, 1, 1), 16.0)
-        asyncio.get_running_loop().call_later(18.2, lambda: setattr(vehicle, "armed", False))
-        await until_landed(crew)
+    def later(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        asyncio.get_running_loop().call_later(4.8, lambda: setattr(vehicle, "mode", behaviour.land))
 
-    assert 18.2 < live(vehicle, None, come_down) < 20.0
+    busy = Vehicle(behaviour, obey=later, ack_s=ack_s)
+    assert 4.8 < live(busy, None, lambda crew: set_mode(crew, behaviour.land)) < 6.5
+    assert len(busy.heard) == 5
+    deaf = Vehicle(behaviour, ack_s=math.inf)
+    with pytest.raises(PeerTimeout, match="did not acknowledge MAV_CMD_DO_SET_MODE, sent 5 times"):
+        live(deaf, None, lambda crew: set_mode(crew, behaviour.land))
+
+
+@BOTH
+def test_a_mode_that_is_shown_already_is_requested_all_the_same(behaviour: FlightBehaviour) -> None:
+    vehicle = Vehicle(behaviour, mode=behaviour.land)
+    assert live(vehicle, None, lambda crew: set_mode(crew, behaviour.land)) < 0.5
+    assert [fields["command"] for fields in vehicle.heard] == [MavCommand.DO_SET_MODE]
 
 
 @pytest.mark.parametrize(("result", "reason_s"), [(MavResult.FAILED, -0.1), (MavResult.TEMPORARILY_REJECTED, 0.5)])
@@ -212,6 +224,7 @@ def test_nothing_is_expected_that_was_not_asked_for(behaviour: FlightBehaviour) 
     wanted = {
         MessageId.LOCAL_POSITION_NED,
         MessageId.SYSTEM_TIME,
+        MessageId.RC_CHANNELS,  # a pilot's input
         link_behaviour(autopilot_of(behaviour)).estimator.message,
         *behaviour.health_ids,
     }
