@@ -98,6 +98,19 @@ def test_beyond_a_polygon_is_a_breach_and_inside_one_of_two_only_for_px4_is_not(
 
 
 @BOTH
+def test_px4_repeats_its_text_as_long_as_it_is_outside(personality: Personality):
+    """Recorded: the second text came 2.1 s after the first."""
+    body = Watched(personality, FENCE_RADIUS_M=40.0, **enabled(personality, 4 if personality is ARDUPILOT else 2))
+    body.go(80.0)
+    body.run_until(lambda: body.failsafe.breaches == 1)
+    body.run(9.0)
+    assert body.failsafe.breach is Breach.BOUNDARY
+    said = [text for text in body.texts() if "fence" in text]
+    assert len(said) == (1 if personality is ARDUPILOT else 5)
+    assert body.failsafe.breaches == 1
+
+
+@BOTH
 def test_a_fence_that_is_switched_off_is_none(personality: Personality):
     off = {"FENCE_ENABLED": 0.0} if personality is ARDUPILOT else {"FENCE_ACTION": 0.0}
     body = Watched(personality, FENCE_RADIUS_M=40.0, **off)

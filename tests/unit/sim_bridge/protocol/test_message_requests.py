@@ -106,6 +106,21 @@ def test_without_remote_control_it_arms_all_the_same(
     assert asked.command(MavCommand.COMPONENT_ARM_DISARM, 1.0) == MavResult.ACCEPTED
 
 
+@pytest.mark.parametrize("personality", [PX4, ARDUPILOT])
+def test_the_sticks_of_a_remote_control_are_streamed_where_there_is_one(
+    repo_root: Path, personality: Personality
+) -> None:
+    asked = Asked(personality, repo_root)
+    assert asked.command(MavCommand.SET_MESSAGE_INTERVAL, MessageId.RC_CHANNELS, 500_000.0) == MavResult.ACCEPTED
+    asked.stage.run_until(3.0)
+    assert not asked.heard("RC_CHANNELS")
+    asked.stage.vehicle.autopilot.channels_us = (1500, 1500, 1000, 1500)
+    asked.stage.run_until(6.0)
+    fields = [told.message.fields for told in asked.stage.told if told.message.name == "RC_CHANNELS"]
+    assert 5 <= len(fields) <= 7
+    assert (fields[0]["chancount"], fields[0]["chan3_raw"], fields[0]["chan5_raw"]) == (4, 1000, 65535)
+
+
 @pytest.mark.parametrize(("personality", "name"), [(PX4, "BAT1_CAPACITY"), (ARDUPILOT, "BATT_CAPACITY")])
 def test_it_is_set_to_the_battery_of_its_scenario(repo_root: Path, personality: Personality, name: str) -> None:
     scenario = load_scenario(repo_root / "missions" / "field")
