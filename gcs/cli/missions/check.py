@@ -30,8 +30,9 @@ def check(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help=f"Missions ({suffixes_of(Content.MISSION)}), one vehicle per file. A {suffixes_of(Content.FENCE)} or "
-            f"{suffixes_of(Content.RALLY)} file belongs to the mission of the same name.",
+            help=f"Missions ({suffixes_of(Content.MISSION)}, .mission), one vehicle per file. A "
+            f"{suffixes_of(Content.FENCE)} or {suffixes_of(Content.RALLY)} file, or a list of points of MAVProxy, "
+            "belongs to the mission of the same name.",
             show_default=False,
         ),
     ],

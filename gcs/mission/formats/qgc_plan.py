@@ -213,7 +213,7 @@ def _read_fence(fence: _Fence, plan: PlanText) -> Geofence:
 
 def _read_rally(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
     if rally.version != 2:
-        text = f"{rally.version} instead of 2; QGroundControl drops the {len(rally.points)} points"
+        text = f"{rally.version} instead of 2, with {len(rally.points)} points; QGroundControl drops them"
         plan.told(Odd.RALLY_1, ("rallyPoints", "version"), text)
     return tuple(map(_read_point, rally.points))
 

@@ -16,7 +16,7 @@ class Odd(StrEnum):
     BLANK = "Blank lines between the rows are skipped."
     SEPARATOR = "Columns may be separated by blanks, and have blanks around them."
     SEQ = "Wrong, double and missing item numbers: the order of the items counts."
-    JUMP = "Jumps to an item number of the file are changed to the place of that item."
+    JUMP = "Jumps in JSON files to a number of the file are changed to the place of the item with it."
     CURRENT = "The column `current` is ignored."
     YAW = "The column `yaw` of QGC WPL 100 is ignored."
     EMPTY = "Empty parameters are 0."
