@@ -55,7 +55,7 @@ def test_others_give_way_to_one_that_a_pilot_stops_in_their_way(column: Plan) ->
     flown = fly(column, during=pilot, speedup=CALMLY)
     assert isinstance(flown.error, FlightError)
     assert flown.orders(1) == ["released"]
-    assert "mode left" in flown.happened(1)
+    assert "pilot took over" in flown.happened(1)
     assert flown.orders(2) == ["climb", "land"]  # 2 m more are still less than 3.6 m
     spread_s, land_s = flown.at_s(2, "ordered to climb"), flown.at_s(2, "ordered to land")
     climbing = (flown.t_s > spread_s) & (flown.t_s < land_s)

@@ -130,7 +130,7 @@ def test_a_low_battery_that_lasts_for_the_plan_changes_nothing(hop: Plan) -> Non
 
 @pytest.mark.slow
 def test_a_low_battery_that_lasts_for_nothing_else_lands(hop: Plan) -> None:
-    flown = fly(hop, "3:battery=0.115@26")
+    flown = fly(hop, "3:battery=0.112@26")
     assert flown.orders(3) == ["land"]
     flew_on(flown, 1)
     flew_on(flown, 2)
@@ -156,6 +156,6 @@ def test_a_leader_is_lost_and_another_leads(hop: Plan) -> None:
 
 @pytest.mark.slow
 def test_on_board_missions_are_watched_as_well(hop: Plan) -> None:
-    flown = fly(hop, "3:battery=0.05@75", mode=FlightMode.MISSION)
+    flown = fly(hop, "3:battery=0.05@38", mode=FlightMode.MISSION)
     assert flown.orders(3) == ["land"]
     assert flown.error is not None
