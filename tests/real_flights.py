@@ -1,7 +1,8 @@
 """Seven flights of real autopilots, thinned, and a ground station that hears them again.
 
 `Recorded` is a link: the vehicles' frames arrive at the times of the recording, in virtual time. Every command that the
-ground station sends is acknowledged; what the vehicles do stays as recorded.
+ground station sends is acknowledged, a requested message is the newest recorded one, and TIMESYNC is answered. What the
+vehicles do stays as recorded.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from gcs.flight.recording.tlog import Tlog, load_tlog
 from gcs.link.endpoints.base import Address, LinkSpec, Receive, parse_link_spec
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message
+from gcs.mavlink import MavCommand
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan
 from tests.virtual_clock import VirtualLoop
@@ -28,6 +30,7 @@ FOLDER = Path(__file__).resolve().parent / "recorded" / "flights"
 FLIGHTS = tuple(sorted(folder.name for folder in FOLDER.iterdir()))
 WHERE = ("127.0.0.1", 14550)
 _ACCEPTED = 0
+_LATENCY_S = 0.01
 _TURN_S = 1e-3
 
 
@@ -68,7 +71,8 @@ class Recorded:
         self._log = log
         self._begin_unix_s = begin_unix_s
         self._codec = Codec(*GROUND)
-        self._acks: dict[int, Codec] = {}
+        self._codecs: dict[int, Codec] = {}
+        self._newest: dict[tuple[int, int], bytes] = {}  # by system and message id
         self._playing: asyncio.Future[None] | None = None
         self._receive: Receive | None = None
 
@@ -89,14 +93,24 @@ class Recorded:
         assert message is not None
         self.sent.append(message)
         if message.name == "COMMAND_LONG":
-            sysid = message.fields["target_system"]
-            fields = {"command": message.fields["command"], "result": _ACCEPTED, "target_system": GROUND.sysid}
-            ack = self._acks.setdefault(sysid, Codec(sysid, 1)).encode(Message("COMMAND_ACK", fields))
-            asyncio.get_running_loop().call_later(0.01, self._hear, ack, sysid)
+            sysid, command = message.fields["target_system"], message.fields["command"]
+            fields = {"command": command, "result": _ACCEPTED, "target_system": GROUND.sysid}
+            self._answer(sysid, Message("COMMAND_ACK", fields))
+            newest = self._newest.get((sysid, int(message.fields["param1"])))
+            if command == MavCommand.REQUEST_MESSAGE and newest is not None:
+                asyncio.get_running_loop().call_later(_LATENCY_S, self._hear, newest, sysid)
+        elif message.name == "TIMESYNC" and not message.fields["tc1"]:
+            for sysid in {sysid for sysid, _ in self._newest}:
+                now_ns = int(1e9 * asyncio.get_running_loop().time())
+                self._answer(sysid, Message("TIMESYNC", {"tc1": now_ns, "ts1": message.fields["ts1"]}))
 
     def close(self) -> None:
         if self._playing is not None:
             self._playing.cancel()
+
+    def _answer(self, sysid: int, message: Message) -> None:
+        frame = self._codecs.setdefault(sysid, Codec(sysid, 1)).encode(message)
+        asyncio.get_running_loop().call_later(_LATENCY_S, self._hear, frame, sysid)
 
     def _hear(self, data: bytes, sysid: int) -> None:
         if self._receive is not None:
@@ -106,7 +120,10 @@ class Recorded:
         loop = asyncio.get_running_loop()
         began_s = loop.time()
         for frame, unix_s in zip(self._log.frames, self._log.unix_s.tolist(), strict=True):
-            if frame.sysid == GROUND.sysid or unix_s < self._begin_unix_s:
+            if frame.sysid == GROUND.sysid:
+                continue
+            self._newest[frame.sysid, int.from_bytes(frame.data[7:10], "little")] = frame.data
+            if unix_s < self._begin_unix_s:
                 continue
             wait_s = began_s + (unix_s - self._begin_unix_s) - loop.time()
             if wait_s > 0.0:

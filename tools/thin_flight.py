@@ -19,12 +19,14 @@ from gcs.link.wire.message import GROUND, Message
 POSITION_S, STATE_S, TEXT_S = 0.5, 5.0, 30.0
 ALL = {"AUTOPILOT_VERSION", "COMMAND_ACK", "COMMAND_LONG", "GPS_GLOBAL_ORIGIN", "HEARTBEAT", "SYSTEM_TIME"}
 CHANGES = {  # kept when one of these fields changes, too
+    "EKF_STATUS_REPORT": ("flags",),
+    "ESTIMATOR_STATUS": ("flags",),
     "EXTENDED_SYS_STATE": ("landed_state",),
     "FENCE_STATUS": ("breach_status",),
     "GPS_RAW_INT": ("fix_type",),
     "SYS_STATUS": ("battery_remaining", "onboard_control_sensors_health"),
 }
-STATES = {*CHANGES, "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "GLOBAL_POSITION_INT", "HOME_POSITION"}
+STATES = {*CHANGES, "GLOBAL_POSITION_INT", "HOME_POSITION"}
 
 
 class Thinner:

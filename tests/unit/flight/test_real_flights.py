@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 from pathlib import Path
@@ -16,10 +17,15 @@ from gcs.cli.main import run
 from gcs.cli.plan_argument import Stopwatch
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
+from gcs.flight.recording.tlog import Tlog, load_tlog
 from gcs.flight.sequence.flight import FlightHooks, FlightSequence
 from gcs.flight.sequence.resume import Resume
 from gcs.flight.setup.build_loads import fleet_autopilots, missions_only
+from gcs.flight.setup.preflight import preflight
+from gcs.flight.setup.preflight_check import NOT_REPORTED
 from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.link.session.status_report import VehicleReport, status_report
+from gcs.mavlink import MavCommand
 from gcs.mission.failsafe.rtl_altitudes import plan_returns
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
@@ -42,7 +48,7 @@ SEEN = {
 }
 
 # Every two seconds while these flights had rally points in frame 6: shown, and no incident.
-OLD_RALLY_FRAME = "CRITICAL: RTL: unsupported MAV_FRAME"
+OLD_RALLY_FRAME = "RTL: unsupported MAV_FRAME"
 
 # More than the largest position error that the lines of progress say in the landing, m. Beside the planned descent it
 # would be 15 m.
@@ -77,6 +83,39 @@ def test_a_replay_names_every_mode_and_every_vehicle(
     said = capsys.readouterr()
     assert "6 of 6 vehicles heard" in said.out + said.err
     assert not re.search(r"is in mode \d", said.out + said.err)
+
+
+def first_arming(folder: Path) -> tuple[Tlog, float]:
+    """The log in which vehicles were armed, and when the first one was ordered to."""
+    for path in sorted(folder.glob("*.tlog")):
+        log = load_tlog(path)
+        for frame, unix_s in zip(log.frames, log.unix_s.tolist(), strict=True):
+            order = frame.message
+            if order is not None and order.fields.get("command") == MavCommand.COMPONENT_ARM_DISARM:
+                return log, unix_s
+    raise AssertionError(folder)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_pre_flight_lets_go_what_flew(name: str, tmp_path: Path) -> None:
+    """Without remote control too, and where PX4 denied requests. Its complaint of the old rally frame is a no-go."""
+    folder = unpacked(name, tmp_path)
+    plan = Flight(folder).plan
+    log, armed_unix_s = first_arming(folder)
+
+    async def ask() -> dict[int, VehicleReport]:
+        link = Recorded(log, armed_unix_s - 1.0)
+        fleet = LinkedFleet([link])
+        await link.open(lambda data, address: fleet._receive(0, data, address))
+        sessions = await fleet.vehicles(plan.sysids, 15.0)
+        reports = await asyncio.gather(*(status_report(session) for session in sessions.values()))
+        link.close()
+        return dict(zip(sessions, reports, strict=True))
+
+    checks = [check for check in preflight(plan, in_virtual_time(ask())) if check.name != "capacity"]
+    assert {check.sysid for check in checks} == set(plan.sysids)
+    assert not [check for check in checks if check.measured == NOT_REPORTED]
+    assert {(check.name, check.measured) for check in checks if not check.go} <= {("messages", OLD_RALLY_FRAME)}
 
 
 @pytest.mark.parametrize("name", STREAMED)
