@@ -212,6 +212,12 @@ MEANT: Sequence[Meant] = (
         "when LAND came. Here sticks stand in the middle, and a landing from 4 m outlasts the scene",
     ),
     Meant(
+        "arducopter-4.5.6",
+        "guided_flight",
+        r"extra HEARTBEAT",
+        "its way home and its landing take 2 s longer here, so one HEARTBEAT more comes before it is disarmed",
+    ),
+    Meant(
         "px4-*",
         "guided_flight",
         r"(missing|extra) STATUSTEXT RTL: start return at 49\d m \(4 m above destination\)",

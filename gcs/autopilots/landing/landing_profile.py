@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from gcs.physics.quadrotor import Array
+if TYPE_CHECKING:
+    from gcs.physics.quadrotor import Array
 
 _BENT_M = 0.01  # heights between two knots differ by less from the straight line
 
@@ -28,10 +28,14 @@ class LandingProfile:
 
     def speed_mps(self, height_m: Array) -> Array:
         """Return the speed of descent at these heights above home."""
+        import numpy as np  # noqa: PLC0415 (the rows of autopilots load without it)
+
         return np.asarray(np.interp(height_m, self.heights_m, self.speeds_mps))
 
     def height_m(self, from_m: float, ground_m: float, since_s: Array) -> Array:
         """Return the heights at times after the order; `from_m` is the height then. All heights are above home."""
+        import numpy as np  # noqa: PLC0415 (the rows of autopilots load without it)
+
         passed_s, height_m = self.knots(from_m, ground_m)
         return np.asarray(np.interp(since_s, passed_s, height_m))
 
@@ -44,6 +48,8 @@ class LandingProfile:
 
         The last one is on the ground. A vehicle that is not above the ground stays where it is.
         """
+        import numpy as np  # noqa: PLC0415 (the rows of autopilots load without it)
+
         if from_m <= ground_m:
             return np.zeros(1), np.array([from_m])
         inner_m = [height for height in self.heights_m if ground_m < height < from_m]
@@ -57,6 +63,8 @@ class LandingProfile:
 
     def _piece(self, high_m: float, low_m: float) -> tuple[Array, Array]:
         """Knots of a descent in which the speed is linear in height; its begin is left out."""
+        import numpy as np  # noqa: PLC0415 (the rows of autopilots load without it)
+
         fast_mps, slow_mps = self.speed_mps(np.array([high_m, low_m])).tolist()
         per_s = (fast_mps - slow_mps) / (high_m - low_m)
         if abs(per_s) * (high_m - low_m) < 1e-6 * slow_mps:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.plan_argument import verdict_word
 from gcs.cli.shared_options import DebugOption, JsonOption
 
 if TYPE_CHECKING:
@@ -100,6 +99,8 @@ def _known(values: dict[str, Any]) -> dict[str, Any]:
 
 def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:
     from rich.table import Table
+
+    from gcs.cli.plan_argument import verdict_word
 
     title = f"landing: m from the landing point and from the expected descent, limit {limit_m:g} m horizontally"
     table = Table("vehicle", "horizontal", "vertical, at most", "touchdown", "verdict", title=title)

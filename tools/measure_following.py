@@ -1,6 +1,6 @@
 """How closely do followers follow? Recorded leaders, and recorded vehicles that follow them, in a closed loop.
 
-./tools/run python tools/bench_follow.py LEADER_FLIGHT FOLLOWER_FLIGHT [--until 215] [--delay 0.15] [--cut FILE]
+./tools/run python tools/measure_following.py LEADER_FLIGHT FOLLOWER_FLIGHT [--until 215] [--delay 0.15] [--cut FILE]
 
 LEADER_FLIGHT and FOLLOWER_FLIGHT are flight folders of one plan (`plan.skein`, `flight.json`, `telemetry.tlog`). The
 second one is flown without following: its vehicles show what they are off by themselves. Their answer to the setpoints
