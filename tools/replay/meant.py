@@ -215,7 +215,7 @@ MEANT: Sequence[Meant] = (
         "arducopter-4.5.6",
         "guided_flight",
         r"extra HEARTBEAT",
-        "its way home and its landing take 2 s longer here, so one HEARTBEAT more comes before it is disarmed",
+        "its return and its landing take 2 s longer here, so one HEARTBEAT more comes before it is disarmed",
     ),
     Meant(
         "px4-*",
