@@ -16,12 +16,13 @@ import numpy as np
 from gcs.aio import Stoppable
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
+from gcs.flight.hooks import FlightHooks
 from gcs.flight.lateness import skew_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step, Watcher
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
-from gcs.flight.sequence.flight import FlightHooks, FlightSequence
+from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_other_autopilots
 from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import GcsError
+from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step
 from gcs.flight.recording.flight_folder import TelemetryLog
-from gcs.flight.sequence.flight import FlightHooks, FlightSequence
+from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.message import Message

@@ -17,12 +17,13 @@ from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
 from gcs.errors import FlightError, UsageError
+from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
 from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
-from gcs.flight.sequence.flight import FlightHooks, FlightSequence
-from gcs.flight.sequence.resume import Resume, where_in_plan
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.sequence.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.sequence.takeoff_landing import request_telemetry
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.connection import Connection
@@ -111,7 +112,7 @@ async def _take_up(
         ctrl_c.on_again = flight.landing.tell_aloft
         shown = await _show(flight, book, screen)
         if request.what is not Resume.SHOW:
-            await flight.resume(request.what, book.t0_unix_s)
+            await resume_flight(flight, request.what, book.t0_unix_s)
             screen.say(flight.landing.words())
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 

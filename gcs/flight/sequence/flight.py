@@ -8,28 +8,25 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
-import numpy as np
-
-from gcs.aio import alongside, each, ended, insisted, until
+from gcs.aio import alongside, each, ended
 from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import FlightError, GcsError, PeerError, ProtocolMisuse
+from gcs.errors import FlightError, PeerError, ProtocolMisuse
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
 from gcs.flight.expected_motion import landing_profiles
+from gcs.flight.hooks import FlightHooks
 from gcs.flight.monitor import Monitor
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.orders.fleet_landing import FleetLanding
+from gcs.flight.orders.flight_guard import FlightGuard
 from gcs.flight.orders.order_book import StandingOrder
 from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
 from gcs.flight.sequence.common_start import CommonStart
 from gcs.flight.sequence.fleet_time import FleetTime
-from gcs.flight.sequence.link_watch import watch_links
-from gcs.flight.sequence.resume import FADE_S, NEAR_M, Resume, where_in_plan
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
     expected_landings,
@@ -53,19 +50,6 @@ from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
 _FEW = 12  # vehicles
-
-
-def _ignore(*_: object) -> None:
-    pass
-
-
-@dataclass(frozen=True)
-class FlightHooks:
-    """What is called during a flight. `on_ready` may raise to stop it before the upload."""
-
-    on_event: Callable[[Event], None] = _ignore
-    on_step: Callable[[Step, float | None], None] = _ignore  # the step begun, and T0 once it is known
-    on_ready: Callable[[], Awaitable[None]] | None = None
 
 
 class FlightSequence:
@@ -117,6 +101,7 @@ class FlightSequence:
             self._tell_failure,
             self._tell,
         )
+        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s)
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -126,33 +111,14 @@ class FlightSequence:
 
     async def run(self) -> FlightTimes:
         """Fly. Raises PeerError (refusals, silence), FlightError (lost in flight), after ordering vehicles to land."""
-        return await self._guarded(self._run())
+        return await self.guarded(self._run())
 
-    async def resume(self, what: Resume, t0_unix_s: float | None) -> float | None:
-        """Continue a flight that another process began and left; return T0. Raises as `run` does.
-
-        `t0_unix_s` is the T0 of that process, None if it had none yet.
-        """
-        return await self._guarded(self._resume(what, t0_unix_s))
-
-    async def _guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+    async def guarded(self, flying: Coroutine[Any, Any, T]) -> T:
+        """Return what `flying` returns; if it fails, the vehicles land first."""
         stops = [self._texts.start(), *(self.listen(vehicle) for vehicle in self.vehicles.values())]
-        watch = asyncio.ensure_future(watch_links(self.sessions, lambda: self.step, self.options.lost_after_s))
-        work = asyncio.ensure_future(flying)
         try:
-            done, _ = await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
-            if watch in done:
-                watch.result()
-            return await work
-        except (GcsError, asyncio.CancelledError) as stopped:
-            work.cancel()
-            self.landing.send_once(arming=self.step is Step.TAKEOFF)  # before a second Ctrl-C can come in between
-            await insisted(self._end_and_land(work))
-            self.landing.raise_failed_orders(stopped)
-            raise
+            return await self._guard.run(flying)
         finally:
-            await ended(watch)
-            await self.landing.orders.close()
             for stop in stops:
                 stop()
 
@@ -172,14 +138,28 @@ class FlightSequence:
             self.monitor.formation_error_m(),
         )
 
+    async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
+        """Run `action` for all vehicles at once."""
+        await each(self.vehicles.values(), action)
+
+    def listen(self, vehicle: FlightVehicle) -> Callable[[], None]:
+        """Monitor a vehicle's position reports until the returned function is called."""
+
+        def receive(message: Message) -> None:
+            if message.name == "LOCAL_POSITION_NED":
+                self.monitor.receive(vehicle.row, message, vehicle.session.clock)
+                self.streamer.wake()
+
+        return vehicle.session.subscribe(receive)
+
     async def _run(self) -> FlightTimes:
         self._check_mode()
-        await self._each(request_telemetry)
-        self._enter(Step.READY)
-        await self._each(until_ready)
+        await self.each(request_telemetry)
+        self.enter(Step.READY)
+        await self.each(until_ready)
         if self._hooks.on_ready is not None:
             await self._hooks.on_ready()
-        self._enter(Step.UPLOAD)
+        self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
             ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase("takeoff").duration_s
             self._start = CommonStart(self.sessions, self.time, self.loads, ahead_s)
@@ -188,80 +168,44 @@ class FlightSequence:
         self.held.require(self.plan.hash, self.plan.sysids)
         self.monitor.expect_landings(await expected_landings(self.vehicles.values()))
         texts_end_unix_s = self.time.sure_s() + self.options.texts_after_upload_s
-        self._contingency = await self._make_contingency()
+        await self.prepare_contingency()
         await self.time.until(texts_end_unix_s)
         self._refuse_critical_texts()
-        self._enter(Step.TAKEOFF)
+        self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await self._each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
-            await self._each(until_hovering)
+            await self.each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
+            await self.each(until_hovering)
             airborne_unix_s = self.time.sure_s()
-            self._enter(Step.FLY)
+            self.enter(Step.FLY)
             fly = self._fly_stream if self.options.mode is FlightMode.STREAM else self._fly_missions
             t0_unix_s = await fly()
-        self._enter_done()
+        self.enter_done()
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
-        self._raise_troubles()
+        self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
 
     def _refuse_critical_texts(self, sysid: int | None = None) -> None:
         if MESSAGES not in self.options.waived:
             self._texts.refuse(sysid)
 
-    async def _resume(self, what: Resume, t0_unix_s: float | None) -> float | None:
-        await self._each(request_telemetry)
-        await self._each(until_ready)
-        await until(self._all_positions_known, self.options.find_timeout_s, "a position of every vehicle")
-        self._contingency = await self._make_contingency()
-        if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in self.sessions.values())):
-            self._enter(Step.LAND)
-            await self.landing.land_all()
-            self._enter_done()
-            self.landing.raise_failed_orders()
-            return t0_unix_s
-        if what is Resume.RESUME and self.options.mode is FlightMode.MISSION and t0_unix_s is not None:
-            self.streamer.stand_by(t0_unix_s)
-            t0_new_s = t0_unix_s
-        else:
-            where = where_in_plan(self.plan, np.array([v.view.position_ned_m for v in self.vehicles.values()]))
-            if what is Resume.RESUME and where.off_m > NEAR_M:
-                raise FlightError(
-                    f"the vehicles are too far from the plan: at t = {where.t_s:.0f} s, the nearest instant, one is "
-                    f"{where.off_m:.1f} m off (limit {NEAR_M:g} m).",
-                    hint="attach with --land or --return",
-                )
-            t0_new_s = self.streamer.continue_plan(where.t_s, FADE_S if what is Resume.RESUME else None)
-        async with alongside(self.streamer.run()):
-            if what is Resume.RESUME and self.options.mode is FlightMode.STREAM:
-                await self._each(self.streamer.obey)
-            self._enter(Step.FLY)
-            async with alongside(self.contingency.run()):
-                await self._watch_over(t0_new_s, return_all=what is Resume.RETURN)
-        self._enter_done()
-        self.landing.raise_failed_orders()
-        if what is Resume.RESUME:
-            self._raise_troubles()
-        return t0_new_s
-
-    def _all_positions_known(self) -> bool:
-        return all(np.isfinite(v.view.position_ned_m).all() for v in self.vehicles.values())
-
-    def _enter(self, step: Step) -> None:
+    def enter(self, step: Step) -> None:
+        """A step of the flight begins."""
         self.step = step
         self._hooks.on_step(step, self.monitor.t0_unix_s)
 
-    def _enter_done(self) -> None:
+    def enter_done(self) -> None:
         """The flight is over. Only vehicles that said so count as landed."""
         if not self.landing.not_landed():
-            self._enter(Step.DONE)
+            self.enter(Step.DONE)
 
-    async def _make_contingency(self) -> ContingencyExecutor:
+    async def prepare_contingency(self) -> None:
+        """Make the contingency policy ready, once the vehicles' clocks and autopilots are known."""
         returns = self._returns
         if returns is None:
-            each = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
-            returns = await in_own_process(plan_returns, self.plan, each)
-        return ContingencyExecutor(
+            kinds = tuple(Autopilot(self.vehicles[sysid].session.autopilot) for sysid in self.plan.sysids)
+            returns = await in_own_process(plan_returns, self.plan, kinds)
+        self._contingency = ContingencyExecutor(
             plan=self.plan,
             vehicles=self.vehicles,
             monitor=self.monitor,
@@ -293,14 +237,14 @@ class FlightSequence:
         """Stream setpoints to all vehicles from one T0; return T0."""
         async with alongside(self.streamer.run()):
             t0_unix_s = await self.streamer.begin()
-            await self._watch_over(t0_unix_s)
+            await self.watch_over(t0_unix_s)
         return t0_unix_s
 
-    async def _watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
+    async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
         self.monitor.t0_unix_s = t0_unix_s
         self.contingency.flies()
-        self._enter(self.step)
+        self.enter(self.step)
         if return_all:
             self.contingency.return_all()
         over = asyncio.ensure_future(self.contingency.over.wait())
@@ -310,7 +254,7 @@ class FlightSequence:
         finally:
             await ended(over)
             await ended(planned)
-        self._enter(Step.LAND)
+        self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:
             for vehicle in self.vehicles.values():
@@ -328,7 +272,7 @@ class FlightSequence:
         now_s = self.time.now_s() or 0.0
         self._hooks.on_event(Event(now_s, now_s - (self.monitor.t0_unix_s or now_s), sysid, what, rule))
 
-    def _raise_troubles(self) -> None:
+    def raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""
         self.landing.raise_failed_orders()
         troubles = self.contingency.policy.troubles
@@ -352,7 +296,7 @@ class FlightSequence:
         now_s = self.time.sure_s()
         for what in said:
             self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
-        await self._each(start_mission)
+        await self.each(start_mission)
         late_s = self.time.sure_s() - start.unix_s
         if late_s > 0:
             raise FlightError(
@@ -361,22 +305,5 @@ class FlightSequence:
             )
         self.streamer.stand_by(t0_unix_s)
         async with alongside(self.streamer.run()):
-            await self._watch_over(t0_unix_s)
+            await self.watch_over(t0_unix_s)
         return t0_unix_s
-
-    async def _each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
-        await each(self.vehicles.values(), action)
-
-    def listen(self, vehicle: FlightVehicle) -> Callable[[], None]:
-        """Monitor a vehicle's position reports until the returned function is called."""
-
-        def receive(message: Message) -> None:
-            if message.name == "LOCAL_POSITION_NED":
-                self.monitor.receive(vehicle.row, message, vehicle.session.clock)
-                self.streamer.wake()
-
-        return vehicle.session.subscribe(receive)
-
-    async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
-        await ended(work)
-        await self.landing.land_all(arming=self.step is Step.TAKEOFF)

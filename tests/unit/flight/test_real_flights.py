@@ -15,11 +15,12 @@ from gcs.cli.console import Screen
 from gcs.cli.flights.fly_view import FlightView
 from gcs.cli.main import run
 from gcs.cli.plan_argument import Stopwatch
+from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event
 from gcs.flight.recording.tlog import Tlog, load_tlog
-from gcs.flight.sequence.flight import FlightHooks, FlightSequence
-from gcs.flight.sequence.resume import Resume
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.sequence.resume import Resume, resume_flight
 from gcs.flight.setup.build_loads import fleet_autopilots, missions_only
 from gcs.flight.setup.preflight import preflight
 from gcs.flight.setup.preflight_check import NOT_REPORTED
@@ -141,7 +142,7 @@ def test_a_whole_flight_passes_without_an_incident(
             hooks=FlightHooks(events.append),
         )
         async with alongside(FlightView(Screen(), Stopwatch(0.0), "").follow(sequence)):
-            await sequence.resume(Resume.RESUME, recorded.t0_unix_s)
+            await resume_flight(sequence, Resume.RESUME, recorded.t0_unix_s)
         link.close()
         return sequence
 
