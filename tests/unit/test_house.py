@@ -22,6 +22,7 @@ LEAVES = (
     "gcs/mavlink.py",
     "gcs/mavlink_names.py",
     "gcs/own_process.py",
+    "gcs/own_stalls.py",
     "gcs/physics",
 )
 LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/cli")
@@ -57,6 +58,7 @@ SANS_IO = (
     "gcs/link/wire/signing.py",
     "gcs/mavlink.py",
     "gcs/mission",
+    "gcs/own_stalls.py",
     "gcs/physics",
     "sim_bridge/autopilot",
     "sim_bridge/dynamics",
