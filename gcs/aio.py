@@ -7,12 +7,14 @@ import signal
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager, suppress
+from types import FrameType
 from typing import Any, TypeVar
 
 from gcs.errors import GcsError, PeerTimeout
 
 T = TypeVar("T")
 LOOK_S = 0.05
+_STOPS = tuple(n for name in ("SIGINT", "SIGTERM", "SIGHUP") if (n := getattr(signal, name, None)) is not None)
 _COARSE_S = 1e-3  # the event loop's timers are late by up to this
 
 
@@ -45,44 +47,97 @@ async def insisted(work: Coroutine[Any, Any, None]) -> None:
         task.result()
 
 
-class Stoppable:
-    """Runs work that Ctrl-C cancels once. From then on Ctrl-C calls `on_again`, and the work ends by itself.
+class Stopped(KeyboardInterrupt):
+    """A signal stopped this program: SIGINT (Ctrl-C), SIGTERM, or SIGHUP (its terminal was closed)."""
 
-    `asyncio.run` alone would cancel every task at the second Ctrl-C, those that land vehicles too.
+    latest: int = signal.SIGINT  # some libraries make a plain KeyboardInterrupt of it
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = Stopped.latest = number
+
+    @staticmethod
+    def exit_code() -> int:
+        """The exit code of a program that was stopped: 128 and the number of the signal, as shells count."""
+        return 128 + Stopped.latest
+
+
+def stop_at_signals() -> None:
+    """Let SIGINT, SIGTERM and SIGHUP raise `Stopped`. For programs, not for libraries.
+
+    A shell's background job has SIGINT ignored, so the handler is set in any case. Only SIGHUP stays ignored where it
+    is: `nohup` means that the program outlives its terminal.
+    """
+    for number in _STOPS:
+        if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _raise_stopped)
+
+
+def ignore_stops() -> None:
+    """Ignore further signals of a program that listens to them: it is ending."""
+    for number in _STOPS:
+        if signal.getsignal(number) is _raise_stopped:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _raise_stopped(number: int, frame: FrameType | None) -> None:
+    if number != signal.SIGINT:  # closing a terminal sends two: the second must not interrupt the clean-up
+        signal.signal(number, signal.SIG_IGN)
+    raise Stopped(number)
+
+
+class Stoppable:
+    """Runs work that SIGINT (Ctrl-C), SIGTERM or SIGHUP cancels once. Each further one calls `on_again`.
+
+    The work then ends by itself. `asyncio.run` alone would cancel every task at the second Ctrl-C, those that land
+    vehicles too, and would die at SIGTERM and SIGHUP.
     """
 
     def __init__(self) -> None:
         self.on_again: Callable[[], None] = lambda: None
-        self._stopped = self._listens = False
+        self._stopped: int | None = None  # the signal
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run `work` in an event loop of its own. Raises KeyboardInterrupt if it was stopped.
+        """Run `work` in an event loop of its own. Raises `Stopped` if it was stopped.
 
-        A program that handles SIGINT itself keeps doing so.
+        A program that handles or ignores one of the signals itself keeps doing so.
         """
         in_main = threading.current_thread() is threading.main_thread()
-        self._listens = in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        before = {n: h for n in _STOPS if in_main and _is_default(n, h := signal.getsignal(n))}
         try:
-            return asyncio.run(self._main(work))
+            return asyncio.run(self._main(work, tuple(before)))
         except asyncio.CancelledError:
-            if self._stopped:
-                raise KeyboardInterrupt from None
+            if self._stopped is not None:
+                raise Stopped(self._stopped) from None
             raise
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
-    async def _main(self, work: Coroutine[Any, Any, T]) -> T:
+    async def _main(self, work: Coroutine[Any, Any, T], numbers: Iterable[int]) -> T:
         task = asyncio.ensure_future(work)
         loop = asyncio.get_running_loop()
-        with suppress(NotImplementedError):  # Windows
-            if self._listens:
-                loop.add_signal_handler(signal.SIGINT, self._stop, task)
+
+        def receive(number: int, frame: FrameType | None) -> None:
+            with suppress(RuntimeError):  # the loop is closed: the work has ended
+                loop.call_soon_threadsafe(self._stop, task, number)
+
+        for number in numbers:  # not the loop's own handlers, which leave SIGTERM and SIGHUP deadly when it closes
+            signal.signal(number, receive)
         return await task
 
-    def _stop(self, task: asyncio.Future[Any]) -> None:
-        if self._stopped:
+    def _stop(self, task: asyncio.Future[Any], number: int) -> None:
+        if self._stopped is not None:
             self.on_again()
         else:
-            self._stopped = True
+            self._stopped = number
             task.cancel()
+
+
+def _is_default(number: int, handler: object) -> bool:
+    if number == signal.SIGINT:
+        return handler in (signal.default_int_handler, _raise_stopped)
+    return handler in (signal.SIG_DFL, _raise_stopped)
 
 
 @asynccontextmanager

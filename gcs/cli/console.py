@@ -1,6 +1,6 @@
 """The output of a command: lines and tables for an operator, or one JSON object for a program.
 
-With `--json` stdout carries exactly one object, and stderr carries warnings only.
+With `--json` stdout carries exactly one object, and stderr carries warnings only. Output that fails raises nothing.
 """
 
 from __future__ import annotations
@@ -8,10 +8,13 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
+from gcs.cli.outlet import Outlet
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ class Screen:
         """rich's console for tables, bars and live displays; plain lines where stdout is no terminal."""
         from rich.console import Console
 
-        return Console(quiet=self.json, highlight=False)
+        return Console(quiet=self.json, highlight=False, file=cast("IO[str]", _safe(sys.stdout)))
 
     @property
     def is_watched(self) -> bool:
@@ -42,15 +45,15 @@ class Screen:
     def say(self, text: str) -> None:
         """Print one line, never wrapped or coloured, so that it can be searched and copied; nothing with `--json`."""
         if not self.json:
-            print(text, flush=True)
+            _line(sys.stdout, text)
 
     def warn(self, text: str) -> None:
         """Print one warning line: on stdout among the others, or on stderr with `--json`."""
-        print(f"WARNING: {text}", file=sys.stderr if self.json else sys.stdout, flush=True)
+        _line(sys.stderr if self.json else sys.stdout, f"WARNING: {text}")
 
     def ask(self, question: str) -> None:
         """Print a question that you must answer to go on; on stderr with `--json`."""
-        print(question, file=sys.stderr if self.json else sys.stdout, flush=True)
+        _line(sys.stderr if self.json else sys.stdout, question)
 
     def show(self, picture: RenderableType) -> None:
         """Print a table or another rich renderable; nothing with `--json`."""
@@ -60,17 +63,17 @@ class Screen:
     def result(self, data: dict[str, Any]) -> None:
         """Print the one JSON object, with `--json` only; `"ok"` is true unless `data` has another value."""
         if self.json:
-            print(to_json({"ok": True, **data}), flush=True)
+            self._object({"ok": True, **data})
 
     def error(self, message: str, *, hint: str, kind: str, exit_code: int) -> None:
         """Print what failed and what to do next: on stderr, or as the one object on stdout with `--json`."""
         if self.json:
             failure = {"kind": kind, "message": message, "hint": hint, "exit_code": exit_code}
-            print(to_json({"ok": False, "error": failure}), flush=True)
+            self._object({"ok": False, "error": failure})
             return
-        print(f"error: {message}", file=sys.stderr)
+        _line(sys.stderr, f"error: {message}")
         if hint:
-            print(f"next: {hint}", file=sys.stderr)
+            _line(sys.stderr, f"next: {hint}")
 
     def failure(self, error: GcsError) -> None:
         """Print one of the errors of `gcs.errors`."""
@@ -81,12 +84,39 @@ class Screen:
         if self.json:
             self.error("stopped", hint="", kind="Stopped", exit_code=exit_code)
         else:
-            print("stopped", file=sys.stderr)
+            _line(sys.stderr, "stopped")
+
+    @contextmanager
+    def without_waiting(self) -> Iterator[None]:
+        """Within the block, no line waits for a terminal that stands still: vehicles are in the air."""
+        outlets = [stream for stream in (sys.stdout, sys.stderr) if isinstance(stream, Outlet)]
+        with ExitStack() as stack:
+            for outlet in outlets:
+                stack.enter_context(outlet.without_waiting())
+            yield
+
+    def _object(self, data: dict[str, Any]) -> None:
+        text = to_json(data)
+        try:
+            text.encode(getattr(sys.stdout, "encoding", None) or "utf-8")
+        except UnicodeEncodeError:
+            text = to_json(data, ascii_only=True)
+        _line(sys.stdout, text)
 
 
-def to_json(data: Any) -> str:
+def to_json(data: Any, *, ascii_only: bool = False) -> str:
     """The JSON text of plain values, paths and NumPy arrays. Raises ValueError on NaN and infinity, unknown to JSON."""
-    return json.dumps(data, default=_plain, allow_nan=False, ensure_ascii=False)
+    return json.dumps(data, default=_plain, allow_nan=False, ensure_ascii=ascii_only)
+
+
+def _safe(stream: IO[str] | None) -> Outlet:
+    return stream if isinstance(stream, Outlet) else Outlet(stream)
+
+
+def _line(stream: IO[str] | None, text: str) -> None:
+    outlet = _safe(stream)
+    outlet.write(text + "\n")
+    outlet.flush()
 
 
 def _plain(value: Any) -> Any:

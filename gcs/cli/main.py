@@ -7,7 +7,6 @@ holds this). A traceback is printed with `--debug` only.
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import traceback
@@ -16,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.aio import Stopped, ignore_stops, stop_at_signals
 from gcs.cli.console import Screen
 from gcs.cli.flights.attach import attach
 from gcs.cli.flights.fly import fly
@@ -27,6 +27,7 @@ from gcs.cli.missions.check import check
 from gcs.cli.missions.download import diff, download
 from gcs.cli.missions.export import export
 from gcs.cli.missions.upload import restore, upload
+from gcs.cli.outlet import install
 from gcs.cli.planning.new import new
 from gcs.cli.planning.plan import plan
 from gcs.cli.planning.replan import replan
@@ -35,8 +36,10 @@ from gcs.cli.planning.show import show
 from gcs.cli.planning.verify import verify
 from gcs.errors import GcsError
 
-STOPPED = 130
+STOPPED = 130  # typer's, for every KeyboardInterrupt
+OUTPUT_LOST = 1
 BUG = 70
+FOR_VEHICLES = {"fly", "attach", "tell", "upload", "restore"}  # what they did counts, not what they could print
 EXAMPLES = """Examples:
 
 gcs fly missions/simulation1 --sim
@@ -113,8 +116,28 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     is_the_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if not is_the_process:
+        return _run(arguments)
+    outlets = install()
+    stop_at_signals()
+    try:
+        code = _run(arguments)
+        for outlet in outlets:
+            outlet.end()
+    except KeyboardInterrupt:  # while the last lines were printed
+        code = Stopped.exit_code()
+    lost = outlets[0].lost
+    if code == 0 and lost is not None and not set(arguments[:1]) & FOR_VEHICLES:
+        code = OUTPUT_LOST
+        if not isinstance(lost, BrokenPipeError):  # `gcs schema | head` is no mistake
+            print(f"error: the output was not written whole: {lost}", file=sys.stderr)
+    return code
+
+
+def _run(arguments: list[str]) -> int:
     # Read here because the arguments may be what is wrong.
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
+    Stopped.latest = signal.SIGINT  # of this command
     try:
         # Not standalone: typer then leaves the endings to the lines below. None is success.
         code = 0
@@ -122,12 +145,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
             code = app(args=arguments, prog_name="gcs", standalone_mode=False) or 0
         else:
             print(FIRST_STEPS)
-        sys.stdout.flush()
-    except BrokenPipeError:  # `gcs schema | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except SystemExit as ended:  # typer's own ending when the pipe is closed
-        return int(ended.code or 0)
     except KeyboardInterrupt:
         code = STOPPED
     except typer.TyperException as error:
@@ -148,8 +165,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
             exit_code=code,
         )
     if code == STOPPED:
-        if is_the_process:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not print a traceback
+        code = Stopped.exit_code()
+        ignore_stops()  # a second Ctrl-C must not print a traceback
         screen.stopped(code)
     return int(code)
 

@@ -28,7 +28,10 @@ async def typed_line() -> str:
         await arrived.wait()
     finally:
         loop.remove_reader(sys.stdin)
-    return sys.stdin.readline().strip()
+    try:
+        return sys.stdin.readline().strip()
+    except (OSError, ValueError):  # the terminal was closed
+        return ""
 
 
 def show_checks(screen: Screen, checks: tuple[PreflightCheck, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C once and more often, in a process of its own: work that must not be left ends by itself."""
+"""Signals once and more often, in a process of its own: work that must not be left ends by itself."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ import pytest
 
 from gcs.aio import Stoppable
 
+HUP, INT, TERM = signal.SIGHUP, signal.SIGINT, signal.SIGTERM
 FLIGHT = """
 import asyncio
-from gcs.aio import Stoppable, insisted
+import sys
+from gcs.aio import Stoppable, Stopped, insisted, stop_at_signals
 
+if "program" in sys.argv:
+    stop_at_signals()
 landed = asyncio.Event()
 
 async def land():
@@ -39,20 +43,68 @@ ctrl_c = Stoppable()
 ctrl_c.on_again = again
 try:
     ctrl_c.run(fly())
-except KeyboardInterrupt:
-    print("stopped", flush=True)
+except KeyboardInterrupt as stop:
+    print("stopped by", stop, flush=True)
+    sys.exit(Stopped.exit_code())
 """
 
 
-def test_a_second_ctrl_c_does_not_end_the_wait_for_the_landing() -> None:
-    process = subprocess.Popen([sys.executable, "-c", FLIGHT], stdout=subprocess.PIPE, text=True)
+@pytest.mark.parametrize("arguments", [(), ("program",)])
+@pytest.mark.parametrize("number", [INT, TERM, HUP])
+def test_a_second_signal_does_not_end_the_wait_for_the_landing(number: signal.Signals, arguments: tuple[str]) -> None:
+    process = subprocess.Popen([sys.executable, "-c", FLIGHT, *arguments], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     for line in ("flying", "ordered to land"):
         assert process.stdout.readline().strip() == line
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
     said, _ = process.communicate(timeout=60.0)
-    assert said.split("\n") == ["still in the air", "landed", "stopped", ""]
-    assert process.returncode == 0
+    assert said.split("\n") == ["still in the air", "landed", f"stopped by {number.name}", ""]
+    assert process.returncode == 128 + number
+
+
+def test_a_background_job_is_stopped_by_an_explicit_sigint_too() -> None:
+    in_background = ["sh", "-c", """trap "" INT; exec "$@" """, "sh"]  # as `&` in a script
+    process = subprocess.Popen(
+        [*in_background, sys.executable, "-c", FLIGHT, "program"], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "flying\n"
+    process.send_signal(INT)
+    assert process.stdout.readline() == "ordered to land\n"
+    process.send_signal(TERM)
+    assert process.communicate(timeout=60.0)[0] == "still in the air\nlanded\nstopped by SIGINT\n"
+
+
+def test_a_closed_terminal_does_not_stop_a_program_under_nohup() -> None:
+    process = subprocess.Popen(
+        ["nohup", sys.executable, "-c", FLIGHT, "program"], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "flying\n"
+    process.send_signal(HUP)
+    process.send_signal(TERM)
+    assert process.stdout.readline() == "ordered to land\n"
+    process.send_signal(HUP)
+    process.send_signal(TERM)
+    assert process.communicate(timeout=60.0)[0] == "still in the air\nlanded\nstopped by SIGTERM\n"
+
+
+def test_a_library_leaves_handlers_of_the_program_alone() -> None:
+    async def work() -> list[object]:
+        return [signal.getsignal(number) for number in (INT, TERM, HUP)]
+
+    def own(*_: object) -> None:
+        pass
+
+    before = {number: signal.signal(number, handler) for number, handler in ((INT, own), (HUP, signal.SIG_IGN))}
+    try:
+        during = Stoppable().run(work())
+        assert (during[0], during[2]) == (own, signal.SIG_IGN)
+        assert during[1] is not signal.SIG_DFL
+        assert signal.getsignal(TERM) is signal.SIG_DFL
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_work_ends_as_it_does_without_ctrl_c() -> None:

@@ -68,7 +68,8 @@ def take_up(request: AttachRequest) -> int:
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
-    found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
+    with request.screen.without_waiting():
+        found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
     request.screen.result(found)
     return 0
 

@@ -86,7 +86,8 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
     if asks and run.link is not None:
         count = len(run.plan.sysids)
         question = f"This arms and flies {count} vehicles at {run.link}. Type '{CONFIRMATION}' to continue:"
-    flown = fly_run(run, FlightView(screen, watch, question))
+    with screen.without_waiting():
+        flown = fly_run(run, FlightView(screen, watch, question))
     verdict = flown.verdict
     if verdict is None:
         screen.say(f"landed. Telemetry: {flown.folder / 'telemetry.tlog'}")

@@ -80,11 +80,10 @@ def replay(
         screen.say(f"picture: {picture}")
         screen.result({**_data(recording, window), "picture": picture})
         return 0
-    import asyncio
-
+    from gcs.aio import Stoppable
     from gcs.cli.flights.replay_view import play
 
-    sent = asyncio.run(play(screen, loaded, window, rate, to_link))
+    sent = Stoppable().run(play(screen, loaded, window, rate, to_link))
     screen.result({**_data(recording, window), "sent": sent})
     return 0
 

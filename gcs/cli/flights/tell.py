@@ -54,10 +54,10 @@ def tell(
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
     if not listen > 0:
         raise UsageError(f"--listen {listen:g}: not above 0", hint="give a number of seconds")
-    import asyncio
+    from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)
-    said = asyncio.run(_tell(known, backend, what, _named(vehicles), listen))
+    said = Stoppable().run(_tell(known, backend, what, _named(vehicles), listen))
     for sysid, word in said.items():
         screen.say(f"vehicle {sysid}: {word}")
     failed = [sysid for sysid, word in said.items() if word not in (_DONE[what], _LEFT)]

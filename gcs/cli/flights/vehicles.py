@@ -37,11 +37,11 @@ def vehicles(
     screen = Screen(json=json)
     if not listen > 0:
         raise UsageError(f"--listen {listen:g}: not above 0", hint="give a number of seconds")
-    import asyncio
+    from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)
     screen.say(f"listening at {known} for {listen:g} s")
-    reports = asyncio.run(_ask_all(known, listen, backend))
+    reports = Stoppable().run(_ask_all(known, listen, backend))
     _show(screen, reports)
     screen.result({"vehicles": [_data(report) for report in reports]})
     return 0

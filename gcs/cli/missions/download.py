@@ -49,11 +49,11 @@ def download(
 
     Examples: gcs download --to held --link udpin:127.0.0.1:14550
     """
-    import asyncio
+    from gcs.aio import Stoppable
 
     screen = Screen(json=json)
     known = connection(link, None, signing_key_file)
-    every = asyncio.run(_read_all(known, backend, listen))
+    every = Stoppable().run(_read_all(known, backend, listen))
     files = _write(to, every)
     for held, name in zip(every, files, strict=True):
         counts = f"{len(held.mission)} mission items, {len(held.fence)} of a fence, {len(held.rally)} rally points"
@@ -80,15 +80,14 @@ def diff(
 
     Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
     """
-    import asyncio
-
+    from gcs.aio import Stoppable
     from gcs.cli.plan_argument import Stopwatch, plan_for
 
     screen, watch = Screen(json=json), Stopwatch(BEGAN_S)
     known = connection(link, systems, signing_key_file)
     watch.lap("start")
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
-    found = asyncio.run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
+    found = Stoppable().run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
     for sysid, lines in found.items():
         screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
         for line in lines[:_SHOWN]:

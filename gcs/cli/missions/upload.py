@@ -62,8 +62,7 @@ def upload(
 
     gcs upload plans/field.skein --link tcp:10.0.0.5:5760 --map 1=7,2=8 --dry-run
     """
-    import asyncio
-
+    from gcs.aio import Stoppable
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.link.mission_protocol.strategy import sent_data
 
@@ -74,7 +73,7 @@ def upload(
     loading = _upload(
         screen, plan, known, backend, timed=not untimed, safety=not missions_only, dry_run=dry_run, watch=watch
     )
-    held, changes = asyncio.run(loading)
+    held, changes = Stoppable().run(loading)
     record = None
     if held is not None:
         record = _write_record(to, plan.scenario.name, held)
@@ -112,7 +111,7 @@ def restore(
 
     Examples: gcs restore uploads/2026-11-21-161530-field.json --link udpin:127.0.0.1:14550
     """
-    import asyncio
+    from gcs.aio import Stoppable
 
     screen = Screen(json=json)
     changes = read_record(record)
@@ -125,7 +124,7 @@ def restore(
             sysids = {change.sysid for change in changes}
             await put(await fleet.vehicles(sysids, FIND_S, systems=known.systems), changes)
 
-    asyncio.run(put_back())
+    Stoppable().run(put_back())
     screen.say(f"{len(changes)} parameters have their old values")
     screen.result({"restored": len(changes)})
     return 0
