@@ -54,6 +54,7 @@ SANS_IO = (
     "gcs/link/session/quality.py",
     "gcs/link/wire/codec.py",
     "gcs/link/wire/fast_frames.py",
+    "gcs/link/wire/frame_scanner.py",
     "gcs/link/wire/message.py",
     "gcs/link/wire/signing.py",
     "gcs/mavlink.py",

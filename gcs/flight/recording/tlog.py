@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import FileFormatError
-from gcs.link.wire.codec import Codec, frame_length
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.frame_scanner import frame_length
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 

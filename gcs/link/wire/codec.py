@@ -1,13 +1,12 @@
 """Encoder and decoder of MAVLink 2 frames: the only module that imports pymavlink (dialect ardupilotmega).
 
 Bytes that are no frame of this dialect are skipped: vehicles write console text into the link. A corrupt frame must not
-discard the valid frame behind it.
+discard the valid frame behind it. The work for a chunk is bounded by its length (`frame_scanner`).
 """
 
 from __future__ import annotations
 
 import os
-import re
 import struct
 from collections.abc import Hashable
 from typing import Any
@@ -18,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ProtocolMisuse
 from gcs.link.wire.fast_frames import FrameLayout
+from gcs.link.wire.frame_scanner import V2, FrameKind, FrameScanner, message_id
 from gcs.link.wire.message import Message, Station
 from gcs.link.wire.signing import Signature
 
@@ -26,12 +26,7 @@ _TEXT_FIELDS: dict[str, tuple[str, ...]] = {
     name: tuple(f for f, kind in zip(cls.fieldnames, cls.fieldtypes, strict=True) if kind == "char")
     for name, cls in _CLASSES.items()
 }
-_V1, _V2 = 0xFE, 0xFD
-
-_MARKER = re.compile(b"[\xfd\xfe]")
-_ENDS = (b"", b"\xfe", b"\xfd")  # the next byte after a frame of an unknown message, whose checksum cannot be verified
-_SIGNED = 0x01
-_HEADER_V1, _HEADER_V2, _CHECKSUM, _SIGNATURE = 6, 10, 2, 13
+_SCANNER = FrameScanner({n: FrameKind(cls.unpacker.size, cls.crc_extra) for n, cls in dialect.mavlink_map.items()})
 _MAX_SOURCES = 64
 # All messages without arrays and single characters among their fields.
 _LAYOUTS: dict[str, FrameLayout] = {
@@ -50,9 +45,7 @@ _LAYOUTS: dict[str, FrameLayout] = {
         for at, length in enumerate(cls.array_lengths)
     )
 }
-_LAYOUT_BY_ID: dict[bytes, FrameLayout] = {
-    _CLASSES[name].id.to_bytes(3, "little"): layout for name, layout in _LAYOUTS.items()
-}
+_LAYOUT_BY_ID: dict[int, FrameLayout] = {_CLASSES[name].id: layout for name, layout in _LAYOUTS.items()}
 
 
 class Codec:
@@ -66,6 +59,7 @@ class Codec:
         self._encoder = dialect.MAVLink(None, sysid, compid)
         self._decoder = dialect.MAVLink(None)
         self._tails: dict[Hashable, bytes] = {}
+        self.dropped_bytes = 0  # of chunks that had little else than broken headers
 
     @property
     def station(self) -> Station:
@@ -119,45 +113,33 @@ class Codec:
             encoder.seq = (encoder.seq + 1) & 0xFF
         return frame
 
-    def decode(self, data: bytes, source: Hashable = None) -> list[Message]:
+    def decode(self, data: bytes, source: Hashable = None, *, joins: bool = True) -> list[Message]:
         """Return all whole messages in `data`: one datagram, or the next bytes of a stream, from `source`.
 
-        `source` is any key that distinguishes senders, such as an address. Never raises.
+        `source` is any key that distinguishes senders, such as an address. Without `joins` nothing is kept of a frame
+        that the end of `data` cuts. Never raises.
         """
         tail = self._tails.pop(source, b"") if self._tails else b""
-        if tail and not self._begins_with_frame(data):
+        if tail and _SCANNER.first_frame(data) is None:
             data = tail + data
-        messages: list[Message] = []
-        at, size, cut = 0, len(data), -1
-        while at < size:
-            length = frame_length(data, at)
-            if length > size - at:
-                cut = at if cut < 0 else cut
-                length = 0
-            frame = data[at : at + length]
-            message = self.decode_frame(frame) if length else None
-            if message is not None:
-                messages.append(message)
-                cut = -1
-            elif not (length and _is_unknown(frame) and data[at + length : at + length + 1] in _ENDS):
-                marker = _MARKER.search(data, at + 1)
-                length = (marker.start() if marker is not None else size) - at
-            at += length
-        if cut >= 0 and len(self._tails) < _MAX_SOURCES:
-            self._tails[source] = data[cut:]
-        return messages
+        found = _SCANNER.scan(data)
+        self.dropped_bytes += found.dropped
+        if found.tail and joins:
+            if len(self._tails) >= _MAX_SOURCES:
+                del self._tails[next(iter(self._tails))]  # the oldest
+            self._tails[source] = found.tail
+        return [message for frame in found.frames if (message := self._message(frame)) is not None]
 
     def decode_frame(self, frame: bytes) -> Message | None:
         """Return the message of one whole frame of `frame_length`; None if its checksum is wrong or its id unknown."""
-        layout = _LAYOUT_BY_ID.get(frame[7:10]) if frame[0] == _V2 and not frame[2] else None
-        if layout is not None:
-            fields = layout.read(frame)
-            return Message(layout.name, fields, frame[5], frame[6], frame) if fields is not None else None
-        return None if _is_unknown(frame) else self._decode_by_dialect(frame)
+        return None if _SCANNER.first_frame(frame) is None else self._message(frame)
 
-    def _begins_with_frame(self, data: bytes) -> bool:
-        length = frame_length(data, 0) if data else 0
-        return 0 < length <= len(data) and self.decode_frame(data[:length]) is not None
+    def _message(self, frame: bytes) -> Message | None:
+        """The message of a frame whose checksum is right."""
+        layout = _LAYOUT_BY_ID.get(message_id(frame)) if frame[0] == V2 else None
+        if layout is None:
+            return self._decode_by_dialect(frame)
+        return Message(layout.name, layout.read(frame), frame[5], frame[6], frame)
 
     def _decode_by_dialect(self, frame: bytes) -> Message | None:
         try:
@@ -173,24 +155,3 @@ class Codec:
             fields[field] = raw.partition(b"\0")[0].decode("utf-8", "replace")
         header = decoded.get_header()
         return Message(name, fields, header.srcSystem, header.srcComponent, frame)
-
-
-def frame_length(data: bytes, at: int) -> int:
-    """Return the frame length by the header at `at`: 0 if there is no header, more than the rest of `data` if cut."""
-    marker, left = data[at], len(data) - at
-    if marker == _V2:
-        if left < 3:
-            return left + 1
-        flags = data[at + 2]
-        if flags & ~_SIGNED:
-            return 0
-        return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if flags else 0)
-    if marker == _V1:
-        return _HEADER_V1 + data[at + 1] + _CHECKSUM if left > 1 else left + 1
-    return 0
-
-
-def _is_unknown(frame: bytes) -> bool:
-    """Whether the message id is not in the dialect, so that the checksum cannot be verified."""
-    number = int.from_bytes(frame[7:10], "little") if frame[0] == _V2 else frame[5]
-    return number not in dialect.mavlink_map
