@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager, suppress
 from types import FrameType
 from typing import Any, TypeVar
 
-from gcs.errors import GcsError, PeerTimeout
+from gcs.errors import PeerTimeout, ProtocolMisuse
 
 T = TypeVar("T")
 LOOK_S = 0.05
@@ -24,25 +24,29 @@ async def each(things: Iterable[T], action: Callable[[T], Awaitable[object]]) ->
     try:
         await asyncio.gather(*tasks)
     finally:
-        for task in tasks:
-            await ended(task)
+        await ended(*tasks)
 
 
-async def ended(task: asyncio.Future[Any]) -> None:
-    """Cancel a task and wait until it has ended. Its own GcsError is dropped: the caller already has a failure."""
-    while not task.done():  # a library in between may swallow the cancellation
-        task.cancel()
-        await asyncio.wait({task}, timeout=1.0)
-    with suppress(asyncio.CancelledError, GcsError):
-        task.result()
+async def ended(*tasks: asyncio.Future[Any]) -> None:
+    """Cancel tasks and wait until they have ended. Their own failures are dropped: the caller already has one.
+
+    All are cancelled before the first wait: none goes on if the wait itself fails.
+    """
+    while alive := [task for task in tasks if not task.done()]:  # a library in between may swallow the cancellation
+        for task in alive:
+            task.cancel()
+        await asyncio.wait(alive, timeout=1.0)
+    for task in tasks:
+        if not task.cancelled():
+            task.exception()
 
 
 async def insisted(work: Coroutine[Any, Any, None]) -> None:
-    """Run `work` to its end even if the caller is cancelled, once or often. It must end by itself."""
+    """Run `work` to its end even if the caller is cancelled or fails, once or often. It must end by itself."""
     task = asyncio.ensure_future(work)
     while not task.done():
-        with suppress(asyncio.CancelledError):
-            await asyncio.shield(task)
+        with suppress(BaseException):
+            await asyncio.wait({task})
     with suppress(asyncio.CancelledError):
         task.result()
 
@@ -142,26 +146,28 @@ def _is_default(number: int, handler: object) -> bool:
 
 @asynccontextmanager
 async def alongside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Run endless work in the background of the block. If the work fails, the block ends with that failure."""
+    """Run endless work in the background of the block. If the work ends by itself, the block ends with its failure."""
     block = asyncio.current_task()
     task = asyncio.ensure_future(work)
+    stopped = False
 
-    def stop_block(done: asyncio.Future[None]) -> None:
-        if block is not None and not done.cancelled() and done.exception() is not None:
-            block.cancel()
+    def stop_block(_: asyncio.Future[None]) -> None:
+        nonlocal stopped
+        if block is not None:
+            stopped = block.cancel()
 
     task.add_done_callback(stop_block)
     try:
-        yield
+        try:
+            yield
+        finally:
+            task.remove_done_callback(stop_block)
+            await ended(task)
     except asyncio.CancelledError:
-        if task.done() and not task.cancelled() and (failure := task.exception()) is not None:
-            if block is not None:
-                block.uncancel()
-            raise failure from None
-        raise
-    finally:
-        task.remove_done_callback(stop_block)
-        await ended(task)
+        if block is None or not stopped or block.uncancel():  # it was cancelled by others too
+            raise
+        failure = None if task.cancelled() else task.exception()
+        raise failure or ProtocolMisuse("a part of the work ended by itself.") from None
 
 
 async def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 from gcs.aio import LOOK_S
 from gcs.errors import GcsError, OrderError
 from gcs.flight.contingency.policy import State
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightOptions
+from gcs.flight.orders.custody import Custody
 from gcs.flight.orders.order_book import StandingOrder
 from gcs.flight.orders.order_carrier import OrderCarrier, hurried
 from gcs.flight.sequence.takeoff_landing import FlightVehicle, set_mode
@@ -23,10 +25,15 @@ from gcs.mavlink import MavCommand
 PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
 ORDERED_WORDS = "it was ordered to land; the flight ends when it has landed"
 SILENT_WORDS = "not heard: it is not known whether landed"
+HANDED_OVER = "is not known to have landed, and is handed over"
+HAND_OVER_WORDS = "fly it by its RC transmitter or another ground station; `gcs attach --land` lands it"
 
 
 class FleetLanding:
-    """Lands the vehicles of a flight. `states` are those of the contingency policy, empty before the take-off."""
+    """Lands the vehicles of a flight that are in its custody, and no others.
+
+    `states` are those of the contingency policy, empty before the take-off.
+    """
 
     def __init__(
         self,
@@ -37,7 +44,8 @@ class FleetLanding:
         tell_failure: Callable[[StandingOrder], None],
         tell: Callable[[int, str, str], None],
     ) -> None:
-        self.orders = OrderCarrier(lambda sysid: vehicles[sysid].session.armed, self.is_heard)
+        self.custody = Custody({sysid: vehicle.session for sysid, vehicle in vehicles.items()})
+        self.orders = OrderCarrier(lambda sysid: vehicles[sysid].session.armed, self.is_heard, self.custody.holds)
         self._vehicles = vehicles
         self._streamer = streamer
         self._options = options
@@ -68,22 +76,23 @@ class FleetLanding:
 
         self.orders.start(vehicle.sysid, "land", land, self._tell_failure, planned=planned)
 
-    def send_once(self, *, arming: bool) -> None:
+    def send_once(self) -> None:
         """Send every vehicle the order to land once, without waiting for an acknowledgement."""
         now_s = asyncio.get_running_loop().time()
-        for vehicle in self._ours_aloft(arming=arming):
+        for vehicle in self._ours_aloft():
             land = vehicle.behaviour.mode_parameters(vehicle.behaviour.land)
             command = CommandSender(MavCommand.DO_SET_MODE, land, vehicle.session.station, me=vehicle.session.me)
-            for message in command.start(now_s):
-                vehicle.session.send(message)
+            with suppress(Exception):  # the others get theirs
+                for message in command.start(now_s):
+                    vehicle.session.send(message)
 
-    async def land_all(self, *, arming: bool = False) -> None:
+    async def land_all(self) -> None:
         """Land all vehicles within reach that no pilot flies; wait until every vehicle has landed or is out of reach.
 
-        `arming`: some may be armed though their HEARTBEAT does not say so yet.
+        An order that stands goes on, so that this may be called again where it failed.
         """
-        for vehicle in self._ours_aloft(arming=arming):
-            if self.is_heard(vehicle.sysid):
+        for vehicle in self._ours_aloft():
+            if self.is_heard(vehicle.sysid) and not self.orders.stands(vehicle.sysid):
                 self.order(vehicle)
         while any(self.orders.stands(sysid) for sysid in self._vehicles):
             await asyncio.sleep(LOOK_S)
@@ -91,7 +100,7 @@ class FleetLanding:
 
     async def until_landed(self) -> None:
         """Wait as long as a vehicle is armed and heard."""
-        while aloft := [i for i, v in self._vehicles.items() if v.session.armed and self.is_heard(i)]:
+        while aloft := self.aloft():
             states = self._states()
             if all(states.get(sysid) is State.LEFT for sysid in aloft):
                 for sysid in set(aloft) - self._told:
@@ -99,11 +108,22 @@ class FleetLanding:
                     self._told.add(sysid)
             await asyncio.sleep(LOOK_S)
 
+    def aloft(self) -> list[int]:
+        """Return the vehicles of this flight that are armed and heard."""
+        return [i for i, v in self._vehicles.items() if v.session.armed and self.custody.holds(i) and self.is_heard(i)]
+
+    def hand_over(self) -> None:
+        """Tell of each vehicle that is not known to have landed who flies it from now on."""
+        for sysid in self._vehicles:
+            if self.custody.may_be_up(sysid):
+                why = "still armed" if self.is_heard(sysid) else SILENT_WORDS
+                self._tell(sysid, HANDED_OVER, f"{why}: {HAND_OVER_WORDS}")
+
     def tell_aloft(self) -> None:
         """Report the vehicles that are still in the air, and what becomes of them: Ctrl-C came once more."""
         states = self._states()
         for sysid, vehicle in self._vehicles.items():
-            if vehicle.session.armed:
+            if vehicle.session.armed and self.custody.holds(sysid):
                 ours = PILOT_WORDS if states.get(sysid) is State.LEFT else ORDERED_WORDS
                 self._tell(sysid, "still in the air", ours if self.is_heard(sysid) else SILENT_WORDS)
 
@@ -133,10 +153,10 @@ class FleetLanding:
                 hint="search for vehicles that did not report a landing at their last reported position",
             ) from stopped
 
-    def _ours_aloft(self, *, arming: bool) -> list[FlightVehicle]:
-        """Vehicles that may be airborne, but those of a pilot. A silent one may receive."""
+    def _ours_aloft(self) -> list[FlightVehicle]:
+        """Vehicles of this flight that may be airborne, but those of a pilot. A silent one may receive."""
         states = self._states()
-        return [v for i, v in self._vehicles.items() if (v.session.armed or arming) and states.get(i) is not State.LEFT]
+        return [v for i, v in self._vehicles.items() if self.custody.may_be_up(i) and states.get(i) is not State.LEFT]
 
 
 def _named(sysids: list[int]) -> str:

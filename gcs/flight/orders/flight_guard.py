@@ -7,13 +7,15 @@ from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, TypeVar
 
 from gcs.aio import ended, insisted
-from gcs.errors import GcsError
+from gcs.errors import GcsError, ProtocolMisuse
 from gcs.flight.orders.fleet_landing import FleetLanding
 from gcs.flight.progress import Step
 from gcs.flight.sequence.link_watch import watch_links
 from gcs.link.session.vehicle_session import VehicleSession
 
 T = TypeVar("T")
+_ATTEMPTS = 5  # to land, each interrupted by a failure of its own
+_PAUSE_S = 1.0
 
 
 class FlightGuard:
@@ -25,31 +27,61 @@ class FlightGuard:
         landing: FleetLanding,
         step: Callable[[], Step],
         lost_after_s: float,
+        tell: Callable[[int, str, str], None],
     ) -> None:
         self._sessions = sessions
         self._landing = landing
         self._step = step
         self._lost_after_s = lost_after_s
+        self._tell = tell
 
     async def run(self, flying: Coroutine[Any, Any, T]) -> T:
-        """Return what `flying` returns; if it or the links fail, the vehicles land first."""
+        """Return what `flying` returns. However it fails, and if the links fail, the vehicles land first.
+
+        What ended the flight is raised afterwards. A vehicle that is not known to have landed is handed over by name.
+        """
         watch = asyncio.ensure_future(watch_links(self._sessions, self._step, self._lost_after_s))
         work = asyncio.ensure_future(flying)
         try:
-            done, _ = await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
-            if watch in done:
+            await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)
+            if watch.done():
                 watch.result()
-            return await work
-        except (GcsError, asyncio.CancelledError) as stopped:
-            work.cancel()
-            self._landing.send_once(arming=self._step() is Step.TAKEOFF)  # before a second Ctrl-C can come in between
-            await insisted(self._end_and_land(work))
-            self._landing.raise_failed_orders(stopped)
+            result = await work
+            if aloft := self._landing.aloft():
+                raise ProtocolMisuse(f"the flight ended with armed vehicles: {', '.join(map(str, aloft))}.")
+        except BaseException as stopped:
+            await self._bring_down(watch, work)
+            if isinstance(stopped, asyncio.CancelledError) and not _is_cancelled():
+                raise ProtocolMisuse("a part of the flight was cancelled by itself.") from stopped
+            if isinstance(stopped, GcsError | asyncio.CancelledError):
+                self._landing.raise_failed_orders(stopped)
             raise
         finally:
-            await ended(watch)
+            self._landing.custody.close()
+            watch.cancel()
             await self._landing.orders.close()
+        return result
 
-    async def _end_and_land(self, work: asyncio.Future[Any]) -> None:
-        await ended(work)
-        await self._landing.land_all(arming=self._step() is Step.TAKEOFF)
+    async def _bring_down(self, watch: asyncio.Future[Any], work: asyncio.Future[Any]) -> None:
+        """Land the vehicles of this flight. Nothing that happens meanwhile ends this, but the landing itself."""
+        work.cancel()
+        self._landing.send_once()  # before a second Ctrl-C can come in between
+        for attempt in range(_ATTEMPTS):
+            try:
+                await insisted(self._end_and_land(watch, work, attempt * _PAUSE_S))
+            except BaseException as failure:
+                self._tell(0, "landing interrupted", f"{type(failure).__name__}: {failure}")
+                self._landing.send_once()
+            else:
+                break
+        self._landing.hand_over()
+
+    async def _end_and_land(self, watch: asyncio.Future[Any], work: asyncio.Future[Any], pause_s: float) -> None:
+        await asyncio.sleep(pause_s)
+        await ended(watch, work)
+        await self._landing.land_all()
+
+
+def _is_cancelled() -> bool:
+    task = asyncio.current_task()
+    return task is not None and task.cancelling() > 0

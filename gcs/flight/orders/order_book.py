@@ -69,6 +69,10 @@ class OrderBook:
         """Whether an order was neither replaced nor ended."""
         return self._orders.get(order.sysid) is order
 
+    def has(self, sysid: int) -> bool:
+        """Whether an order to this vehicle stands."""
+        return sysid in self._orders
+
     def note_failure(self, order: StandingOrder, now_s: float, reason: str) -> None:
         """Take in an attempt that failed."""
         order.failed(now_s, reason)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import replace
 
 from gcs.aio import ended
@@ -21,12 +22,21 @@ def hurried(vehicle: FlightVehicle) -> FlightVehicle:
 
 
 class OrderCarrier:
-    """Carries the orders of a flight. `reachable` tells whether a vehicle is still heard, `armed` whether it is up."""
+    """Carries the orders of a flight. `reachable` tells whether a vehicle is still heard, `armed` whether it is up.
 
-    def __init__(self, armed: Callable[[int], bool], reachable: Callable[[int], bool]) -> None:
+    A vehicle that is not `ours` gets none.
+    """
+
+    def __init__(
+        self,
+        armed: Callable[[int], bool],
+        reachable: Callable[[int], bool],
+        ours: Callable[[int], bool] = lambda _: True,
+    ) -> None:
         self._book = OrderBook()
         self._armed = armed
         self._reachable = reachable
+        self._ours = ours
         self._tasks: dict[int, asyncio.Future[None]] = {}
 
     @property
@@ -43,13 +53,14 @@ class OrderCarrier:
         *,
         planned: bool = False,
     ) -> None:
-        """Begin an order in place of the one before. `work` gives it once and raises GcsError if that fails.
+        """Begin an order in place of the one before. `work` gives it once and raises an error if that fails.
 
         A `planned` order that a repetition carried out did not fail.
         """
         self.end(sysid)
-        order = self._book.give(sysid, what, asyncio.get_running_loop().time(), planned=planned)
-        self._tasks[sysid] = asyncio.ensure_future(self._insist(order, work, on_failure))
+        if self._ours(sysid):
+            order = self._book.give(sysid, what, asyncio.get_running_loop().time(), planned=planned)
+            self._carry(order, work, on_failure)
 
     def end(self, sysid: int) -> None:
         """End the order to a vehicle: a pilot flies it, or another order follows."""
@@ -59,29 +70,45 @@ class OrderCarrier:
 
     def stands(self, sysid: int) -> bool:
         """Whether an order to this vehicle is not carried out yet."""
-        task = self._tasks.get(sysid)
-        return task is not None and not task.done()
+        return self._book.has(sysid)
 
     async def close(self) -> None:
         """End all orders."""
-        for task in self._tasks.values():
-            await ended(task)
+        for sysid in self._tasks:
+            self._book.end(sysid)
+        await ended(*self._tasks.values())
+
+    def _carry(self, order: StandingOrder, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
+        task = self._tasks[order.sysid] = asyncio.ensure_future(self._insist(order, work, on_failure))
+
+        def again(_: asyncio.Future[None]) -> None:
+            if self._book.stands(order):  # nothing that happens to the task ends the order
+                order.failed(asyncio.get_running_loop().time(), "its task ended")
+                self._carry(order, work, on_failure)
+
+        task.add_done_callback(again)
 
     async def _insist(self, order: StandingOrder, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
         loop = asyncio.get_running_loop()
         while self._book.stands(order):
+            await asyncio.sleep(order.wait_s(loop.time()))
+            if order.attempts and not (self._armed(order.sysid) and self._reachable(order.sysid)):
+                break
             try:
                 await work()
-            except GcsError as error:
+            except Exception as error:
                 if not self._armed(order.sysid) and order.attempts:
                     break  # it has landed meanwhile
-                self._book.note_failure(order, loop.time(), error.message.rstrip("."))
-                on_failure(order)
+                self._book.note_failure(order, loop.time(), _reason(error))
+                with suppress(Exception):  # what cannot be told does not end the order
+                    on_failure(order)
             else:
                 self._book.carried_out(order)
                 return
-            await asyncio.sleep(order.wait_s(loop.time()))
-            if not self._armed(order.sysid) or not self._reachable(order.sysid):
-                break
         if self._book.stands(order):
             self._book.end(order.sysid)
+
+
+def _reason(error: Exception) -> str:
+    words = error.message if isinstance(error, GcsError) else f"{type(error).__name__}: {error}"
+    return words.rstrip(".")

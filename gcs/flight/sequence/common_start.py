@@ -85,8 +85,7 @@ class CommonStart:
             if work.done() and self._time.sure_s() < until_s:
                 return work.result()
         finally:
-            await ended(work)
-            await ended(limit)
+            await ended(work, limit)
         raise FlightError("an earlier start was not verified on every vehicle in time.")
 
     async def _set_back(self, held: Holdings, reason: str) -> Holdings:

@@ -71,7 +71,7 @@ class FlightSequence:
         self.loads = tuple(loads)
         self.held: Holdings | None = None
         self._returns = returns
-        self._hooks = hooks or FlightHooks()
+        self._hooks = (hooks or FlightHooks()).spared()
         self.sessions = sessions
         self.options = options
         self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
@@ -101,7 +101,7 @@ class FlightSequence:
             self._tell_failure,
             self._tell,
         )
-        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s)
+        self._guard = FlightGuard(sessions, self.landing, lambda: self.step, options.lost_after_s, self._tell)
 
     @property
     def contingency(self) -> ContingencyExecutor:
@@ -159,6 +159,7 @@ class FlightSequence:
         await self.each(until_ready)
         if self._hooks.on_ready is not None:
             await self._hooks.on_ready()
+        self.landing.custody.refuse_armed()
         self.enter(Step.UPLOAD)
         if self.options.mode is FlightMode.MISSION:
             ahead_s = self.options.start_after_takeoff_s + 2.0 * self.plan.phase("takeoff").duration_s
@@ -171,10 +172,11 @@ class FlightSequence:
         await self.prepare_contingency()
         await self.time.until(texts_end_unix_s)
         self._refuse_critical_texts()
+        self.landing.custody.refuse_armed()
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
         async with alongside(self.contingency.run()):
-            await self.each(lambda vehicle: take_off(vehicle, self._refuse_critical_texts))
+            await self.each(self._take_off)
             await self.each(until_hovering)
             airborne_unix_s = self.time.sure_s()
             self.enter(Step.FLY)
@@ -184,6 +186,10 @@ class FlightSequence:
         landing_unix_s = t0_unix_s + self.plan.phase("landing").start_s
         self.raise_troubles()
         return FlightTimes(airborne_unix_s, t0_unix_s, landing_unix_s)
+
+    async def _take_off(self, vehicle: FlightVehicle) -> None:
+        self.landing.custody.take_to_arm(vehicle.sysid)
+        await take_off(vehicle, self._refuse_critical_texts)
 
     def _refuse_critical_texts(self, sysid: int | None = None) -> None:
         if MESSAGES not in self.options.waived:
@@ -252,8 +258,7 @@ class FlightSequence:
         try:
             await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            await ended(over)
-            await ended(planned)
+            await ended(over, planned)
         self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:
@@ -269,7 +274,10 @@ class FlightSequence:
         self._tell(order.sysid, f"did not {order.what}", order.reason)
 
     def _tell(self, sysid: int, what: str, rule: str) -> None:
-        now_s = self.time.now_s() or 0.0
+        try:
+            now_s = self.time.now_s() or 0.0
+        except Exception:  # whatever is told when a flight ends early must not need its clocks
+            now_s = 0.0
         self._hooks.on_event(Event(now_s, now_s - (self.monitor.t0_unix_s or now_s), sysid, what, rule))
 
     def raise_troubles(self) -> None:

@@ -65,6 +65,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
     )
     await flight.prepare_contingency()
     if what is Resume.LAND or (what is Resume.RESUME and not any(s.armed for s in flight.sessions.values())):
+        flight.landing.custody.take_up()
         flight.enter(Step.LAND)
         await flight.landing.land_all()
         flight.enter_done()
@@ -83,6 +84,7 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
                 hint="attach with --land or --return",
             )
         t0_new_s = flight.streamer.continue_plan(where.t_s, FADE_S if what is Resume.RESUME else None)
+    flight.landing.custody.take_up()
     async with alongside(flight.streamer.run()):
         if what is Resume.RESUME and streams:
             await flight.each(flight.streamer.obey)

@@ -55,8 +55,7 @@ async def until_mode(
     except PeerTimeout as hidden:
         raise (missed or hidden) from None
     finally:
-        await ended(seen)
-        await ended(asked)
+        await ended(seen, asked)
 
 
 def control_of(vehicle: VehicleSession | MavsdkVehicle) -> Flyable:

@@ -8,9 +8,9 @@ from typing import Any
 
 from gcs.errors import FlightError, UsageError
 
-MESSAGES = "messages"
+MESSAGES, DISARMED = "messages", "disarmed"
 CHECKS = {
-    "disarmed": "the vehicle is not armed",
+    DISARMED: "the vehicle is not armed",
     "position estimate": "the estimator's flags are those that a flight needs",
     "sensors": "every enabled sensor is healthy, those excepted that are only mentioned",
     "pad": "the vehicle stands on its own pad",
@@ -71,11 +71,12 @@ def refuse_no_go(checks: Sequence[PreflightCheck]) -> None:
     if bad:
         listed = "; ".join(f"vehicle {c.sysid}: {c.name}: {c.measured} (required: {c.required})" for c in bad[:6])
         more = f"; and {len(bad) - 6} more" if len(bad) > 6 else ""
-        options = " ".join(dict.fromkeys(f"--waive '{c.name}'" if " " in c.name else f"--waive {c.name}" for c in bad))
+        names = dict.fromkeys(c.name for c in bad)
+        options = " ".join(f"--waive '{name}'" if " " in name else f"--waive {name}" for name in names)
+        once = f" To fly once in spite of them, add {options}" if DISARMED not in names else ""  # it would not help
         raise FlightError(
             f"no-go: {listed}{more}.",
-            hint="fix the failed checks, then run again; no vehicle was armed. To fly once in spite of them, add "
-            + options,
+            hint=f"fix the failed checks, then run again; no vehicle was armed.{once}",
         )
 
 

@@ -45,6 +45,7 @@ def land(
             lambda order: told.append(f"did not {order.what}"),
             lambda sysid, what, rule: told.append(what),
         )
+        landing.custody.take_up()
         try:
             await act(landing, crew)
         finally:
@@ -133,7 +134,7 @@ def test_a_pilots_vehicle_gets_no_order_and_is_watched_until_it_has_landed(simul
 
     async def come_down(landing: FleetLanding, crew: FlightVehicle) -> None:
         asyncio.get_running_loop().call_later(DOWN_S, lambda: setattr(vehicle, "armed", False))
-        landing.send_once(arming=False)
+        landing.send_once()
         await landing.land_all()
 
     took_s, told = land(vehicle, simulation1_plan, come_down, state=State.LEFT)
