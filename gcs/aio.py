@@ -100,6 +100,7 @@ class Stoppable:
     def __init__(self) -> None:
         self.on_again: Callable[[], None] = lambda: None
         self._stopped: int | None = None  # the signal
+        self._work: asyncio.Future[Any] | None = None
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
         """Run `work` in an event loop of its own. Raises `Stopped` if it was stopped.
@@ -109,7 +110,8 @@ class Stoppable:
         in_main = threading.current_thread() is threading.main_thread()
         before = {n: h for n in _STOPS if in_main and _is_default(n, h := signal.getsignal(n))}
         try:
-            return asyncio.run(self._main(work, tuple(before)))
+            with asyncio.Runner() as runner:
+                return self._to_its_end(runner.get_loop(), self._main(work, tuple(before)))
         except asyncio.CancelledError:
             if self._stopped is not None:
                 raise Stopped(self._stopped) from None
@@ -118,8 +120,20 @@ class Stoppable:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
+    def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
+        """Run the loop on, though a task ended it by KeyboardInterrupt or SystemExit: that stops the work, no more."""
+        task = loop.create_task(main)
+        while True:
+            try:
+                loop.run_until_complete(task)
+                return task.result()
+            except (KeyboardInterrupt, SystemExit):
+                if task.done() or self._work is None:
+                    raise
+                self._stop(self._work, signal.SIGINT)
+
     async def _main(self, work: Coroutine[Any, Any, T], numbers: Iterable[int]) -> T:
-        task = asyncio.ensure_future(work)
+        task = self._work = asyncio.ensure_future(work)
         loop = asyncio.get_running_loop()
 
         def receive(number: int, frame: FrameType | None) -> None:

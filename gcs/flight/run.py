@@ -16,7 +16,7 @@ import numpy as np
 from gcs.aio import Stoppable
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
-from gcs.flight.hooks import FlightHooks
+from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.lateness import skew_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step, Watcher
@@ -192,24 +192,26 @@ async def _fly(
         now_s = loop.time()
         return max((t for s in fleet.sessions.values() if (t := s.clock.now_unix_s(now_s)) is not None), default=None)
 
+    say = spared(watcher.say, "the screen")
     async with AsyncExitStack() as stack:
         log = stack.enter_context(TelemetryLog(folder / "telemetry.tlog", vehicles_time_s))
         known = order.link or Connection((SIM_LINK,))
-        fleet = await stack.enter_async_context(known.open(on_frame=log.write))
+        fleet = await stack.enter_async_context(known.open(on_frame=spared(log.write, "telemetry.tlog", say)))
         if order.link is None:
             simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
             await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
         events = stack.enter_context(EventLog(folder / "events.jsonl"))
+        write_event = spared(events.write, "events.jsonl", say)
 
         def on_event(event: Event) -> None:
-            events.write(event)
-            watcher.say(str(event))
+            write_event(event)
+            say(str(event))
 
         def on_step(step: Step, t0_unix_s: float | None) -> None:
             if flight.held is not None and not sent:
                 sent.update(flight.held.sent_as)
-                watcher.say(f"missions read back and equal; {sent_words(sent)}")
+                say(f"missions read back and equal; {sent_words(sent)}")
             state = FlightState(
                 mission=plan.scenario.name,
                 plan_hash=plan.hash,
@@ -223,8 +225,9 @@ async def _fly(
                 waived=tuple(sorted(options.waived)),
                 missions=tuple(sent_data(sent)),
             )
-            write_flight_state(folder, state)
+            write_state(folder, state)
 
+        write_state = spared(write_flight_state, "flight.json", say)
         hooks = FlightHooks(on_event, on_step)
         flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
         ctrl_c.on_again = flight.landing.tell_aloft
@@ -236,7 +239,7 @@ async def _fly(
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
             if flight.held is not None:
-                await restore_parameters(sessions, flight.held.changes, watcher.say)
+                await restore_parameters(sessions, flight.held.changes, say)
 
 
 async def _flight(

@@ -17,7 +17,7 @@ from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
 from gcs.errors import FlightError, UsageError
-from gcs.flight.hooks import FlightHooks
+from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
@@ -92,12 +92,14 @@ async def _take_up(
                 folder / f"telemetry-{datetime.now():%H%M%S}.tlog", lambda: flight.time.now_s() if flight else None
             )
         )
-        fleet = await stack.enter_async_context(known.open(on_frame=log.write))
+        fleet = await stack.enter_async_context(known.open(on_frame=spared(log.write, "telemetry", screen.warn)))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
         events = stack.enter_context(EventLog(folder / "events.jsonl"))
 
+        write_event = spared(events.write, "events.jsonl", screen.warn)
+
         def tell(event: Event) -> None:
-            events.write(event)
+            write_event(event)
             screen.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:

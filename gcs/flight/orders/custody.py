@@ -46,7 +46,7 @@ class Custody:
             named = f"vehicle{'s' if len(foreign) > 1 else ''} {', '.join(map(str, foreign))}"
             raise FlightError(
                 f"{named} armed, and not by this flight.",
-                hint="leave it to its pilot or ground station until it is disarmed, then fly again; it got no order, and "
+                hint="it got no order: leave it to its pilot or ground station until it is disarmed, then fly again; "
                 "`--waive disarmed` does not change whose it is",
             )
 

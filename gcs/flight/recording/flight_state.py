@@ -37,6 +37,11 @@ class FlightState:
         return self.step == Step.DONE
 
     @property
+    def on_the_ground(self) -> bool:
+        """Whether it ended, or was left before it armed a vehicle, as a refused flight is."""
+        return self.over or self.step in (Step.READY, Step.UPLOAD)
+
+    @property
     def flown_by_another(self) -> bool:
         """Whether its process still runs."""
         if self.pid == os.getpid():
@@ -74,11 +79,11 @@ def read_flight_state(folder: Path) -> FlightState:
 
 
 def newest_unfinished(root: Path) -> Path:
-    """Return the folder of the last flight under `root` that did not end. Raises UsageError."""
+    """Return the folder of the last flight under `root` that armed vehicles and did not end. Raises UsageError."""
     found = sorted((p.parent for p in root.glob(f"*/{NAME}")), key=lambda folder: (folder / NAME).stat().st_mtime)
     for folder in reversed(found):
         state = read_flight_state(folder)
-        if not state.over and state.links:
+        if not state.on_the_ground and state.links:
             return folder
     raise UsageError(
         f"there is no unfinished flight under {root}.", hint="name its folder, or the folder of flights with --to"
