@@ -122,11 +122,10 @@ class Stoppable:
 
     def _to_its_end(self, loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, T]) -> T:
         """Run the loop on, though a task ended it by KeyboardInterrupt or SystemExit: that stops the work, no more."""
-        task = loop.create_task(main)
+        task: asyncio.Task[T] = loop.create_task(main)
         while True:
             try:
-                loop.run_until_complete(task)
-                return task.result()
+                return loop.run_until_complete(task)
             except (KeyboardInterrupt, SystemExit):
                 if task.done() or self._work is None:
                     raise
