@@ -132,7 +132,8 @@ class Stoppable:
                 self._stop(self._work, signal.SIGINT)
 
     async def _main(self, work: Coroutine[Any, Any, T], numbers: Iterable[int]) -> T:
-        task = self._work = asyncio.ensure_future(work)
+        task = asyncio.ensure_future(work)
+        self._work = task
         loop = asyncio.get_running_loop()
 
         def receive(number: int, frame: FrameType | None) -> None:

@@ -1,6 +1,6 @@
 """What a flight calls on its way: events, steps, and the question before anything is uploaded.
 
-A log, a screen or a picture that fails does not reach the flight: its first failure is told, and all are dropped.
+A log, a screen or a picture that fails does not reach the flight: its first failure is reported, and all are dropped.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def _log(text: str) -> None:
 
 
 def spared(call: Callable[P, object], what: str, say: Callable[[str], None] = _log) -> Callable[P, None]:
-    """Return `call` without its failures. The first is told by `say`: "`what` failed ..."."""
+    """Return `call` without its failures. `say` gets the first: "`what` failed ..."."""
     told = False
 
     def spare(*arguments: P.args, **named: P.kwargs) -> None:

@@ -1,6 +1,6 @@
 """The vehicles that this process armed or took up. It brings these down, and orders no other vehicle to land.
 
-A vehicle that somebody else armed, a pilot or another ground station, is theirs: it is never taken.
+A vehicle that a pilot or another ground station armed is theirs: it is never taken.
 """
 
 from __future__ import annotations

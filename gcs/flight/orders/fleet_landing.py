@@ -113,7 +113,7 @@ class FleetLanding:
         return [i for i, v in self._vehicles.items() if v.session.armed and self.custody.holds(i) and self.is_heard(i)]
 
     def hand_over(self) -> None:
-        """Tell of each vehicle that is not known to have landed who flies it from now on."""
+        """Report each vehicle that is not known to have landed: from now on it is flown by others."""
         for sysid in self._vehicles:
             if self.custody.may_be_up(sysid):
                 why = "still armed" if self.is_heard(sysid) else SILENT_WORDS

@@ -100,7 +100,7 @@ class OrderCarrier:
                 if not self._armed(order.sysid) and order.attempts:
                     break  # it has landed meanwhile
                 self._book.note_failure(order, loop.time(), _reason(error))
-                with suppress(Exception):  # what cannot be told does not end the order
+                with suppress(Exception):  # a failed report does not end the order
                     on_failure(order)
             else:
                 self._book.carried_out(order)

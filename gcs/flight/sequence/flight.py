@@ -276,7 +276,7 @@ class FlightSequence:
     def _tell(self, sysid: int, what: str, rule: str) -> None:
         try:
             now_s = self.time.now_s() or 0.0
-        except Exception:  # whatever is told when a flight ends early must not need its clocks
+        except Exception:  # the reports of a landing must not need the clocks
             now_s = 0.0
         self._hooks.on_event(Event(now_s, now_s - (self.monitor.t0_unix_s or now_s), sysid, what, rule))
 
