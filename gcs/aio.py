@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.steady_loop import SteadyLoop
 
 T = TypeVar("T")
 LOOK_S = 0.05
@@ -110,7 +111,7 @@ class Stoppable:
         in_main = threading.current_thread() is threading.main_thread()
         before = {n: h for n in _STOPS if in_main and _is_default(n, h := signal.getsignal(n))}
         try:
-            with asyncio.Runner() as runner:
+            with asyncio.Runner(loop_factory=SteadyLoop) as runner:
                 return self._to_its_end(runner.get_loop(), self._main(work, tuple(before)))
         except asyncio.CancelledError:
             if self._stopped is not None:

@@ -40,6 +40,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import Report, verify
 from gcs.scenario.schema.preflight_table import PreflightTable
+from gcs.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
 SIM_LEAD_S = 0.2
@@ -189,7 +190,7 @@ async def _fly(
     def vehicles_time_s() -> float | None:
         if fleet is None:
             return None
-        now_s = loop.time()
+        now_s = host_s(loop)
         return max((t for s in fleet.sessions.values() if (t := s.clock.now_unix_s(now_s)) is not None), default=None)
 
     say = spared(watcher.say, "the screen")
@@ -283,7 +284,7 @@ async def _flight(
 
 def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:
     """Return an event for each check that failed and was waived, for the flight's folder."""
-    now_s = asyncio.get_running_loop().time()
+    now_s = host_s(asyncio.get_running_loop())
     times = {sysid: session.clock.now_unix_s(now_s) for sysid, session in sessions.items()}
     return [
         Event(

@@ -23,6 +23,7 @@ from gcs.link.microservices.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.plan import Plan
+from gcs.steady_loop import host_s
 
 _LONGEST_WAIT_S = 0.05
 # Emulated time at any speed may have advanced since the last report: check often, send what may still be needed.
@@ -199,9 +200,9 @@ class Streamer:
 
     async def _turn(self, scheduler: Scheduler) -> None:
         """Send what is due, and wait until the next setpoint is due."""
-        send_due(scheduler, self.streamed.values(), self._send, self._loop.time())
+        send_due(scheduler, self.streamed.values(), self._send, host_s(self._loop))
         longest_s = _EMULATED_WAIT_S if self._emulated else _LONGEST_WAIT_S
-        pause_s = wait_s(scheduler, self.streamed.values(), self._loop.time(), longest_s)
+        pause_s = wait_s(scheduler, self.streamed.values(), host_s(self._loop), longest_s)
         if not self._emulated:
             await sleep_sharply(pause_s)
             return

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from gcs.errors import FlightError
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.steady_loop import host_s
 
 _PUMP_S = 0.002
 
@@ -20,7 +21,7 @@ class FleetTime:
 
     def now_s(self) -> float | None:
         """Return GNSS unix time; None before the first report. It stands while no vehicle reports."""
-        now_s = self._loop.time()
+        now_s = host_s(self._loop)
         known = (s.clock.now_unix_s(now_s) for s in self._sessions.values())
         return max((t for t in known if t is not None), default=None)
 

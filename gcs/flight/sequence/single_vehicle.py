@@ -16,6 +16,7 @@ from gcs.link.session.vehicle_api import Flyable, Setpoint
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, ModeFlag
+from gcs.steady_loop import host_s
 
 if TYPE_CHECKING:
     from gcs.link.mavsdk.mavsdk_vehicle import MavsdkVehicle
@@ -129,7 +130,7 @@ class SessionControl:
         loop, session = asyncio.get_running_loop(), self._session
         while self._setpoint is not None:
             sp = self._setpoint
-            unix_s = session.clock.now_unix_s(loop.time())
+            unix_s = session.clock.now_unix_s(host_s(loop))
             stamp_ms = 0 if unix_s is None else session.clock.boot_ms(unix_s) or 0
             values = (*sp.position_ned_m, *sp.velocity_ned_mps, *sp.acceleration_ned_mps2, sp.yaw_ned_rad)
             session.send(setpoint_message(session.station, stamp_ms, np.zeros(3), values))

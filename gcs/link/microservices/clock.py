@@ -9,12 +9,14 @@ window, `max_i (v_i + r (now - n_i))` is the time on board, up to the least dela
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from gcs.link.wire.message import Message
 
 _KEPT = 24  # samples in the window
 _OFFSETS = 16
+_LATE_S = 0.15  # after a standstill of this program: so long messages may be those that waited to be read
 
 
 class VehicleClock:
@@ -29,6 +31,8 @@ class VehicleClock:
         self._offsets_s: deque[float] = deque(maxlen=_OFFSETS)
         self._offset_s: float | None = None
         self._samples: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (now_s, boot_s)
+        self._rate_kept: float | None = None  # of before the last standstill
+        self._late_until_s = float("-inf")
         self._newest_boot_s = float("-inf")
         self._returned_boot_s = float("-inf")
 
@@ -39,12 +43,19 @@ class VehicleClock:
 
     @property
     def rate(self) -> float:
-        """Vehicle seconds per local second; 1 until the window is a quarter full."""
+        """Vehicle seconds per local second; 1, or that of before a standstill, until the window is a quarter full."""
+        known = 1.0 if self._rate_kept is None else self._rate_kept
         if not self._samples:
-            return 1.0
+            return known
         (now_0, boot_0), (now_1, boot_1) = self._samples[0], self._samples[-1]
         span_s = now_1 - now_0
-        return (boot_1 - boot_0) / span_s if span_s >= self._window_s / 4 else 1.0
+        return (boot_1 - boot_0) / span_s if span_s >= self._window_s / 4 else known
+
+    def stood_still(self, now_s: float) -> None:
+        """This program stood still until `now_s`: messages that it reads now have waited, and measure no clock."""
+        self._rate_kept = self.rate
+        self._samples.clear()
+        self._late_until_s = now_s + _LATE_S
 
     def receive(self, message: Message, now_s: float) -> None:
         """Take a sample from any message with time_boot_ms, and the offset from SYSTEM_TIME."""
@@ -63,6 +74,8 @@ class VehicleClock:
         if boot_s <= self._newest_boot_s:
             return
         self._newest_boot_s = boot_s
+        if now_s < self._late_until_s:
+            return
         if not self._samples or now_s - self._samples[-1][0] >= self._window_s / _KEPT:
             self._samples.append((now_s, boot_s))
 
@@ -76,8 +89,11 @@ class VehicleClock:
 
     def now_unix_s(self, now_s: float) -> float | None:
         """Return the predicted GNSS unix time on board at `now_s`; None until `ready`. It never runs back."""
-        if self._offset_s is None or not self._samples:
+        if self._offset_s is None:
             return None
+        if not self._samples:
+            self._returned_boot_s = max(self._returned_boot_s, self._newest_boot_s)
+            return self._returned_boot_s + self._offset_s if math.isfinite(self._returned_boot_s) else None
         rate = self.rate
         ahead_s = max(boot + rate * (now_s - then) for then, boot in self._samples)
         ahead_s = max(ahead_s, self._newest_boot_s)

@@ -32,6 +32,7 @@ from gcs.link.session.vehicle_texts import VehicleTexts
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
+from gcs.steady_loop import stalls_of
 
 
 class VehicleSession:
@@ -65,6 +66,8 @@ class VehicleSession:
         self._offers_files: bool | None = None
         self.sent_as: SentAs | None = None  # of the last mission
         self._loop = asyncio.get_running_loop()
+        self._stalls = stalls_of(self._loop)
+        self._stalls_seen = self._stalls.count
         self._machines: list[tuple[Machine, asyncio.Event]] = []
         self._listeners: list[Callable[[Message], None]] = []
         self._mission_lock = asyncio.Lock()
@@ -118,7 +121,11 @@ class VehicleSession:
         """Process one message of this vehicle. Only the fleet calls it."""
         self.latest[message.name] = message
         self.latest_s[message.name] = now_s
-        self.clock.receive(message, now_s)
+        host_s = now_s + self._stalls.stood_s
+        if self._stalls.count > self._stalls_seen:
+            self._stalls_seen = self._stalls.count
+            self.clock.stood_still(host_s)
+        self.clock.receive(message, host_s)
         if message.name == "STATUSTEXT":
             self.texts.receive(message, now_s)
         elif message.name == self.estimator.message.name:

@@ -95,3 +95,19 @@ def test_foreign_and_stale_answers_are_ignored():
     sync.receive(Message("TIMESYNC", {"tc1": 5, "ts1": 123}, *VEHICLE), 5.1)
     sync.receive(Message("TIMESYNC", {"tc1": 0, "ts1": question.fields["ts1"]}, *VEHICLE), 5.1)
     assert sync.best is None
+
+
+def test_messages_that_waited_while_this_program_stood_still_measure_nothing() -> None:
+    clock = VehicleClock()
+    for n in range(31):
+        clock.receive(system_time(10.0 + 0.1 * n), 0.1 * n)  # real time, until 3.0 s
+    before = clock.now_unix_s(3.0)
+    assert before is not None
+    clock.stood_still(9.0)
+    for n in range(31, 60):  # half of them were lost: the socket was full
+        clock.receive(attitude(10.0 + 0.1 * n), 9.0)
+    for n in range(92, 120):
+        now_s = 0.1 * n
+        clock.receive(attitude(10.0 + now_s), now_s)
+        assert clock.rate == pytest.approx(1.0, abs=1e-6)
+        assert clock.now_unix_s(now_s) == pytest.approx(before + now_s - 3.0, abs=1e-3)

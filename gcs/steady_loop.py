@@ -1,0 +1,102 @@
+"""An event loop whose clock does not count the time in which this program itself stood still.
+
+A program that was stopped (SIGSTOP), swapped out, suspended with its computer, or busy for seconds wakes up with all
+its timers due and all messages unread. By the clock of this loop nothing has become old meanwhile: a standstill counts
+for `COUNTED_S`. So every timeout, pause and age in the program measures its peers and never the program. What must go
+on while the program stands still, the vehicles' own clocks, is compared with `host_s`, which counts everything.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+import time
+from typing import Any
+
+PULSE_S = 0.1  # the loop looks at its clock so often at least
+LATE_S = 1.0  # a look that is later by more than this is a standstill; so is a turn of the loop that takes longer
+COUNTED_S = 0.1  # so much of a standstill counts
+
+
+class SteadyClock:
+    """Tells standstills of this program from time that passed for it. Time is an argument: the host's clock, s.
+
+    `stood_s` is the sum of what was not counted, `count` the number of standstills, `last_s` the length of the last.
+    """
+
+    def __init__(self, host_s: float) -> None:
+        self.stood_s = 0.0
+        self.count = 0
+        self.last_s = 0.0
+        self._host_s = host_s
+        self._turn_began_s = host_s
+        self._turn_counted_s = 0.0
+
+    def look(self, host_s: float) -> float:
+        """Return the time at `host_s` without standstills. It never runs back."""
+        step_s = max(host_s - self._host_s, 0.0)
+        room_s = max(LATE_S - self._turn_counted_s, 0.0)
+        counted_s = min(step_s if step_s <= LATE_S else COUNTED_S, room_s)
+        self._turn_counted_s += counted_s
+        self.stood_s += step_s - counted_s
+        self._host_s += step_s
+        return self._host_s - self.stood_s
+
+    def turn(self, host_s: float) -> float:
+        """Do as `look`, at the begin and at the end of every wait: a turn of the loop has ended."""
+        now_s = self.look(host_s)
+        took_s = self._host_s - self._turn_began_s
+        if took_s > self._turn_counted_s + 1e-6:
+            self.count += 1
+            self.last_s = took_s
+        self._turn_began_s = self._host_s
+        self._turn_counted_s = 0.0
+        return now_s
+
+
+def _host_clock_s() -> float:
+    """The host's steady clock. Where the system has one, it goes on while the computer is suspended."""
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()
+
+
+class _Selector(selectors.DefaultSelector):
+    """Waits at most `PULSE_S` at a time, so that a long wait is no standstill."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stalls = SteadyClock(_host_clock_s())
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        self.stalls.turn(_host_clock_s())
+        found = super().select(PULSE_S if timeout is None else min(timeout, PULSE_S))
+        self.stalls.turn(_host_clock_s())
+        return found
+
+
+class SteadyLoop(asyncio.SelectorEventLoop):
+    """The event loop of a program that talks to vehicles."""
+
+    def __init__(self) -> None:
+        self._watched = _Selector()
+        super().__init__(self._watched)
+
+    @property
+    def stalls(self) -> SteadyClock:
+        """The standstills of this program since the loop was made."""
+        return self._watched.stalls
+
+    def time(self) -> float:
+        """Return the host's time without standstills."""
+        return self.stalls.look(_host_clock_s())
+
+
+def stalls_of(loop: asyncio.AbstractEventLoop) -> SteadyClock:
+    """Return the standstills that a loop counts; of another kind of loop none."""
+    return loop.stalls if isinstance(loop, SteadyLoop) else SteadyClock(0.0)
+
+
+def host_s(loop: asyncio.AbstractEventLoop) -> float:
+    """Return the loop's time with all standstills: what clocks elsewhere, as those of vehicles, run along with."""
+    return loop.time() + stalls_of(loop).stood_s
