@@ -20,8 +20,11 @@ from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.lateness import skew_s
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step, Watcher
-from gcs.flight.recording.flight_folder import EventLog, TelemetryLog, new_folder, report_data, write_report
-from gcs.flight.recording.flight_state import FlightState, write_flight_state
+from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, new_folder, report_data, write_report
+from gcs.flight.recording.flight_state import FlightState
+from gcs.flight.recording.writing.flight_record import FlightRecord
+from gcs.flight.recording.writing.record_gaps import RecordGaps
+from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_other_autopilots
 from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
@@ -126,9 +129,13 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
     plan = order.plan
     _refuse_late_starts(order)
-    folder = new_folder(order.root, plan.scenario.name, datetime.now())
-    save_plan(plan, order.report, folder / "plan.skein")
-    index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
+    refuse_without_room(order.root, needed_bytes(plan, emulated=order.link is None))
+    with unwritable_is_told(order.root):
+        folder = new_folder(order.root, plan.scenario.name, datetime.now())
+        save_plan(plan, order.report, folder / PLAN)
+        index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
+        if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
+            (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")
     watcher.lap("export")
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
@@ -136,23 +143,25 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     sent: dict[int, SentAs] = {}
     ctrl_c = Stoppable()
     flying = _fly(order, watcher, folder, index, navigator, stream, checks, sent, ctrl_c)
-    times, late_s = ctrl_c.run(flying)
+    times, late_s, gaps = ctrl_c.run(flying)
     missions = sent_data(sent)
     watcher.lap("fly")
     if order.link is not None:
         data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), "missions": missions}
-        data |= _skew(late_s)
+        data |= {"incomplete": gaps.data(), **_skew(late_s)}
         return Flown(folder, times, late_s, None, data)
     truth = load_truth(folder / "truth.npz")
     verdict = judge(plan, truth, times)
     watcher.lap("judge")
-    _draw(plan, truth, times, folder)
+    with gaps.kept("map.png"):
+        _draw(plan, truth, times, folder)
     watcher.lap("pictures")
     extra: dict[str, object] = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
-    extra |= {"missions": missions, **_skew(late_s)}
+    extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
-    write_report(folder, data, verdict)
-    return Flown(folder, times, late_s, verdict, data)
+    with gaps.kept("report.md"):
+        write_report(folder, data, verdict)
+    return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()})
 
 
 def _refuse_late_starts(order: FlightRun) -> None:
@@ -178,8 +187,8 @@ async def _fly(
     checks: list[PreflightCheck],
     sent: dict[int, SentAs],
     ctrl_c: Stoppable,
-) -> tuple[FlightTimes, dict[int, float]]:
-    """Return the times of the flight, and the delay of each vehicle behind the plan.
+) -> tuple[FlightTimes, dict[int, float], RecordGaps]:
+    """Return the times of the flight, the delay of each vehicle behind the plan, and what the folder lacks.
 
     `checks` takes the pre-flight, `sent` how each mission was sent.
     """
@@ -195,18 +204,16 @@ async def _fly(
 
     say = spared(watcher.say, "the screen")
     async with AsyncExitStack() as stack:
-        log = stack.enter_context(TelemetryLog(folder / "telemetry.tlog", vehicles_time_s))
+        record = stack.enter_context(FlightRecord(folder, spared(watcher.warn, "the screen"), vehicles_time_s))
         known = order.link or Connection((SIM_LINK,))
-        fleet = await stack.enter_async_context(known.open(on_frame=spared(log.write, "telemetry.tlog", say)))
+        fleet = await stack.enter_async_context(known.open(on_frame=spared(record.write_frame, TELEMETRY, say)))
         if order.link is None:
             simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
             await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
-        events = stack.enter_context(EventLog(folder / "events.jsonl"))
-        write_event = spared(events.write, "events.jsonl", say)
 
         def on_event(event: Event) -> None:
-            write_event(event)
+            record.write_event(event)
             say(str(event))
 
         def on_step(step: Step, t0_unix_s: float | None) -> None:
@@ -226,16 +233,15 @@ async def _fly(
                 waived=tuple(sorted(options.waived)),
                 missions=tuple(sent_data(sent)),
             )
-            write_state(folder, state)
+            record.write_state(state)
 
-        write_state = spared(write_flight_state, "flight.json", say)
         hooks = FlightHooks(on_event, on_step)
         flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
         ctrl_c.on_again = flight.landing.tell_aloft
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()
-            return times, flight.monitor.late_s
+            return times, flight.monitor.late_s, record.gaps
         finally:
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
@@ -300,12 +306,9 @@ def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -
 
 
 def _simulator_options(order: FlightRun, folder: Path, port: int, navigator: str) -> SimulatorOptions:
-    """The emulated vehicles get the scenario that the plan was made from; its file may have changed since."""
-    scenario = folder / "scenario.json"
-    scenario.write_text(order.plan.scenario.model_dump_json(indent=2))
     emulated = order.emulated
     return SimulatorOptions(
-        scenario,
+        folder / SCENARIO,
         port,
         emulated.speedup,
         emulated.seed,

@@ -17,7 +17,7 @@ from gcs.errors import GcsError
 from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, Step
-from gcs.flight.recording.flight_folder import TelemetryLog
+from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import build_loads, missions_only
 from gcs.link.session.linked_fleet import LinkedFleet
@@ -170,8 +170,8 @@ async def _fly(
     enough: Callable[[FlightSequence], bool] | None,
 ) -> Flown:
     async with AsyncExitStack() as stack:
-        log = None if folder is None else stack.enter_context(TelemetryLog(folder / "telemetry.tlog", lambda: None))
-        on_frame = None if log is None else log.write
+        record = None if folder is None else stack.enter_context(FlightRecord(folder, print, lambda: None))
+        on_frame = None if record is None else record.write_frame
         fleet = await stack.enter_async_context(LinkedFleet.open(f"udpin:127.0.0.1:{port}", on_frame=on_frame))
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         events: list[Event] = []

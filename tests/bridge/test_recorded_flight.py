@@ -22,9 +22,9 @@ from pymavlink import mavutil
 from gcs.autopilots.flight_modes import flight_behaviour
 from gcs.cli.main import run
 from gcs.flight.progress import Event
-from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
 from gcs.flight.recording.flight_state import FlightState, write_flight_state
 from gcs.flight.recording.load_recording import load_recording
+from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.link.session.linked_fleet import FrameDirection
 from gcs.link.session.linked_fleet import LinkedFleet as GroundFleet
 from gcs.link.session.vehicle_session import VehicleSession
@@ -63,11 +63,11 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 known = [s.clock.now_unix_s(asyncio.get_running_loop().time()) for s in ground.sessions.values()]
                 return max((t for t in known if t is not None), default=None)
 
-            with TelemetryLog(path, time_s) as file:
+            with FlightRecord(path.parent, pytest.fail, time_s, path.name) as record:
 
                 def note(direction: FrameDirection, frame: bytes) -> None:
                     if ground is not None:
-                        file.write(direction, frame)
+                        record.write_frame(direction, frame)
 
                 async with GroundFleet.open(f"udpout:{vehicles.places[1][0].address}", on_frame=note) as ground:
                     sessions = await ground.vehicles((1, 2), 20.0)
@@ -200,8 +200,10 @@ def test_a_flight_is_shown_beside_its_plan(
     (tmp_path / "telemetry.tlog").write_bytes(log.read_bytes())
     book = FlightState("simulation1", plan.hash, (), {}, "stream", False, "flying", t0_unix_s, os.getpid())
     write_flight_state(tmp_path, book)
-    with EventLog(tmp_path / "events.jsonl") as events:
-        events.write(Event(t0_unix_s, plan.t_start_s + 5.0, 2, "battery low", "A vehicle with a low battery returns"))
+    with FlightRecord(tmp_path, pytest.fail, lambda: None, "telemetry-2.tlog") as record:
+        event = Event(t0_unix_s, plan.t_start_s + 5.0, 2, "battery low", "A vehicle with a low battery returns")
+        record.write_event(event)
+    (tmp_path / "telemetry-2.tlog").unlink()
     with (tmp_path / "events.jsonl").open("a") as file:
         file.write('{"unix_s": 17')  # its writer was killed
     assert run(["replay", str(tmp_path), "--speed", "max"]) == 0

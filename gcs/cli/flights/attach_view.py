@@ -20,8 +20,8 @@ from gcs.errors import FlightError, UsageError
 from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
-from gcs.flight.recording.flight_folder import EventLog, TelemetryLog
-from gcs.flight.recording.flight_state import FlightState, read_flight_state, write_flight_state
+from gcs.flight.recording.flight_state import FlightState, read_flight_state
+from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.sequence.resume import Resume, resume_flight, where_in_plan
 from gcs.flight.sequence.takeoff_landing import request_telemetry
@@ -87,24 +87,23 @@ async def _take_up(
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
         flight: FlightSequence | None = None
-        log = stack.enter_context(
-            TelemetryLog(
-                folder / f"telemetry-{datetime.now():%H%M%S}.tlog", lambda: flight.time.now_s() if flight else None
-            )
+        record = FlightRecord(
+            folder,
+            screen.warn,
+            lambda: flight.time.now_s() if flight else None,
+            f"telemetry-{datetime.now():%H%M%S}.tlog",
         )
-        fleet = await stack.enter_async_context(known.open(on_frame=spared(log.write, "telemetry", screen.warn)))
+        stack.enter_context(record)
+        on_frame = spared(record.write_frame, "telemetry", screen.warn)
+        fleet = await stack.enter_async_context(known.open(on_frame=on_frame))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
-        events = stack.enter_context(EventLog(folder / "events.jsonl"))
-
-        write_event = spared(events.write, "events.jsonl", screen.warn)
 
         def tell(event: Event) -> None:
-            write_event(event)
+            record.write_event(event)
             screen.say(str(event))
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
-            write_flight_state(
-                folder,
+            record.write_state(
                 replace(
                     book, links=known.links, step=step.value, t0_unix_s=t0_unix_s or book.t0_unix_s, pid=os.getpid()
                 ),

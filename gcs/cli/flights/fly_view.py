@@ -14,7 +14,7 @@ from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError
 from gcs.flight.lateness import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
-from gcs.flight.recording.flight_folder import limit_text
+from gcs.flight.recording.flight_folder import TELEMETRY, limit_text
 from gcs.flight.run import FlightRun, Flown, fly_run
 from gcs.flight.setup.preflight_check import PreflightCheck
 
@@ -90,7 +90,8 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
         flown = fly_run(run, FlightView(screen, watch, question))
     verdict = flown.verdict
     if verdict is None:
-        screen.say(f"landed. Telemetry: {flown.folder / 'telemetry.tlog'}")
+        telemetry = flown.folder / TELEMETRY
+        screen.say(f"landed. Telemetry: {telemetry}" if telemetry.is_file() else "landed.")
         if (skew := _skew_text(flown.late_s)) is not None:
             screen.say(f"time skew between vehicles, from telemetry: {skew}")
         screen.result(flown.data)
@@ -167,4 +168,5 @@ def _show(screen: Screen, flown: Flown) -> None:
         table.add_row("time skew (telemetry)", skew, "–", "–")
     screen.show(table)
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
-    screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}. Report and pictures: {flown.folder}")
+    where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
+    screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}.{where}")

@@ -1,21 +1,17 @@
-"""The folder of a flight: its name, telemetry log, event log and report."""
+"""The folder of a flight: its name, the names of its files, its events and its report."""
 
 from __future__ import annotations
 
 import json
 import math
-import struct
-from collections.abc import Callable
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from gcs.files import atomic_write
 from gcs.flight.assessment.judge import Criterion, Verdict
 from gcs.flight.progress import Event, FlightTimes
-from gcs.link.session.linked_fleet import FrameDirection
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:
@@ -27,41 +23,15 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
+            if not folder.exists():  # `root` is a link to nowhere
+                raise
             folder = root / f"{stem}-{number}"
             number += 1
         else:
             return folder
 
 
-class TelemetryLog:
-    """A `.tlog`: every frame in both directions behind its time in microseconds, as MAVProxy and QGC replay it.
-
-    Time is the vehicles' own, so that a flight simulated at ten times real time replays as it was flown.
-    """
-
-    def __init__(self, path: Path, unix_s: Callable[[], float | None]) -> None:
-        self._file = path.open("wb")
-        self._unix_s = unix_s
-        self._last_us = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
-
-    def write(self, direction: FrameDirection, frame: bytes) -> None:
-        """Write one frame; frames before the vehicles' time is known have the time 0."""
-        unix_s = self._unix_s()
-        if unix_s is not None:
-            self._last_us = max(self._last_us, round(unix_s * 1e6))
-        if not self._file.closed:
-            self._file.write(struct.pack(">Q", self._last_us) + frame)
-
-
-EVENTS = "events.jsonl"
+TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
 OK_TEXT = "Flight verified: all criteria within limits."
 FAILED_TEXT = "Flight FAILED: at least one criterion outside its limit."
 
@@ -77,27 +47,6 @@ def read_events(path: Path) -> tuple[Event, ...]:
         except (ValueError, TypeError, KeyError):
             continue
     return tuple(found)
-
-
-class EventLog:
-    """`events.jsonl`: one line per incident and order, written as it happens."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("a", encoding="utf-8")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
-
-    def write(self, event: Event) -> None:
-        """Write one event; times that are not known yet are null."""
-        data = asdict(event) | {"unix_s": _finite(event.unix_s), "t_s": _finite(event.t_s)}
-        self._file.write(json.dumps(data) + "\n")
-        self._file.flush()
 
 
 def report_data(

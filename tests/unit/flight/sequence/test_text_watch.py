@@ -15,7 +15,8 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError
 from gcs.flight.progress import Event
-from gcs.flight.recording.flight_folder import EventLog, read_events
+from gcs.flight.recording.flight_folder import read_events
+from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.text_watch import REPEAT_S, TextWatch
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
@@ -163,9 +164,9 @@ def test_a_text_that_is_repeated_is_told_every_half_minute() -> None:
 
 def test_events_before_t0_are_kept(tmp_path: Path) -> None:
     events = (Event(math.nan, math.nan, 1, "a"), Event(5.0, math.nan, 2, "b"), Event(6.0, 1.0, 3, "c", "rule"))
-    with EventLog(tmp_path / "events.jsonl") as log:
+    with FlightRecord(tmp_path, pytest.fail, lambda: None) as record:
         for event in events:
-            log.write(event)
+            record.write_event(event)
     lines = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
     assert [line["t_s"] for line in lines] == [None, None, 1.0]
     assert "NaN" not in (tmp_path / "events.jsonl").read_text()

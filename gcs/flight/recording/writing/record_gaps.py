@@ -1,0 +1,101 @@
+"""What the files of a flight lack because they could not be written: reported once, and again at the flight's end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from gcs.errors import GcsError
+
+
+@dataclass(frozen=True)
+class RecordGap:
+    """One file of a flight's folder that lacks something. Times are the ground station's own clock."""
+
+    file: str
+    reason: str
+    since_unix_s: float
+    until_unix_s: float | None  # None: to the end of the flight
+    lost: int
+    unit: str  # frames, lines or steps
+
+    def __str__(self) -> str:
+        until = "" if self.until_unix_s is None else f" until {_clock(self.until_unix_s)}"
+        return f"{self.file} lacks {self.lost} {self.unit} since {_clock(self.since_unix_s)}{until} ({self.reason})"
+
+
+class RecordGaps:
+    """The gaps of one flight's folder, by file. Safe to use from two threads."""
+
+    def __init__(self, folder: Path, tell: Callable[[str], None], unix_s: Callable[[], float] = time.time) -> None:
+        self.folder = folder
+        self.in_flight = True
+        self._tell = tell
+        self._unix_s = unix_s
+        self._gaps: dict[str, RecordGap] = {}
+        self._lock = threading.Lock()
+
+    def __bool__(self) -> bool:
+        return bool(self._gaps)
+
+    def lose(self, file: str, problem: Exception | str, lost: int, unit: str) -> None:
+        """Count what was not written. The first time, and after the file could be written again, it is reported."""
+        reason = problem if isinstance(problem, str) else getattr(problem, "strerror", None) or str(problem)
+        with self._lock:
+            known = self._gaps.get(file)
+            is_new = known is None or known.until_unix_s is not None
+            if known is None:
+                known = RecordGap(file, reason, self._unix_s(), None, 0, unit)
+            self._gaps[file] = replace(known, until_unix_s=None, lost=known.lost + lost)
+        if is_new:
+            rest = ". The flight goes on; its record is incomplete" if self.in_flight else ""
+            self._tell(f"{self.folder / file} cannot be written: {reason}{rest}")
+
+    def written(self, file: str) -> None:
+        """Note that a file can be written again."""
+        known = self._gaps.get(file)
+        if known is None or known.until_unix_s is not None:
+            return
+        with self._lock:
+            self._gaps[file] = known = replace(known, until_unix_s=self._unix_s())
+        self._tell(f"{self.folder / file} is written again; it lacks {known.lost} {known.unit}")
+
+    @contextmanager
+    def kept(self, file: str) -> Iterator[None]:
+        """Within the block, a file that cannot be written becomes a gap. For pictures and reports."""
+        try:
+            yield
+        except (OSError, GcsError) as problem:
+            self.lose(file, problem, 1, "versions")
+
+    def data(self) -> tuple[dict[str, Any], ...]:
+        """Return the gaps as plain values, for `flight.json`, the report and `--json`."""
+        return tuple(asdict(gap) for gap in self._gaps.values())
+
+    def words(self) -> str:
+        """Return one sentence without its stop; empty if the record is complete."""
+        if not self._gaps:
+            return ""
+        if not self.folder.is_dir():
+            reasons = dict.fromkeys(gap.reason for gap in self._gaps.values())
+            return f"the record of this flight is lost: its folder {self.folder} is gone ({'; '.join(reasons)})"
+        found = (
+            str(gap) if (self.folder / gap.file).is_file() else f"there is no {gap.file} ({gap.reason})"
+            for gap in self._gaps.values()
+        )
+        return f"the record of this flight is incomplete: {'; '.join(found)}"
+
+
+def gap_of(data: dict[str, Any]) -> RecordGap:
+    """Return the gap of plain values. Raises TypeError for other values."""
+    return RecordGap(**data)
+
+
+def _clock(unix_s: float) -> str:
+    return f"{datetime.fromtimestamp(unix_s):%H:%M:%S}"
