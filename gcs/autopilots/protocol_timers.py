@@ -60,6 +60,8 @@ class FtpTimers:
     """MAVLink FTP."""
 
     give_up_s: float = 9.0  # without progress
+    limit_s: float = 60.0  # for a whole transfer, and more for its length:
+    slowest_Bps: float = 25.0
     reopen_s: float = 3.4  # ArduPilot closes the session of a silent station after 3 s without any request
     burst_pause_s: float = 0.3  # a burst may pause so long before its spacing is known; then `burst_spacings` times it
     burst_spacings: float = 3.0

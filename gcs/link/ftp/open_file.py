@@ -41,6 +41,7 @@ class FtpOpening:
 
     def receive(self, reply: FtpPayload, now_s: float) -> list[Message]:
         """Process the answer to one of its requests: the result is a `session`, an `error`, or `resume_s`."""
+        self._requests.progressed(now_s)
         if reply.req_opcode == FtpOpcode.RESET_SESSIONS:
             return self.open(now_s)
         if reply.opcode == FtpOpcode.ACK:

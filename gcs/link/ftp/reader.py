@@ -28,6 +28,7 @@ from gcs.autopilots.protocol_timers import STANDARD, FtpTimers
 from gcs.errors import GcsError, PeerError, ProtocolMisuse
 from gcs.link.ftp.open_file import FtpOpening
 from gcs.link.ftp.payload import DATA_MAX, FtpError, FtpOpcode, FtpPayload, FtpRefused
+from gcs.link.ftp.received_bytes import ReceivedBytes
 from gcs.link.ftp.requests import FtpNumbers, FtpRequests
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.wire.message import GROUND, Message, Station
@@ -75,11 +76,11 @@ class FtpReader:
             me=me,
             numbers=numbers or FtpNumbers(),
             round_trip=round_trip or RttEstimator(),
-            timeout_s=timers.give_up_s,
+            timers=timers,
         )
         self._opening = FtpOpening(self._requests, FtpOpcode.OPEN_FILE_RO, path, tries, timers)
         self._session = 0
-        self._pieces: dict[int, bytes] = {}
+        self._received = ReceivedBytes(_SIZE_MAX)
         self._size: int | None = None
         self._burst_end_s: float | None = None  # when a burst counts as over if no more arrives
         self._piece_s: float | None = None
@@ -95,7 +96,7 @@ class FtpReader:
         """The whole file. Raises `ProtocolMisuse` before it is complete."""
         if self.state is not ReaderState.DONE:
             raise ProtocolMisuse("the file of an FtpReader was read before it was complete.")
-        return self._joined()
+        return self._received.first(self._size or 0) or b""
 
     @property
     def deadline_s(self) -> float | None:
@@ -149,7 +150,7 @@ class FtpReader:
 
     def _open(self, now_s: float) -> list[Message]:
         self._burst_end_s = self._piece_s = self._size = None
-        self._pieces.clear()
+        self._received.clear()
         self.state = ReaderState.OPENING
         return self._opening.open(now_s)
 
@@ -167,7 +168,7 @@ class FtpReader:
             return self._finish(None)
         if reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
-        self._store(reply)
+        self._store(reply, now_s)
         return self._advance(now_s)
 
     def _burst(self, reply: FtpPayload, now_s: float) -> list[Message]:
@@ -181,27 +182,25 @@ class FtpReader:
         timers = self._timers
         pause_s = timers.burst_spacings * self._spacing_s if self._spacing_s else timers.burst_pause_s
         self._burst_end_s = now_s + max(self._requests.wait_s, pause_s)
-        if self._store(reply):
-            self._requests.progressed(now_s)
+        self._store(reply, now_s)
         last = self._size is not None and reply.offset + len(reply.data) >= self._size
         if reply.burst_complete or last:
             self._burst_end_s = None
         return self._advance(now_s)
 
-    def _store(self, reply: FtpPayload) -> bool:
-        """Store a piece; return whether it was new."""
-        fits = reply.offset + len(reply.data) <= _SIZE_MAX
-        if not fits or len(reply.data) <= len(self._pieces.get(reply.offset, b"")):
-            return False
-        self._pieces[reply.offset] = reply.data
-        return True
+    def _store(self, reply: FtpPayload, now_s: float) -> None:
+        """Store a piece. Only new bytes are progress: a peer that answers anything else ends by the timeout."""
+        if self._received.add(reply.offset, reply.data):
+            self._requests.progressed(now_s)
 
     def _advance(self, now_s: float) -> list[Message]:
-        if self._size is None and len(self._pieces.get(0, b"")) >= self._head:
+        head = self._received.first(self._head) if self._size is None else None
+        if head is not None:
             try:
-                self._size = self._measure(self._pieces[0][: self._head])
+                self._size = self._measure(head)
             except GcsError as error:
                 return self._finish(error)
+            self._requests.allow(self._size)
         if self._size is not None and not self._gaps():
             self._burst_end_s = None
             self._requests.drop()
@@ -229,15 +228,7 @@ class FtpReader:
 
     def _gaps(self) -> list[tuple[int, int]]:
         """The (offset, length) of all gaps; without a header, of one piece."""
-        size = DATA_MAX if self._size is None else self._size
-        gaps, here = [], 0
-        for offset, piece in sorted(self._pieces.items()):
-            if offset > here:
-                gaps.append((here, min(offset, size) - here))
-            here = max(here, offset + len(piece))
-            if here >= size:
-                return gaps
-        return [*gaps, (here, size - here)]
+        return self._received.gaps(DATA_MAX if self._size is None else self._size)
 
     def _request_burst(self, offset: int, now_s: float) -> Message:
         self._piece_s = None
@@ -246,13 +237,6 @@ class FtpReader:
         )
         self._requests.numbers.skip()
         return message
-
-    def _joined(self) -> bytes:
-        whole = bytearray(self._size or 0)
-        for offset, piece in self._pieces.items():
-            cut = piece[: max(len(whole) - offset, 0)]
-            whole[offset : offset + len(cut)] = cut
-        return bytes(whole)
 
     def _refused(self, reply: FtpPayload, now_s: float) -> list[Message]:
         if self._opening.reopens(reply):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gcs.autopilots.protocol_timers import FtpTimers
 from gcs.errors import PeerTimeout
 from gcs.link.ftp.payload import NAME, FtpOpcode, FtpPayload, read_payload
 from gcs.link.microservices.rtt import RttEstimator
@@ -48,17 +49,23 @@ class _Request:
 
 
 class FtpRequests:
-    """The open requests to one vehicle. They time out after `timeout_s` without any progress."""
+    """The open requests to one vehicle.
+
+    They time out after `give_up_s` without any progress, and when the whole transfer is slower than `slowest_Bps`.
+    """
 
     def __init__(
-        self, peer: Station, *, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, timeout_s: float
+        self, peer: Station, *, me: Station, numbers: FtpNumbers, round_trip: RttEstimator, timers: FtpTimers
     ) -> None:
         self.peer = peer
         self.me = me
         self.numbers = numbers
         self.heard = False  # the vehicle answers to MAVLink FTP
         self._round_trip = round_trip
-        self._timeout_s = timeout_s
+        self._timeout_s = timers.give_up_s
+        self._timers = timers
+        self._limit_s = timers.limit_s
+        self._began_s: float | None = None
         self._give_up_s: float | None = None
         self._open: dict[int, _Request] = {}
 
@@ -70,7 +77,8 @@ class FtpRequests:
         """The time of the next `tick`; None if no timer runs."""
         if self._give_up_s is None:
             return None
-        return min([self._give_up_s, *(one.resend_s for one in self._open.values())])
+        end_s = self._give_up_s if self._began_s is None else min(self._give_up_s, self._began_s + self._limit_s)
+        return min([end_s, *(one.resend_s for one in self._open.values())])
 
     @property
     def wait_s(self) -> float:
@@ -90,12 +98,13 @@ class FtpRequests:
         """Return a new request, which is open until it is answered."""
         payload = FtpPayload(self.numbers.next_seq(), session, opcode, offset, data, size=size)
         self._open[payload.seq] = _Request(payload, now_s, now_s + self._round_trip.wait_s())
-        if self._give_up_s is None:
+        if self._began_s is None:
+            self._began_s = now_s
             self.progressed(now_s)
         return payload.message(self.peer)
 
     def match(self, message: Message, now_s: float) -> tuple[FtpPayload, FtpPayload] | None:
-        """Return a request and its reply, and close the request; None for any other message."""
+        """Return a request and its reply, and close the request; None for any other message. It is no progress yet."""
         reply = self.reply(message)
         if reply is None:
             return None
@@ -105,7 +114,6 @@ class FtpRequests:
         del self._open[request.payload.seq]
         if not request.repeats:
             self._round_trip.learn(now_s - request.sent_s)
-        self.progressed(now_s)
         return request.payload, reply
 
     def reply(self, message: Message) -> FtpPayload | None:
@@ -117,6 +125,10 @@ class FtpRequests:
             return None
         self.heard = True
         return reply
+
+    def allow(self, size: int) -> None:
+        """Extend the time limit of the transfer to that of a file of `size` bytes."""
+        self._limit_s = self._timers.limit_s + size / self._timers.slowest_Bps
 
     def progressed(self, now_s: float) -> None:
         """Restart the timeout."""
@@ -144,6 +156,11 @@ class FtpRequests:
 
     def timed_out(self, path: str, now_s: float) -> PeerTimeout | None:
         """Return the error once `timeout_s` has passed without progress."""
+        if self._began_s is not None and now_s >= self._began_s + self._limit_s:
+            return PeerTimeout(
+                f"{self.peer} answers too slowly: {path} was not complete within {self._limit_s:.0f} s.",
+                hint="check the link, or send the mission item by item (--transfer items)",
+            )
         if self._give_up_s is None or now_s < self._give_up_s:
             return None
         silence = "stopped answering" if self.heard else "does not answer to MAVLink FTP"

@@ -73,11 +73,12 @@ class FtpWriter:
             me=me,
             numbers=numbers or FtpNumbers(),
             round_trip=round_trip or RttEstimator(),
-            timeout_s=timers.give_up_s,
+            timers=timers,
         )
         self._opening = FtpOpening(self._requests, FtpOpcode.CREATE_FILE, path, tries, timers)
         self._session = 0
         self._left: list[tuple[int, bytes]] = []
+        self._requests.allow(sum(len(data) for _, data in self._pieces))
 
     @property
     def done(self) -> bool:
@@ -122,6 +123,7 @@ class FtpWriter:
             self.state = WriterState.WRITING
         elif reply.opcode == FtpOpcode.NAK:
             return self._refused(reply, now_s)
+        self._requests.progressed(now_s)
         return self._advance(now_s)
 
     def tick(self, now_s: float) -> list[Message]:

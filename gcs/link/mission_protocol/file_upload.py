@@ -27,6 +27,7 @@ from gcs.link.ftp.writer import FtpWriter
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.mission_dat import (
     HEADER,
+    ITEM,
     length_of,
     path_of,
     pieces_of,
@@ -165,7 +166,7 @@ class FileUpload:
         self._machine = FtpReader(
             self._path,
             self.peer,
-            lambda head: length_of(head, MissionType.MISSION, self.peer),
+            self._length,
             HEADER.size,
             me=self._me,
             timers=self._timers,
@@ -173,6 +174,13 @@ class FileUpload:
             numbers=self._numbers,
         )
         return self._machine.start(now_s)
+
+    def _length(self, head: bytes) -> int:
+        """The length of the file on board. Raises `PeerError` if it is longer than the one that was written."""
+        length, written = length_of(head, MissionType.MISSION, self.peer), HEADER.size + len(self.items) * ITEM.size
+        if length > written:
+            raise PeerError(f"{self.peer} sent a mission file of {length} bytes; {written} were written.")
+        return length
 
     def _fail(self, error: GcsError) -> list[Message]:
         self.error = error

@@ -32,6 +32,7 @@ from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError, PeerTimeout, ProtocolMisuse
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.item_messages import item_from_message
+from gcs.link.mission_protocol.mission_dat import ITEMS_MAX
 from gcs.link.mission_protocol.rules import (
     DOUBTFUL,
     MissionRefused,
@@ -78,7 +79,7 @@ class MissionReceiver:
         me: Station = GROUND,
         mission_type: int = MissionType.MISSION,
         timers: MissionTimers = STANDARD.mission,
-        capacity: int = 0xFFFF,
+        capacity: int = ITEMS_MAX,
         check: ItemCheck = _accept_any,
         int_requests: bool = True,
         round_trip: RttEstimator | None = None,
