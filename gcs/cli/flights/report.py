@@ -72,6 +72,8 @@ def report(
     screen.show(_landing_table(landings, landing_limit_m))
     for event in happened:
         screen.say(str(event))
+    for gap in book.incomplete:
+        screen.warn(f"the record of this flight is incomplete: {gap}")
     screen.say(f"{record.num_rows} positions in {folder / NAME}")
     data = [
         _known(vars(c)) | {"landing": _known(vars(landing)) | {"ok": landing.within(landing_limit_m)}}
@@ -87,6 +89,7 @@ def report(
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
             "step": book.step,
+            "incomplete": [vars(gap) for gap in book.incomplete],
         }
     )
     return 0

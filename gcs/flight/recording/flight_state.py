@@ -6,11 +6,11 @@ import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import FileFormatError, UsageError
 from gcs.files import atomic_write
 from gcs.flight.progress import Step
+from gcs.flight.recording.writing.record_gaps import RecordGap
 
 NAME = "flight.json"
 _FORMAT = "skein-flight-1"
@@ -31,7 +31,7 @@ class FlightState:
     pid: int
     waived: tuple[str, ...] = ()  # pre-flight checks that this flight was allowed to fail
     missions: tuple[dict[str, int | str], ...] = ()  # how each vehicle's mission was sent, and why so
-    incomplete: tuple[dict[str, Any], ...] = ()  # what the other files lack: see record_gaps.py
+    incomplete: tuple[RecordGap, ...] = ()  # what the other files lack
 
     @property
     def over(self) -> bool:
@@ -71,7 +71,7 @@ def read_flight_state(folder: Path) -> FlightState:
             raise ValueError("another format")
         data["links"] = tuple(map(str, data["links"]))
         data["missions"] = tuple(data.get("missions", ()))
-        data["incomplete"] = tuple(data.get("incomplete", ()))
+        data["incomplete"] = tuple(RecordGap(**gap) for gap in data.get("incomplete", ()))
         data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
         data["waived"] = tuple(map(str, data.get("waived", ())))
         return FlightState(**data)

@@ -66,6 +66,7 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
     events = tuple(_placed(event, t0_unix_s) for event in read_events(folder / EVENTS) if math.isfinite(event.unix_s))
     systems = {state.systems.get(sysid, sysid): sysid for sysid in plan.sysids}
     landings = reported_profiles(messages, systems)
+    notes = (*notes, *map(str, state.incomplete))
     recording = Recording(f"{state.mission}, {state.step}", tracks, events, tuple(said), plan, notes, landings)
     return LoadedRecording(_not_empty(recording, folder), unix_s - t0_unix_s, frames)
 

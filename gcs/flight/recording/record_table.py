@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.recording.landing_parameters import reported_profiles
-from gcs.flight.recording.tlog import read_messages
+from gcs.flight.recording.tlog import LoggedFrame, scan
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
@@ -71,9 +71,13 @@ def telemetry_logs(folder: Path) -> list[Path]:
 
 
 def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[int, int] | None = None) -> pa.Table:
-    """Make the record of a flight's folder from its telemetry, write it there and return it."""
-    logs = telemetry_logs(folder)
-    table = build_record(plan, t0_unix_s, (message for path in logs for message in read_messages(path)), systems)
+    """Make the record of a flight's folder from its telemetry, write it there and return it.
+
+    Damaged parts of the telemetry are left out.
+    """
+    frames = (one for path in telemetry_logs(folder) for one in scan(path) if isinstance(one, LoggedFrame))
+    messages = (frame.message for frame in frames if frame.message is not None)
+    table = build_record(plan, t0_unix_s, messages, systems)
     pq.write_table(table, folder / NAME, compression="zstd")
     return table
 

@@ -132,7 +132,7 @@ class FlightRecord:
 
     def _write_state(self, state: FlightState) -> None:
         try:
-            write_flight_state(self._folder, replace(state, incomplete=self.gaps.data()))
+            write_flight_state(self._folder, replace(state, incomplete=self.gaps.found))
         except OSError as problem:
             self.gaps.lose(STATE, problem, 1, STEPS)
         else:

@@ -74,9 +74,14 @@ class RecordGaps:
         except (OSError, GcsError) as problem:
             self.lose(file, problem, 1, "versions")
 
+    @property
+    def found(self) -> tuple[RecordGap, ...]:
+        """The gaps until now."""
+        return tuple(self._gaps.values())
+
     def data(self) -> tuple[dict[str, Any], ...]:
-        """Return the gaps as plain values, for `flight.json`, the report and `--json`."""
-        return tuple(asdict(gap) for gap in self._gaps.values())
+        """Return the gaps as plain values, for the report and `--json`."""
+        return tuple(asdict(gap) for gap in self.found)
 
     def words(self) -> str:
         """Return one sentence without its stop; empty if the record is complete."""
@@ -90,11 +95,6 @@ class RecordGaps:
             for gap in self._gaps.values()
         )
         return f"the record of this flight is incomplete: {'; '.join(found)}"
-
-
-def gap_of(data: dict[str, Any]) -> RecordGap:
-    """Return the gap of plain values. Raises TypeError for other values."""
-    return RecordGap(**data)
 
 
 def _clock(unix_s: float) -> str:

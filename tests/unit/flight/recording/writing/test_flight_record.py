@@ -110,7 +110,7 @@ def test_a_disk_that_is_full_for_a_while(tmp_path: Path, largest: Callable[[int]
     assert kept[-1] == 3999
     assert load_tlog(tmp_path / TELEMETRY).notes == ()
     assert gap["until_unix_s"] is not None
-    assert read_flight_state(tmp_path).incomplete == (gap,)
+    assert read_flight_state(tmp_path).incomplete == record.gaps.found
     assert [event.what for event in read_events(tmp_path / EVENTS)] == ["settled"] * 4
 
 

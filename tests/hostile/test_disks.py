@@ -1,0 +1,128 @@
+"""The disk of the ground station in flight: full, deleted, replaced. The vehicles fly their plan to its end.
+
+The limit of a file's size (RLIMIT_FSIZE) of the running process is set from outside: it stops root too, as a full disk
+does.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.hostile.conftest import MakeVehicles, all_down
+from tests.hostile.ground import GCS, Ground, fly_arguments
+
+FULL = "File too large"
+
+
+def limit_file_size(ground: Ground, size: int) -> None:
+    resource.prlimit(ground.process.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+
+def gcs(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*GCS, *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_a_disk_that_is_full_in_flight_and_has_room_again(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
+) -> None:
+    world, port = vehicles()
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        ground.until("flying: t = ")
+        limit_file_size(ground, 4096)
+        told = ground.until("telemetry.tlog cannot be written")
+        ground.until("landing: t = ")
+        limit_file_size(ground, resource.RLIM_INFINITY)
+        done = ground.ended()
+    assert done.code == 0, done.output
+    assert all_down(world)
+    assert f"{FULL}. The flight goes on; its record is incomplete" in told
+    assert done.output.count("telemetry.tlog cannot be written") == 1
+    assert "the record of this flight is incomplete: telemetry.tlog lacks" in done.output
+    (folder,) = tmp_path.iterdir()
+    assert f"landed. Telemetry: {folder / 'telemetry.tlog'}" in done.output
+    state = json.loads((folder / "flight.json").read_text())
+    assert state["step"] == "landed"
+    gaps = {gap["file"]: gap for gap in state["incomplete"]}
+    assert gaps["telemetry.tlog"]["lost"] > 100
+    for command in ("report", "replay"):
+        read = gcs(command, folder, *(["--speed", "max"] if command == "replay" else []))
+        assert read.returncode == 0, read.stdout + read.stderr
+        assert "telemetry.tlog lacks" in read.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what_is_there_now", ["nothing", "a file"])
+def test_a_flight_whose_folder_is_deleted(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, what_is_there_now: str
+) -> None:
+    world, port = vehicles()
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        ground.until("flying: t = ")
+        (folder,) = tmp_path.iterdir()
+        shutil.rmtree(folder)
+        if what_is_there_now == "a file":
+            folder.write_text("")
+        ground.until("telemetry.tlog cannot be written: it was deleted")
+        done = ground.ended()
+    assert done.code == 0, done.output
+    assert all_down(world)
+    last = done.output.partition("landed.")[2]
+    if what_is_there_now == "nothing":
+        assert "there is no" not in done.output
+        assert (folder / "plan.skein").is_file()
+        assert json.loads((folder / "flight.json").read_text())["step"] == "landed"
+        assert f"Telemetry: {folder / 'telemetry.tlog'}" in last
+        assert gcs("report", folder).returncode == 0
+    else:
+        assert f"the record of this flight is lost: its folder {folder} is gone" in done.output
+        assert "telemetry.tlog" not in last
+
+
+@pytest.mark.slow
+def test_attach_lands_a_flight_whose_folder_was_deleted_and_whose_disk_is_full(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
+) -> None:
+    world, port = vehicles()
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        ground.until("flying: t = ")
+        (folder,) = tmp_path.iterdir()
+        shutil.rmtree(folder)
+        ground.until("telemetry.tlog is written again")
+        ground.process.kill()
+        ground.process.wait()
+    with Ground("attach", "--land", "--to", tmp_path) as ground:
+        limit_file_size(ground, 16)
+        done = ground.ended()
+    assert done.code == 0, done.output
+    assert all_down(world)
+    assert "all vehicles have landed" in done.output
+
+
+def test_without_room_nothing_is_uploaded(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
+    world, port = vehicles()
+    line = " ".join(f"'{word}'" for word in (*GCS, *fly_arguments(hop_file, port, tmp_path / "flights")))
+    done = subprocess.run(["sh", "-c", f"ulimit -f 1000; exec {line}"], capture_output=True, text=True, check=False)
+    assert done.returncode == 9, done.stdout + done.stderr
+    assert "no-go: files of this process may grow to 0.5 MB; the record of this flight may need " in done.stderr
+    assert "Nothing was uploaded" in done.stderr
+    assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("root", ["file/below", "/proc/nothing/here"])
+def test_a_folder_that_cannot_be_written_is_a_refusal(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, root: str
+) -> None:
+    world, port = vehicles()
+    (tmp_path / "file").write_text("")
+    done = gcs(*fly_arguments(hop_file, port, tmp_path / root))
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr.startswith("error: no-go: the flight's folder cannot be written: ")
+    assert "next: name another folder with --to" in done.stderr
+    assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
