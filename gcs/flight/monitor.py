@@ -1,10 +1,16 @@
-"""Deviations from the plan and separations, from telemetry: a vehicle reports its estimate, not its true state."""
+"""Deviations from the plan and separations, from telemetry: a vehicle reports its estimate, not its true state.
+
+While it stands, a vehicle reports its pad with the error of its receiver, metres with ordinary GNSS. Its true place is
+the pad. So until T0 separations count from `VehicleView.place_ned_m`: the pad, and what the vehicle has moved since it
+was armed. From T0 on vehicles are steered by what they report, and separations count from that.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.distance import pdist
@@ -12,11 +18,14 @@ from scipy.spatial.distance import pdist
 from gcs.autopilots.landing.landing_profile import LandingProfile
 from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.lateness import Lateness
+from gcs.flight.progress import FlightPart, NearestPair
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory.plan import Plan
+
+_HEARD_S = 2.0  # an older report is no position
 
 
 @dataclass
@@ -29,6 +38,18 @@ class VehicleView:
     unix_s: float = math.nan
     error_m: float = math.nan  # distance to the expected position at the same time; NaN where none is expected
     lateness: Lateness = field(default_factory=Lateness)  # between T0 and the planned arrival
+    standing_error_ned_m: Array | None = None  # (3,): of its report on the pad, when it was armed
+
+    @property
+    def place_ned_m(self) -> Array:
+        """The position (3,) by what it has moved since it was armed on its pad; before that, as reported."""
+        error = self.standing_error_ned_m
+        return self.position_ned_m if error is None else self.position_ned_m - error
+
+    def stands_on(self, pad_ned_m: Array) -> None:
+        """Note that the vehicle stands on its pad (3,), whatever it reports."""
+        if np.isfinite(self.position_ned_m).all():
+            self.standing_error_ned_m = self.position_ned_m - pad_ned_m
 
 
 class Monitor:
@@ -40,10 +61,10 @@ class Monitor:
         self.expected = ExpectedMotion(plan, landings)
         self.t0_unix_s: float | None = None
         self.views = {sysid: VehicleView(sysid) for sysid in plan.sysids}
-        self.least_separation_m = math.inf
         self.plan_time_s: float | None = None
         self.in_formation: Collection[int] = plan.sysids  # the vehicles of the formation error
-        self.aloft: Collection[int] = plan.sysids  # the vehicles of the separation
+        self.aloft: Collection[int] = ()  # the vehicles of the separation: none before the take-off
+        self.nearest: dict[FlightPart, NearestPair] = {}
 
     def expect_landings(self, landings: Mapping[int, LandingProfile]) -> None:
         """Compare landings with these descents from now on."""
@@ -74,9 +95,27 @@ class Monitor:
         return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
 
     def separation_m(self) -> float:
-        """Return the least distance between two airborne vehicles; NaN before all have reported."""
-        now = self._now(self.aloft)
-        return math.nan if now is None or len(now[1]) < 2 else float(pdist(now[1]).min())
+        """Return the least distance between two vehicles of `aloft`; NaN before all have reported."""
+        nearest = self._nearest(self.aloft)
+        return math.nan if nearest is None else nearest.distance_m
+
+    def watch_separation(self, aloft: Collection[int]) -> None:
+        """Take in which vehicles are in the air, and note the nearest two of those that are heard."""
+        self.aloft = aloft
+        times_s = [self.views[sysid].unix_s for sysid in aloft]
+        newest_s = max((t for t in times_s if not math.isnan(t)), default=math.nan)
+        heard = [i for i, t in zip(aloft, times_s, strict=True) if newest_s - t < _HEARD_S]
+        now = self._nearest(heard)
+        if now is not None and (now.part not in self.nearest or now.distance_m < self.nearest[now.part].distance_m):
+            self.nearest[now.part] = now
+
+    @property
+    def part(self) -> FlightPart:
+        """The part of the flight: before T0, on the plan, or in the landing."""
+        t_s = self.plan_time_s
+        if self.t0_unix_s is None or t_s is None or t_s < 0.0:
+            return FlightPart.TAKEOFF
+        return FlightPart.FLIGHT if t_s < self.plan.phase("landing").start_s else FlightPart.LANDING
 
     def formation_error_m(self) -> float:
         """Return the formation error (Definition 1); NaN before all have reported, or before T0 is known.
@@ -91,13 +130,28 @@ class Monitor:
         rows = [self.plan.sysids.index(sysid) for sysid in self.in_formation]
         return float(formation_error_m(positions[:, None], self.plan.offsets(t_s)[rows])[0])
 
-    def _now(self, sysids: Collection[int]) -> tuple[float, Array] | None:
-        """Positions (V, 3) of these vehicles, all predicted for the time of the newest report."""
+    def _nearest(self, sysids: Collection[int]) -> NearestPair | None:
+        """The nearest two of these vehicles now; None for fewer than two, or before all have reported."""
+        now = self._now(sysids, moved_only=self.part is FlightPart.TAKEOFF)
+        if now is None or len(now[1]) < 2:
+            return None
+        between_m = pdist(now[1])
+        pairs = tuple(combinations(sysids, 2))
+        least = int(np.argmin(between_m))
+        return NearestPair(self.part, pairs[least], float(between_m[least]), now[0])
+
+    def _now(self, sysids: Collection[int], *, moved_only: bool = False) -> tuple[float, Array] | None:
+        """Positions (V, 3) of these vehicles, all predicted for the time of the newest report.
+
+        `moved_only`: from the pads and what they moved since they were armed, instead of what they report.
+        """
         views = [self.views[sysid] for sysid in sysids]
         newest = max((v.unix_s for v in views), default=math.nan)
         if math.isnan(sum(v.unix_s for v in views)) or not views:
             return None
-        return newest, np.array([v.position_ned_m + v.velocity_ned_mps * (newest - v.unix_s) for v in views])
+        places = [v.place_ned_m if moved_only else v.position_ned_m for v in views]
+        ahead = [v.velocity_ned_mps * (newest - v.unix_s) for v in views]
+        return newest, np.array(places) + np.array(ahead)
 
     def _compare(self, row: int, view: VehicleView, t_s: float) -> None:
         if t_s < self.plan.phase("mission").start_s - 60.0:
@@ -111,5 +165,3 @@ class Monitor:
         view.error_m = float(np.linalg.norm(view.position_ned_m - state[POSITION]))
         if 0.0 <= t_s <= self.plan.flight_s:
             view.lateness.add(view.position_ned_m, state[POSITION], state[VELOCITY])
-        if row == self.plan.leader:
-            self.least_separation_m = min(self.least_separation_m, self.separation_m())

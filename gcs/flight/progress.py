@@ -20,6 +20,27 @@ class Step(StrEnum):
     DONE = "landed"
 
 
+class FlightPart(StrEnum):
+    """The parts of a flight, each with its own least separation: near the ground, and on the plan."""
+
+    TAKEOFF = "take-off"  # from arming to T0
+    FLIGHT = "flight"  # from T0 to the order to land
+    LANDING = "landing"  # to the last stop
+
+
+@dataclass(frozen=True)
+class NearestPair:
+    """The two vehicles that came nearest to each other in one part of a flight."""
+
+    part: FlightPart
+    pair: tuple[int, int]  # system ids
+    distance_m: float
+    unix_s: float
+
+    def __str__(self) -> str:
+        return f"{self.part} {self.distance_m:.2f} m (vehicles {self.pair[0]} and {self.pair[1]})"
+
+
 @dataclass(frozen=True)
 class FlightTimes:
     """The times of a completed flight, in the vehicles' common GNSS time."""

@@ -18,9 +18,18 @@ from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
 from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.lateness import skew_s
+from gcs.flight.monitor import Monitor
 from gcs.flight.options import FlightMode, FlightOptions
-from gcs.flight.progress import Event, FlightTimes, Step, Watcher
-from gcs.flight.recording.flight_folder import PLAN, SCENARIO, TELEMETRY, new_folder, report_data, write_report
+from gcs.flight.progress import Event, FlightTimes, NearestPair, Step, Watcher
+from gcs.flight.recording.flight_folder import (
+    PLAN,
+    SCENARIO,
+    TELEMETRY,
+    nearest_data,
+    new_folder,
+    report_data,
+    write_report,
+)
 from gcs.flight.recording.flight_state import FlightState
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.recording.writing.record_gaps import RecordGaps
@@ -88,6 +97,7 @@ class Flown:
     late_s: dict[int, float]  # delay of each vehicle behind the plan, by its own clock
     verdict: Verdict | None  # None without true states, as with a link
     data: dict[str, Any]  # report.json
+    nearest: tuple[NearestPair, ...] = ()  # as reported: the least separation before T0, on the plan and in the landing
 
 
 def fly(
@@ -143,13 +153,14 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     sent: dict[int, SentAs] = {}
     ctrl_c = Stoppable()
     flying = _fly(order, watcher, folder, index, navigator, stream, checks, sent, ctrl_c)
-    times, late_s, gaps = ctrl_c.run(flying)
+    times, monitor, gaps = ctrl_c.run(flying)
+    late_s, nearest = monitor.late_s, tuple(monitor.nearest.values())
     missions = sent_data(sent)
     watcher.lap("fly")
     if order.link is not None:
         data = {"folder": str(folder), "judged": False, "preflight": checks_data(checks), "missions": missions}
-        data |= {"incomplete": gaps.data(), **_skew(late_s)}
-        return Flown(folder, times, late_s, None, data)
+        data |= {"incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
+        return Flown(folder, times, late_s, None, data, nearest)
     truth = load_truth(folder / "truth.npz")
     verdict = judge(plan, truth, times)
     watcher.lap("judge")
@@ -157,11 +168,11 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         _draw(plan, truth, times, folder)
     watcher.lap("pictures")
     extra: dict[str, object] = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
-    extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s)}
+    extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     with gaps.kept("report.md"):
         write_report(folder, data, verdict)
-    return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()})
+    return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
 
 
 def _refuse_late_starts(order: FlightRun) -> None:
@@ -187,8 +198,8 @@ async def _fly(
     checks: list[PreflightCheck],
     sent: dict[int, SentAs],
     ctrl_c: Stoppable,
-) -> tuple[FlightTimes, dict[int, float], RecordGaps]:
-    """Return the times of the flight, the delay of each vehicle behind the plan, and what the folder lacks.
+) -> tuple[FlightTimes, Monitor, RecordGaps]:
+    """Return the times of the flight, what its monitor saw, and what the folder lacks.
 
     `checks` takes the pre-flight, `sent` how each mission was sent.
     """
@@ -241,7 +252,7 @@ async def _fly(
         showing = asyncio.ensure_future(watcher.follow(flight))
         try:
             times = await flight.run()
-            return times, flight.monitor.late_s, record.gaps
+            return times, flight.monitor, record.gaps
         finally:
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)

@@ -94,6 +94,7 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
         screen.say(f"landed. Telemetry: {telemetry}" if telemetry.is_file() else "landed.")
         if (skew := _skew_text(flown.late_s)) is not None:
             screen.say(f"time skew between vehicles, from telemetry: {skew}")
+        _show_nearest(screen, flown)
         screen.result(flown.data)
         return 0
     _show(screen, flown)
@@ -123,7 +124,8 @@ async def _say_progress(screen: Screen, flight: InFlight) -> None:
 
 def _line(snapshot: Snapshot) -> str:
     if snapshot.plan_time_s is None:
-        return snapshot.phase
+        apart = "" if math.isnan(snapshot.separation_m) else f": separation {snapshot.separation_m:.2f} m"
+        return f"{snapshot.phase}{apart}"
     worst = max((e for e in snapshot.errors_m.values() if not math.isnan(e)), default=math.nan)
     figures = (
         ("position error at most", worst),
@@ -162,11 +164,17 @@ def _show(screen: Screen, flown: Flown) -> None:
     assert verdict is not None
     table = Table("criterion", "measured", "limit", "verdict", title="judged from the true states")
     for c in verdict.criteria:
-        vehicle = "" if c.sysid is None else f" (vehicle {c.sysid})"
+        vehicle = f" ({c.vehicles})" if c.vehicles else ""
         table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", limit_text(c), verdict_word(c.ok))
     if (skew := _skew_text(flown.late_s)) is not None:
         table.add_row("time skew (telemetry)", skew, "–", "–")
     screen.show(table)
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
+    _show_nearest(screen, flown)
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
     screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}.{where}")
+
+
+def _show_nearest(screen: Screen, flown: Flown) -> None:
+    if flown.nearest:
+        screen.say(f"least separation, from telemetry: {', '.join(map(str, flown.nearest))}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05
+GROUND_SEPARATION = "separation, ground phases"
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,14 @@ class Criterion:
     at_least: bool  # value >= limit, else value <= limit
     sysid: int | None = None
     t_s: float | None = None
+    other: int | None = None  # of a pair: its second vehicle
+
+    @property
+    def vehicles(self) -> str:
+        """The vehicles of the measured value in words; empty for a value of all."""
+        if self.sysid is None:
+            return ""
+        return f"vehicle {self.sysid}" if self.other is None else f"vehicles {self.sysid} and {self.other}"
 
     @property
     def ok(self) -> bool:
@@ -55,8 +65,9 @@ class Verdict:
 def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     """Return the verdict on the true flight against plan and scenario.
 
-    Separation counts from take-off to landing; clearance above the exact ground from the hover after take-off to the
-    order to land; the position error from T0 to the planned arrival. The arrival is the last entry into the circle of
+    Separation counts from T0 to the order to land, and again in the ground phases: from the pads to T0, and from the
+    order to land to the last stop. Clearance above the exact ground counts from the hover after take-off to the order
+    to land; the position error from T0 to the planned arrival. The arrival is the last entry into the circle of
     `arrival_position_m` around the goal, against the time at which the plan enters it.
     """
     limits = plan.scenario.judge
@@ -73,7 +84,7 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     criteria.append(_clearance(plan, t_s, flown))
     criteria += _arrivals(plan, t_s, flown, planned)
     if len(plan.sysids) > 1:
-        criteria.append(_separation(plan, truth, positions, times.t0_unix_s))
+        criteria += _separations(plan, truth, positions, times)
     return Verdict(
         tuple(criteria),
         dict(zip(plan.sysids, rms.tolist(), strict=True)),
@@ -96,13 +107,29 @@ def _on_grid(truth: Truth, states: Array, times: FlightTimes) -> tuple[Array, Ar
     return t_s, np.asarray(path(t_s))
 
 
-def _separation(plan: Plan, truth: Truth, states: Array, t0_unix_s: float) -> Criterion:
-    least = np.array([pdist(states[:, n, POSITION]).min() for n in range(states.shape[1])])
-    instant = int(np.argmin(least))
-    limit = plan.scenario.judge.separation_min_m
-    return Criterion(
-        "separation", "m", float(least[instant]), limit, True, t_s=float(truth.unix_s[instant] - t0_unix_s)
-    )
+def _separations(plan: Plan, truth: Truth, states: Array, times: FlightTimes) -> list[Criterion]:
+    """On the plan and in the ground phases, against one limit: two vehicles collide at the same distance everywhere.
+
+    Vehicles may stand on their pads: these are as far apart as `limits.separation_min_m`, which is not below the limit.
+    """
+    on_plan = (truth.unix_s >= times.t0_unix_s) & (truth.unix_s <= times.landing_unix_s)
+    pairs = list(combinations(plan.sysids, 2))
+    found = []
+    for name, instants in (("separation", on_plan), (GROUND_SEPARATION, ~on_plan)):
+        if not instants.any():
+            continue
+        least, nearest = np.inf, (0, 0)
+        for n in np.flatnonzero(instants).tolist():
+            between_m = pdist(states[:, n, POSITION])
+            pair = int(np.argmin(between_m))
+            if between_m[pair] < least:
+                least, nearest = float(between_m[pair]), (n, pair)
+        instant, pair = nearest
+        sysid, other = pairs[pair]
+        t_s = float(truth.unix_s[instant] - times.t0_unix_s)
+        limit = plan.scenario.judge.separation_min_m
+        found.append(Criterion(name, "m", least, limit, True, sysid, t_s, other))
+    return found
 
 
 def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:

@@ -3,6 +3,9 @@
 A vehicle on the plan continues along it with its present deviation, which drifts on for about half a second until its
 controller acts. A vehicle off the plan continues straight on. The relative motion of two vehicles on the plan was
 verified, so only their deviations bring them too close.
+
+Before T0 a vehicle climbs over its pad at its present rate, and what moves it sideways acts for that half second. A
+vehicle more than `COLUMN_M` to the side is off the plan.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from gcs.plan.trajectory.plan import Plan
 
 HORIZON_S, STEP_S = 3.0, 0.25
 FADE_S = 0.5
+COLUMN_M = 1.0
 _LOOKS = 3  # checks in a row: one noisy sample is no conflict
 
 
@@ -47,12 +51,16 @@ class SeparationWatch:
         unix_s: float,
         on_plan: Collection[int],
         aloft: Collection[int],
+        starting: Collection[int] = (),
     ) -> list[Conflict]:
-        """Return the conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`."""
+        """Return the conflicts between vehicles `aloft` at plan time `t_s`, which is `unix_s`.
+
+        Vehicles `on_plan` fly it; those `starting` climb over their pads, or stand on them.
+        """
         sysids = [i for i in aloft if np.isfinite(views[i].position_ned_m).all()]
         if len(sysids) < 2:
             return []
-        paths = self._paths([views[i] for i in sysids], t_s, unix_s, [i in on_plan for i in sysids])
+        paths = self._paths([views[i] for i in sysids], t_s, unix_s, on_plan, starting)
         found: dict[tuple[int, int], Conflict] = {}
         for a in range(len(sysids) - 1):
             between = paths[a + 1 :] - paths[a]
@@ -66,7 +74,19 @@ class SeparationWatch:
         self._seen = {pair: self._seen.get(pair, 0) + 1 for pair in found}
         return [conflict for pair, conflict in found.items() if self._seen[pair] >= _LOOKS]
 
-    def _paths(self, views: list[VehicleView], t_s: float, unix_s: float, planned: list[bool]) -> Array:
+    def off_pad_m(self, view: VehicleView) -> float:
+        """Return how far to the side of its pad a vehicle is before T0."""
+        pad_ned_m = self._plan.pads_ned_m[self._plan.sysids.index(view.sysid)]
+        return float(np.hypot(*(view.place_ned_m - pad_ned_m)[:2]))
+
+    def _paths(
+        self,
+        views: list[VehicleView],
+        t_s: float,
+        unix_s: float,
+        on_plan: Collection[int],
+        starting: Collection[int],
+    ) -> Array:
         """Predicted positions (V, T, 3)."""
         plan, ahead = self._plan, self._ahead_s
         latest_s = float(np.nextafter(plan.t_end_s, -np.inf))
@@ -80,7 +100,9 @@ class SeparationWatch:
         drift_s = FADE_S * (1.0 - np.exp(-ahead / FADE_S))
         paths = np.empty((len(views), len(ahead), 3))
         for n, view in enumerate(views):
-            if planned[n]:
+            if view.sysid in starting:
+                paths[n] = self._climb(view, max(unix_s - view.unix_s, 0.0))
+            elif view.sysid in on_plan:
                 reported = len(ahead) + n
                 off, off_rate = view.position_ned_m - places[n, reported], view.velocity_ned_mps - rates[n, reported]
                 paths[n] = places[n, : len(ahead)] + off + np.outer(drift_s, off_rate)
@@ -88,3 +110,10 @@ class SeparationWatch:
                 age_s = max(unix_s - view.unix_s, 0.0)
                 paths[n] = view.position_ned_m + np.outer(ahead + age_s, view.velocity_ned_mps)
         return paths
+
+    def _climb(self, view: VehicleView, age_s: float) -> Array:
+        """Predicted positions (T, 3) of a vehicle before T0, from a report of this age."""
+        seconds = np.repeat(self._ahead_s[:, None] + age_s, 3, axis=1)
+        if self.off_pad_m(view) <= COLUMN_M:
+            seconds[:, :2] = FADE_S * (1.0 - np.exp(-seconds[:, :2] / FADE_S))
+        return view.place_ned_m + seconds * view.velocity_ned_mps

@@ -105,6 +105,7 @@ class ContingencyExecutor:
         self.policy.begin(starting=True)
         for vehicle in self._vehicles.values():
             m = vehicle.behaviour
+            vehicle.view.stands_on(self._plan.pads_ned_m[vehicle.row])
             self._watches[vehicle.sysid].order(m.armed_in, m.guided, m.mission, *m.takeoff_modes)
 
     def flies(self) -> None:
@@ -191,9 +192,9 @@ class ContingencyExecutor:
             self._charge.watch(sysid, now_s, watch.remaining_pct, self._flown_s(sysid, t_s))
             for incident in watch.look(now_s):
                 self._decide(self._with_energy(incident, t_s), t_s)
+        self._check_separation(now_s, t_s)
         if not self._t0_known:
             return
-        self._check_separation(now_s, t_s)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
         for sysid, way in list(self._returning.items()):
@@ -256,17 +257,24 @@ class ContingencyExecutor:
         return points
 
     def _check_separation(self, now_s: float, t_s: float) -> None:
-        states = self.policy.states
-        airborne = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
-        self._monitor.aloft = airborne
+        states, views = self.policy.states, self._monitor.views
+        armed = [i for i, s in states.items() if s is not State.LOST and self._vehicles[i].session.armed]
+        starting = [i for i, s in states.items() if s is State.STARTING]
+        # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
+        airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
+        self._monitor.watch_separation(airborne)
         on_plan = [i for i in airborne if states[i] in IN_FORMATION]
-        views = self._monitor.views
-        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne):
-            farther, other = sorted(conflict.pair, key=lambda i: -np.nan_to_num(views[i].error_m))
+        for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting):
+            farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
             higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
             distance = f"{conflict.distance_m:.2f} m"
             incident = Incident(IncidentKind.CONFLICT, farther, now_s, distance, other=other, in_s=conflict.in_s)
             self._decide(incident, t_s, higher=higher)
+
+    def _off_m(self, sysid: int) -> float:
+        """How far a vehicle is from its place in the plan; before T0, to the side of its pad."""
+        view = self._monitor.views[sysid]
+        return float(np.nan_to_num(view.error_m)) if self._t0_known else self._separation.off_pad_m(view)
 
     def _decide(self, incident: Incident, t_s: float, *, higher: bool = True) -> None:
         battery = incident.kind in (IncidentKind.BATTERY_LOW, IncidentKind.BATTERY_CRITICAL)

@@ -51,7 +51,7 @@ POLICY = (
             _A.LAND,
             "Before T0 a vehicle in trouble lands on its pad",
         )
-        for kind in (_K.GNSS_GONE, _K.BATTERY_LOW, _K.BATTERY_CRITICAL, _K.FENCE, _K.FAILSAFE)
+        for kind in (_K.GNSS_GONE, _K.BATTERY_LOW, _K.BATTERY_CRITICAL, _K.FENCE, _K.FAILSAFE, _K.CONFLICT)
     ),
     Row(_K.LINK_LOST, frozenset({_S.FLYING}), ALWAYS, _S.SILENT, None, "The setpoint stream continues"),
     Row(_K.LINK_LOST, ALL - {_S.FLYING}, ALWAYS, None, None, KEEPS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 from gcs.files import atomic_write
 from gcs.flight.assessment.judge import Criterion, Verdict
-from gcs.flight.progress import Event, FlightTimes
+from gcs.flight.progress import Event, FlightTimes, NearestPair
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:
@@ -67,6 +68,20 @@ def report_data(
     }
 
 
+def nearest_data(nearest: Iterable[NearestPair], times: FlightTimes) -> dict[str, Any]:
+    """Return the least separations that vehicles reported, by the part of the flight, as plain values."""
+    rows = (
+        {
+            "part": str(one.part),
+            "vehicles": list(one.pair),
+            "distance_m": one.distance_m,
+            "t_s": one.unix_s - times.t0_unix_s,
+        }
+        for one in nearest
+    )
+    return {"separation_reported": list(rows)}
+
+
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
@@ -91,6 +106,14 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
         *(f"| {sysid} | {rms:.3f} | {verdict.max_m[sysid]:.3f} |" for sysid, rms in verdict.rms_m.items()),
         "",
     ]
+    if rows := data.get("separation_reported"):
+        lines += ["| least separation, from telemetry | m |", "| --- | --- |"]
+        lines += [
+            f"| {row['part']} (vehicles {row['vehicles'][0]} and {row['vehicles'][1]}) at t = {row['t_s']:.1f} s "
+            f"| {row['distance_m']:.3f} |"
+            for row in rows
+        ]
+        lines.append("")
     atomic_write(folder / "report.md", "\n".join(lines))
 
 
@@ -100,5 +123,5 @@ def limit_text(criterion: Criterion) -> str:
 
 
 def _where(criterion: Criterion) -> str:
-    vehicle = "" if criterion.sysid is None else f" (vehicle {criterion.sysid})"
+    vehicle = f" ({criterion.vehicles})" if criterion.vehicles else ""
     return vehicle if criterion.t_s is None else f"{vehicle} at t = {criterion.t_s:.1f} s"

@@ -100,6 +100,7 @@ async def take_off(vehicle: FlightVehicle, before_arming: Callable[[int], None] 
     height_m = -float(vehicle.hover_ned_m[2]) - pad_up_m
     await set_mode(vehicle, behaviour.armed_in)
     before_arming(vehicle.sysid)
+    vehicle.view.stands_on(vehicle.plan.pads_ned_m[vehicle.row])
     await session.command(MavCommand.COMPONENT_ARM_DISARM, 1.0)
     home_amsl_m = vehicle.plan.scenario.origin.alt_amsl_m + pad_up_m
     await session.command(MavCommand.NAV_TAKEOFF, *behaviour.takeoff_parameters(height_m, home_amsl_m))

@@ -1,14 +1,20 @@
-"""What the monitor says of a landing: the error beside the descent of the vehicle's own autopilot, to the ground."""
+"""What the monitor says of the ground phases: separations from the take-off on, and the error in a landing.
+
+The error in a landing counts beside the descent of the vehicle's own autopilot, to the ground.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from gcs.autopilots.landing.landing_profile import LandingProfile
 from gcs.flight.monitor import Monitor
+from gcs.flight.progress import FlightPart
 from gcs.link.microservices.clock import VehicleClock
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import Array
@@ -35,6 +41,16 @@ class Heard:
         for row in range(len(self.plan.sysids)):
             place = self.expected(row, t_s) + np.array(off_ned_m) - self.plan.pads_ned_m[row]
             fields = dict(zip("xyz", place.tolist(), strict=True)) | dict.fromkeys(("vx", "vy", "vz"), 0.0)
+            self.monitor.receive(row, Message("LOCAL_POSITION_NED", {"time_boot_ms": boot_ms, **fields}), self.clock)
+
+    def from_pad(self, t_s: float, moved_ned_m: Mapping[int, tuple[float, float, float]]) -> None:
+        """Each vehicle named reports that it is so far from its pad."""
+        boot_ms = round(1000.0 * t_s) + 1_000_000
+        unix_usec = round(1e6 * (T0_UNIX_S + t_s))
+        self.clock.receive(Message("SYSTEM_TIME", {"time_boot_ms": boot_ms, "time_unix_usec": unix_usec}), t_s)
+        for sysid, place in moved_ned_m.items():
+            fields = dict(zip("xyz", place, strict=True)) | dict.fromkeys(("vx", "vy", "vz"), 0.0)
+            row = self.plan.sysids.index(sysid)
             self.monitor.receive(row, Message("LOCAL_POSITION_NED", {"time_boot_ms": boot_ms, **fields}), self.clock)
 
     def expected(self, row: int, t_s: float) -> Array:
@@ -86,4 +102,59 @@ def test_the_formation_error_ends_with_the_formation(simulation1_plan: Plan) -> 
     assert heard.monitor.formation_error_m() == pytest.approx(0.0, abs=0.02)
     heard.at(plan.phase("landing").start_s + 10.0, (0.0, 0.0, 0.0))
     assert math.isnan(heard.monitor.formation_error_m())
+    heard.monitor.watch_separation(plan.sysids)
     assert heard.monitor.separation_m() > 0.3
+
+
+def starting(plan: Plan, errors_ned_m: dict[int, tuple[float, float, float]]) -> Heard:
+    """A monitor of vehicles that stand on their pads, armed, and report them with these errors."""
+    heard = Heard(plan, {})
+    heard.monitor.t0_unix_s = None
+    heard.from_pad(-30.0, errors_ned_m)
+    for row, sysid in enumerate(plan.sysids):
+        heard.monitor.views[sysid].stands_on(plan.pads_ned_m[row])
+    return heard
+
+
+def test_before_the_take_off_there_is_no_separation(simulation1_plan: Plan) -> None:
+    heard = starting(simulation1_plan, dict.fromkeys(simulation1_plan.sysids, (0.0, 0.0, 0.0)))
+    assert math.isnan(heard.monitor.separation_m())
+    assert heard.monitor.nearest == {}
+
+
+def test_at_the_take_off_separation_counts_from_the_pads_whatever_receivers_report(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    errors = {sysid: (1.5 * (-1) ** sysid, -0.9 * sysid, 2.0) for sysid in plan.sysids}
+    heard = starting(plan, errors)
+    heard.monitor.watch_separation(plan.sysids)
+    assert heard.monitor.separation_m() == pytest.approx(pdist(plan.pads_ned_m).min(), abs=1e-9)
+    second = plan.pads_ned_m[1] - plan.pads_ned_m[4]  # vehicle 5 moves half of the way to vehicle 2
+    half = tuple((np.array(errors[5]) + second / 2).tolist())
+    heard.from_pad(-25.0, {**errors, 5: half})
+    heard.monitor.watch_separation(plan.sysids)
+    (nearest,) = heard.monitor.nearest.values()
+    assert nearest.part is FlightPart.TAKEOFF
+    assert nearest.pair == (2, 5)
+    assert nearest.distance_m == pytest.approx(np.linalg.norm(second) / 2, abs=1e-9)
+    assert nearest.unix_s == pytest.approx(T0_UNIX_S - 25.0)
+
+
+def test_each_part_of_a_flight_has_its_least_separation(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = Heard(plan, {})
+    for t_s in (-3.0, 50.0, plan.phase("landing").start_s + 2.0):
+        heard.at(t_s, (0.0, 0.0, 0.0))
+        heard.monitor.watch_separation(plan.sysids)
+    assert list(heard.monitor.nearest) == list(FlightPart)
+    for one, t_s in zip(heard.monitor.nearest.values(), (-3.0, 50.0, plan.phase("landing").start_s + 2.0), strict=True):
+        assert one.distance_m == pytest.approx(pdist(plan.states(np.array([t_s]))[:, 0, :3]).min(), abs=0.02)
+
+
+def test_a_vehicle_that_is_not_heard_has_no_separation(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    heard = starting(plan, dict.fromkeys(plan.sysids, (0.0, 0.0, 0.0)))
+    others = {sysid: (0.0, 0.0, 0.0) for sysid in plan.sysids if sysid != 5}
+    heard.from_pad(-20.0, others)
+    heard.monitor.watch_separation(plan.sysids)
+    (nearest,) = heard.monitor.nearest.values()
+    assert 5 not in nearest.pair

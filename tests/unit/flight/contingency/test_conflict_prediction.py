@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from gcs.flight.contingency.conflict_prediction import SeparationWatch
+from gcs.flight.contingency.conflict_prediction import Conflict, SeparationWatch
 from gcs.flight.monitor import VehicleView
 from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.load import load_scenario
+from tests.bridge.flying import hop_scenario
 
 T0 = 1_700_000_000.0
 ALL = (1, 2, 3, 4, 5, 6)
+
+
+@pytest.fixture(scope="module")
+def hop_plan(repo_root: Path) -> Plan:
+    """Three vehicles, 5 m apart."""
+    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
 
 
 def views_at(plan: Plan, t_s: float, age_s: float = 0.1, noise_m: float = 0.0, seed: int = 0) -> dict[int, VehicleView]:
@@ -62,3 +74,52 @@ def test_who_stands_in_the_way_is_seen_seconds_ahead(simulation1_plan: Plan) -> 
     mine = next(c for c in found if c.pair == (4, 6))
     assert 1.4 < mine.in_s < 2.0
     assert ours.look(views, t_s, T0 + t_s, ALL[:5], ALL[:5]) == []  # once it is down, it is no conflict
+
+
+def on_pads(plan: Plan, unix_s: float, error_m: float = 0.0) -> dict[int, VehicleView]:
+    """Vehicles that stand on their pads and report them with errors of this size, each in its own direction."""
+    views = {}
+    for row, sysid in enumerate(plan.sysids):
+        off = error_m * np.array([np.cos(sysid), np.sin(sysid), 0.5])
+        views[sysid] = VehicleView(sysid, plan.pads_ned_m[row] + off, np.zeros(3), unix_s)
+        views[sysid].stands_on(plan.pads_ned_m[row])
+    return views
+
+
+def looked(plan: Plan, move: Callable[[dict[int, VehicleView]], None], error_m: float = 0.0) -> list[Conflict]:
+    """What the watch says of vehicles before T0, after three looks."""
+    ours = SeparationWatch(plan, 1.0)
+    found: list[Conflict] = []
+    for n in range(3):
+        views = on_pads(plan, T0 - 30.0 + 0.1 * n, error_m)
+        move(views)
+        found = ours.look(views, -30.0 + 0.1 * n, T0 - 30.0 + 0.1 * n, (), plan.sysids, plan.sysids)
+    return found
+
+
+def test_vehicles_that_climb_over_their_pads_have_no_conflict(hop_plan: Plan) -> None:
+    def climb(views: dict[int, VehicleView]) -> None:
+        for view in views.values():
+            view.position_ned_m = view.position_ned_m + np.array([0.3, -0.2, -2.0])
+            view.velocity_ned_mps = np.array([0.5 * (-1) ** view.sysid, 0.8, -2.5])
+
+    assert looked(hop_plan, climb) == []
+    assert looked(hop_plan, climb, error_m=4.0) == []
+
+
+def drift(speed_mps: float, off_m: float) -> Callable[[dict[int, VehicleView]], None]:
+    """Vehicle 2 is so far from its pad towards vehicle 3, and moves on."""
+
+    def move(views: dict[int, VehicleView]) -> None:
+        views[2].position_ned_m = views[2].position_ned_m + np.array([0.0, off_m, -0.5])
+        views[2].velocity_ned_mps = np.array([0.0, speed_mps, 0.0])
+
+    return move
+
+
+def test_a_vehicle_that_drifts_towards_a_standing_one_is_seen_seconds_ahead(hop_plan: Plan) -> None:
+    (conflict,) = looked(hop_plan, drift(1.5, 1.2), error_m=2.0)  # pads are 5 m apart
+    assert conflict.pair == (2, 3)
+    assert 1.0 < conflict.in_s < 2.6
+    assert looked(hop_plan, drift(1.5, 0.8)) == []  # still over its pad: it comes back
+    assert looked(hop_plan, drift(0.5, 1.2)) == []  # too slow to be near within three seconds

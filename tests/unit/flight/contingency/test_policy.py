@@ -270,6 +270,15 @@ def test_trouble_before_t0_lands_all_on_their_pads(kind: IncidentKind) -> None:
     assert [t.sysid for t in ours.troubles] == [3]
 
 
+def test_a_conflict_before_t0_lands_all_on_their_pads() -> None:
+    ours = fleet()
+    ours.begin(starting=True)
+    assert ordered(ours.take(conflict(5.0, 2.5))) == dict.fromkeys(FOUR, Action.LAND)
+    assert [t.sysid for t in ours.troubles] == [3]
+    assert "vehicles 3 and 2 will be 0.2 m apart in 2.5 s" in ours.troubles[0].detail
+    assert ours.take(conflict(5.1, 2.4)) == []
+
+
 def test_a_pilot_who_takes_one_before_t0_keeps_it() -> None:
     ours = fleet()
     ours.begin(starting=True)

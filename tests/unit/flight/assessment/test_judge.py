@@ -1,0 +1,94 @@
+"""The verdict on separation, in closed form: flights as planned, and flights in which two vehicles come together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from gcs.flight.assessment.judge import GROUND_SEPARATION, Criterion, Truth, Verdict, judge
+from gcs.flight.progress import FlightTimes
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.trajectory.plan import Plan
+
+T0_UNIX_S = 1.7e9
+STEP_S = 0.1
+Change = Callable[[Array, Array], None]  # plan times (N,), true states (V, N, 12)
+
+
+def judged(plan: Plan, change: Change = lambda t_s, states: None) -> Verdict:
+    """The verdict on a flight as planned, changed by `change`."""
+    t_s = np.arange(plan.t_start_s, plan.t_end_s, STEP_S)
+    states = np.array(plan.states(t_s))
+    change(t_s, states)
+    landing_s = plan.phase("landing").start_s
+    times = FlightTimes(T0_UNIX_S + plan.airborne_s, T0_UNIX_S, T0_UNIX_S + landing_s)
+    return judge(plan, Truth(plan.sysids, T0_UNIX_S + t_s, states), times)
+
+
+def named(verdict: Verdict, name: str) -> Criterion:
+    (found,) = (c for c in verdict.criteria if c.name == name)
+    return found
+
+
+def planned_m(plan: Plan, from_s: float, to_s: float) -> float:
+    """The least planned separation between two instants."""
+    places = plan.states(np.arange(from_s, to_s, STEP_S))[..., POSITION]
+    return min(float(pdist(places[:, n]).min()) for n in range(places.shape[1]))
+
+
+def beside(t_s: float, metres: float, seconds: float = 0.2) -> Change:
+    """Vehicle 5 so far east of vehicle 2, for a moment."""
+
+    def change(times_s: Array, states: Array) -> None:
+        now = np.abs(times_s - t_s) <= seconds
+        states[4, now, :3] = states[1, now, :3] + [0.0, metres, 0.0]
+
+    return change
+
+
+def test_a_flight_as_planned_keeps_both_separations(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    verdict = judged(plan)
+    landing_s = plan.phase("landing").start_s
+    ground_m = min(planned_m(plan, plan.t_start_s, 0.0), planned_m(plan, landing_s + STEP_S, plan.t_end_s))
+    assert named(verdict, "separation").value == pytest.approx(planned_m(plan, 0.0, landing_s), abs=5e-3)
+    assert named(verdict, GROUND_SEPARATION).value == pytest.approx(ground_m, abs=5e-3)
+    assert verdict.ok
+
+
+@pytest.mark.parametrize("where", ["the pads", "take-off", "the hover before T0", "landing", "the last stop"])
+def test_two_vehicles_that_touch_near_the_ground_fail_the_flight(simulation1_plan: Plan, where: str) -> None:
+    plan = simulation1_plan
+    landing = plan.phase("landing")
+    t_s = {
+        "the pads": plan.t_start_s + 0.5,
+        "take-off": plan.t_start_s + 4.0,
+        "the hover before T0": plan.airborne_s + 1.0,
+        "landing": landing.start_s + 3.0,
+        "the last stop": plan.t_end_s - 0.5,
+    }[where]
+    verdict = judged(plan, beside(t_s, 0.1))
+    ground = named(verdict, GROUND_SEPARATION)
+    assert ground.value == pytest.approx(0.1, abs=1e-6)
+    assert ground.limit == plan.scenario.judge.separation_min_m
+    assert not ground.ok
+    assert not verdict.ok
+    assert ground.vehicles == "vehicles 2 and 5"
+    assert ground.t_s == pytest.approx(t_s, abs=0.3)
+    assert named(verdict, "separation").ok
+
+
+def test_two_vehicles_that_touch_on_the_plan_fail_that_criterion_alone(simulation1_plan: Plan) -> None:
+    verdict = judged(simulation1_plan, beside(50.0, 0.1))
+    assert named(verdict, "separation").value == pytest.approx(0.1, abs=1e-6)
+    assert not named(verdict, "separation").ok
+    assert named(verdict, GROUND_SEPARATION).ok
+
+
+def test_vehicles_may_stand_as_near_as_their_pads(simulation1_plan: Plan) -> None:
+    plan = simulation1_plan
+    assert pdist(plan.pads_ned_m).min() >= plan.scenario.judge.separation_min_m
+    assert pdist(plan.landing_points_ned_m).min() >= plan.scenario.judge.separation_min_m
