@@ -34,6 +34,7 @@ from gcs.flight.recording.flight_state import FlightState
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.recording.writing.record_gaps import RecordGaps
 from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
+from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_other_autopilots
 from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
@@ -204,20 +205,15 @@ async def _fly(
     `checks` takes the pre-flight, `sent` how each mission was sent.
     """
     plan, options = order.plan, order.options
-    loop = asyncio.get_running_loop()
-    fleet: LinkedFleet | None = None
-
-    def vehicles_time_s() -> float | None:
-        if fleet is None:
-            return None
-        now_s = host_s(loop)
-        return max((t for s in fleet.sessions.values() if (t := s.clock.now_unix_s(now_s)) is not None), default=None)
-
     say = spared(watcher.say, "the screen")
+    time: FleetTime | None = None
     async with AsyncExitStack() as stack:
-        record = stack.enter_context(FlightRecord(folder, spared(watcher.warn, "the screen"), vehicles_time_s))
+        record = stack.enter_context(
+            FlightRecord(folder, spared(watcher.warn, "the screen"), lambda: time.now_s() if time else None)
+        )
         known = order.link or Connection((SIM_LINK,))
         fleet = await stack.enter_async_context(known.open(on_frame=spared(record.write_frame, TELEMETRY, say)))
+        time = FleetTime(fleet.sessions, [known.systems.get(sysid, sysid) for sysid in plan.sysids])
         if order.link is None:
             simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
             await stack.enter_async_context(simulator(simulated))

@@ -112,6 +112,11 @@ class ModeActions:
         """Set the rally points, each (2,). The vehicle returns to the nearest one if it is nearer than home."""
         self.path_generator = replace(self.path_generator, rally_ned_m=tuple(places_ned_m))
 
+    def set_clock(self, epoch_unix_s: float) -> None:
+        """Set GNSS time at simulated time 0; a mission that waits already keeps its time."""
+        if self.path_generator.epoch_unix_s != epoch_unix_s:
+            self.path_generator = replace(self.path_generator, epoch_unix_s=epoch_unix_s)
+
     def resume(self, t_s: float, intent: Intent) -> None:
         """Re-plan what is under way, with the present speeds."""
         if intent is Intent.MISSION and self.progress.running and not self.path.landing:

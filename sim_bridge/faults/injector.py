@@ -131,6 +131,7 @@ class FaultInjector:
         vehicle.rejects_missions = any(fault.kind is f.REJECT_MISSION for fault in active)
         vehicle.wrong_checksums = any(fault.kind is f.WRONG_CRC for fault in active)
         vehicle.commands.refuses = any(fault.kind is f.REFUSE for fault in active)
+        vehicle.gnss_ahead_s = sum(fault.values[0] for fault in active if fault.kind is f.CLOCK_JUMP)
         vehicle.commands.ignores = any(fault.kind is f.IGNORE for fault in active)
         if row in self.radios:
             radio = self.radios[row]

@@ -89,6 +89,16 @@ class Conversation:
         if self._files is not None:
             self._files.wrong_checksums = wrong
 
+    @property
+    def gnss_ahead_s(self) -> float:
+        """A fault: its GNSS time is ahead of that of the others."""
+        return self._instruments.gnss_ahead_s
+
+    @gnss_ahead_s.setter
+    def gnss_ahead_s(self, ahead_s: float) -> None:
+        self._instruments.gnss_ahead_s = ahead_s
+        self.autopilot.mode_actions.set_clock(self._instruments.unix_at_0_s)
+
     def die(self) -> None:
         """Act on a fault: the motors stop for good, and the vehicle sends nothing more."""
         self._dead = True

@@ -116,6 +116,7 @@ class ContingencyExecutor:
 
     async def run(self) -> None:
         """Detect, decide and order until cancelled. Raises FlightError for trouble before T0."""
+        self._time.hold()
         began_s = self._now_s = self._began_s = self._time.sure_s()
         stops = [
             vehicle.session.subscribe(self._listener(self._watches[vehicle.sysid]))
@@ -132,6 +133,7 @@ class ContingencyExecutor:
                 starting = State.STARTING in self.policy.states.values()
                 if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
                     checked_s = now_s
+                    self._tell_clocks(now_s)
                     self._check(now_s, self._plan_time_s(now_s))
                     if starting and self.policy.troubles:
                         raise FlightError(
@@ -212,6 +214,10 @@ class ContingencyExecutor:
         self._monitor.in_formation = [i for i in formation if self.policy.states[i] is State.FLYING]
         if not formation:
             self.over.set()
+
+    def _tell_clocks(self, now_s: float) -> None:
+        for change in self._time.changes():
+            self._note(now_s, self._plan_time_s(now_s), change.sysid, change.what, change.rule)
 
     def _flown_s(self, sysid: int, t_s: float) -> float | None:
         """The plan time that a vehicle flies; None if it does not fly the plan."""

@@ -37,7 +37,7 @@ from gcs.flight.sequence.takeoff_landing import (
     until_ready,
 )
 from gcs.flight.sequence.text_watch import TextWatch
-from gcs.flight.setup.preflight_check import MESSAGES
+from gcs.flight.setup.preflight_check import CLOCK, MESSAGES
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.session.vehicle_session import VehicleSession
@@ -172,6 +172,8 @@ class FlightSequence:
         await self.prepare_contingency()
         await self.time.until(texts_end_unix_s)
         self._refuse_critical_texts()
+        if self.options.mode is FlightMode.MISSION or CLOCK not in self.options.waived:
+            await self.time.agree()
         self.landing.custody.refuse_armed()
         self.enter(Step.TAKEOFF)
         self.contingency.starts()
@@ -304,14 +306,15 @@ class FlightSequence:
         now_s = self.time.sure_s()
         for what in said:
             self._hooks.on_event(Event(now_s, now_s - t0_unix_s, 0, what))
-        await self.each(start_mission)
-        late_s = self.time.sure_s() - start.unix_s
-        if late_s > 0:
-            raise FlightError(
-                f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
-                hint="fly again; a slow link needs more time between upload and start",
-            )
-        self.streamer.stand_by(t0_unix_s)
-        async with alongside(self.streamer.run()):
-            await self.watch_over(t0_unix_s)
+        async with alongside(self.time.watch_start(start.unix_s)):
+            await self.each(start_mission)
+            late_s = self.time.sure_s() - start.unix_s
+            if late_s > 0:
+                raise FlightError(
+                    f"the common start was missed by {late_s:.1f} s: not all vehicles were airborne in time.",
+                    hint="fly again; a slow link needs more time between upload and start",
+                )
+            self.streamer.stand_by(t0_unix_s)
+            async with alongside(self.streamer.run()):
+                await self.watch_over(t0_unix_s)
         return t0_unix_s

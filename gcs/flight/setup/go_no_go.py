@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from gcs.autopilots.traits import link_behaviour
 from gcs.errors import GcsError, PeerError
+from gcs.flight.clocks.fleet_clock import differences_s
 from gcs.flight.setup.preflight import preflight
 from gcs.flight.setup.preflight_check import PreflightCheck, refuse_no_go, waive
 from gcs.link.fleet_upload.upload_fleet import ParameterChange, restore
@@ -16,6 +17,7 @@ from gcs.link.session.status_report import VehicleReport, status_report
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.preflight_table import PreflightTable
+from gcs.steady_loop import host_s
 
 
 async def go_or_no_go(
@@ -34,6 +36,9 @@ async def go_or_no_go(
     sysids, surveys = zip(*requests, strict=True)
     reports = dict(zip(sysids, await asyncio.gather(*surveys), strict=True))
     fleet.check()
+    clocks = {sysid: session.clock for sysid, session in sessions.items()}
+    for sysid, off_s in differences_s(clocks, host_s(asyncio.get_running_loop())).items():
+        reports[sysid] = replace(reports[sysid], gnss_off_s=off_s)
     checks = waive(preflight(plan, reports, limits), waived)
     show(checks)
     refuse_no_go(checks)

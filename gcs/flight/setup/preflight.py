@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gcs.flight.clocks.fleet_clock import AGREE_S
 from gcs.flight.setup.battery_capacity import capacity_required, compare_capacity
-from gcs.flight.setup.preflight_check import NOT_REPORTED, PreflightCheck
+from gcs.flight.setup.preflight_check import CLOCK, NOT_REPORTED, PreflightCheck
 from gcs.frames import geodetic_to_ned
 from gcs.link.session.status_report import VehicleReport
 from gcs.mission.model import Home
@@ -172,7 +173,15 @@ def _clock(now: _Situation) -> _Measured:
     sync = now.report.timesync
     if sync is None:
         return _ABSENT
-    return _Measured(f"{1e3 * sync.round_trip_s:.0f} ms round trip", sync.round_trip_s <= now.limits.round_trip_s)
+    off_s = now.report.gnss_off_s
+    text = f"{1e3 * sync.round_trip_s:.0f} ms round trip"
+    if abs(off_s) > AGREE_S + sync.round_trip_s:
+        return _Measured(f"GNSS time is off by {off_s:+.1f} s from the others, {text}", ok=False)
+    return _Measured(text, sync.round_trip_s <= now.limits.round_trip_s)
+
+
+def _clock_required(_: Plan, limits: PreflightTable) -> str:
+    return f"at most {1e3 * limits.round_trip_s:.0f} ms, GNSS times within {AGREE_S:g} s"
 
 
 def _battery(now: _Situation) -> _Measured:
@@ -211,7 +220,7 @@ _KINDS = {
     "height": _Kind(lambda _, limits: f"within {limits.height_m:g} m", _height),
     "home": _Kind(lambda _, limits: f"within {limits.home_m:g} m", _home),
     "local frame": _Kind(lambda _, limits: f"within {limits.origin_m:g} m", _local_frame),
-    "clock": _Kind(lambda _, limits: f"at most {1e3 * limits.round_trip_s:.0f} ms", _clock),
+    CLOCK: _Kind(_clock_required, _clock),
     "battery": _Kind(_battery_required, _battery),
     "capacity": _Kind(capacity_required, _capacity),
     "messages": _Kind(lambda _, __: "no critical text", _messages),

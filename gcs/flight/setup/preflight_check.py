@@ -8,7 +8,7 @@ from typing import Any
 
 from gcs.errors import FlightError, UsageError
 
-MESSAGES, DISARMED = "messages", "disarmed"
+CLOCK, DISARMED, MESSAGES = "clock", "disarmed", "messages"
 CHECKS = {
     DISARMED: "the vehicle is not armed",
     "position estimate": "the estimator's flags are those that a flight needs",
@@ -17,7 +17,7 @@ CHECKS = {
     "height": "its height is that of its pad",
     "home": "its home is where it stands",
     "local frame": "the origin of its local frame is at its pad",
-    "clock": "TIMESYNC is answered in time",
+    CLOCK: "TIMESYNC is answered in time, and GNSS time agrees with that of the other vehicles",
     "battery": "the charge is enough for the plan and the reserve",
     "capacity": "the capacity that it is set to is that of [vehicle.power]; a difference is a warning",
     MESSAGES: "it has sent no STATUSTEXT of severity CRITICAL or worse",

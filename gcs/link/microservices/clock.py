@@ -5,18 +5,31 @@ Unix time on board is `boot + offset`; each SYSTEM_TIME measures the offset to t
 (now, vehicle time) are late by the delay of the link, so the earliest are the best: with the rate r estimated over the
 window, `max_i (v_i + r (now - n_i))` is the time on board, up to the least delay. The estimate is never more than
 `cap_s` ahead of the newest sample: if a vehicle stops reporting, its clock stops.
+
+A clock that is held follows its boot clock: it corrects its offset slowly, and does not follow a jump of GNSS time.
+What is not plausible is dropped: unix times outside 2010 to 2100, and a single boot time that runs back or far ahead.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from statistics import median
 
 from gcs.link.wire.message import Message
 
+JUMP_S = 0.5  # GNSS time that is further than this from the boot clock has jumped
+_BACK_S = 0.4  # ... and is back within this
+_SLEW = 0.02  # seconds of correction in a second: simulators of PX4 need 0.011
+_PLAUSIBLE_UNIX_S = (1_262_304_000.0, 4_102_444_800.0)  # the years 2010 to 2099
+_BOOT_MS = 2**32
 _KEPT = 24  # samples in the window
 _OFFSETS = 16
+_REPORTS = 3  # of a held clock: their median counts, so one wrong report changes nothing
+_REBOOT_S, _AHEAD_S = 5.0, 5.0  # a boot time that is further back, or ahead of what its rate explains, is odd
+_RATES = 3.0  # a vehicle may become so much faster between two messages
 _LATE_S = 0.15  # after a standstill of this program: so long messages may be those that waited to be read
+_CONFIRM = 3  # odd boot times in a row are a clock that began anew
 
 
 class VehicleClock:
@@ -25,15 +38,25 @@ class VehicleClock:
     def __init__(self, *, cap_s: float = 0.5, window_s: float = 1.0) -> None:
         self._cap_s = cap_s
         self._window_s = window_s
+        self.held = False
+        self.restarts = 0  # how often the boot clock began anew
         self._reset()
 
     def _reset(self) -> None:
         self._offsets_s: deque[float] = deque(maxlen=_OFFSETS)
         self._offset_s: float | None = None
+        self._reported_s: deque[float] = deque(maxlen=_REPORTS)  # offsets reported since the clock is held
+        self._corrected_boot_s = 0.0
+        self._jumped = False
+        self._forget_samples()
+
+    def _forget_samples(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (now_s, boot_s)
         self._rate_kept: float | None = None  # of before the last standstill
         self._late_until_s = float("-inf")
         self._newest_boot_s = float("-inf")
+        self._newest_s = float("-inf")  # local time of the newest sample
+        self._odd_boot_s: list[float] = []
         self._returned_boot_s = float("-inf")
 
     @property
@@ -57,51 +80,155 @@ class VehicleClock:
         self._samples.clear()
         self._late_until_s = now_s + _LATE_S
 
+    @property
+    def offset_s(self) -> float | None:
+        """Unix time minus boot time, as used; None before SYSTEM_TIME."""
+        return self._offset_s
+
+    @property
+    def gnss_off_s(self) -> float:
+        """GNSS time as reported, minus the unix time of the held clock; 0 while it is not held."""
+        if self._offset_s is None or not self._reported_s:
+            return 0.0
+        return median(self._reported_s) - self._offset_s
+
+    @property
+    def jumped(self) -> bool:
+        """Whether GNSS time has jumped since the clock is held, and is not back."""
+        return self._jumped
+
+    def hold(self) -> None:
+        """From now on follow the boot clock; GNSS time corrects it slowly."""
+        if not self.held:
+            self.held = True
+            self._adopt(self._offset_s)
+
+    def set_unix_s(self, unix_s: float, now_s: float) -> None:
+        """Have this clock read `unix_s` at `now_s`; what GNSS time says remains known."""
+        shown_s = self.now_unix_s(now_s)
+        if shown_s is None or self._offset_s is None:
+            return
+        self._offset_s += unix_s - shown_s
+        self._offsets_s.clear()
+        self._look_for_jump()
+
+    def follow_gnss(self) -> None:
+        """Use GNSS time as reported: the boot clock has jumped."""
+        if self._offset_s is not None:
+            self._adopt(self._offset_s + self.gnss_off_s)
+
     def receive(self, message: Message, now_s: float) -> None:
         """Take a sample from any message with time_boot_ms, and the offset from SYSTEM_TIME."""
         boot_ms = message.fields.get("time_boot_ms")
-        if not boot_ms:
+        if not isinstance(boot_ms, int) or not 0 < boot_ms < _BOOT_MS:
             return
         boot_s = boot_ms / 1e3
-        if boot_s < self._newest_boot_s - 5.0:  # the vehicle rebooted: all samples are of the old clock
-            self._reset()
-        if message.name == "SYSTEM_TIME" and message.fields["time_unix_usec"]:
-            self._learn_offset(message.fields["time_unix_usec"] / 1e6 - boot_s)
+        if not self._plausible(boot_s, now_s):
+            return
+        if message.name == "SYSTEM_TIME":
+            unix_s = message.fields["time_unix_usec"] / 1e6
+            if _PLAUSIBLE_UNIX_S[0] <= unix_s < _PLAUSIBLE_UNIX_S[1]:
+                self._learn_offset(unix_s - boot_s, boot_s)
         self.sample(now_s, boot_s)
 
     def sample(self, now_s: float, boot_s: float) -> None:
         """Record that the boot clock read `boot_s` when a message arrived at `now_s`."""
         if boot_s <= self._newest_boot_s:
             return
-        self._newest_boot_s = boot_s
+        self._newest_boot_s, self._newest_s = boot_s, now_s
         if now_s < self._late_until_s:
             return
         if not self._samples or now_s - self._samples[-1][0] >= self._window_s / _KEPT:
             self._samples.append((now_s, boot_s))
 
     def unix_s(self, time_boot_ms: int) -> float | None:
-        """Return the GNSS unix time of a boot clock stamp; None before SYSTEM_TIME."""
+        """Return the unix time of a boot clock stamp; None before SYSTEM_TIME."""
         return None if self._offset_s is None else time_boot_ms / 1e3 + self._offset_s
 
     def boot_ms(self, unix_s: float) -> int | None:
-        """Return the boot clock stamp of a unix time; None before SYSTEM_TIME."""
-        return None if self._offset_s is None else round((unix_s - self._offset_s) * 1e3)
-
-    def now_unix_s(self, now_s: float) -> float | None:
-        """Return the predicted GNSS unix time on board at `now_s`; None until `ready`. It never runs back."""
+        """Return the boot clock stamp of a unix time, within its 32 bits; None before SYSTEM_TIME."""
         if self._offset_s is None:
             return None
-        if not self._samples:
-            self._returned_boot_s = max(self._returned_boot_s, self._newest_boot_s)
-            return self._returned_boot_s + self._offset_s if math.isfinite(self._returned_boot_s) else None
-        rate = self.rate
-        ahead_s = max(boot + rate * (now_s - then) for then, boot in self._samples)
-        ahead_s = max(ahead_s, self._newest_boot_s)
-        self._returned_boot_s = max(self._returned_boot_s, min(ahead_s, self._newest_boot_s + self._cap_s))
-        return self._returned_boot_s + self._offset_s
+        return min(max(round((unix_s - self._offset_s) * 1e3), 0), _BOOT_MS - 1)
 
-    def _learn_offset(self, offset_s: float) -> None:
-        if self._offsets_s and abs(offset_s - self._offsets_s[-1]) > 1.0:
+    def now_unix_s(self, now_s: float) -> float | None:
+        """Return the predicted unix time on board at `now_s`; None until `ready`.
+
+        It never runs back but for corrections of the offset.
+        """
+        reading = self.reading(now_s)
+        return None if reading is None else reading[0]
+
+    def reading(self, now_s: float) -> tuple[float, bool] | None:
+        """Return the unix time at `now_s`, and whether it stands because the vehicle has not reported for so long."""
+        if self._offset_s is None or not math.isfinite(self._newest_boot_s):
+            return None
+        ahead_s, most_s = self._ahead_boot_s(now_s), self._newest_boot_s + (self._cap_s if self._samples else 0.0)
+        self._returned_boot_s = max(self._returned_boot_s, min(ahead_s, most_s))
+        return self._returned_boot_s + self._offset_s, ahead_s >= most_s
+
+    def uncapped_unix_s(self, now_s: float) -> float | None:
+        """Return the predicted unix time, however long ago the vehicle reported; None until `ready`."""
+        ready = self._offset_s is not None and math.isfinite(self._newest_boot_s)
+        return self._ahead_boot_s(now_s) + (self._offset_s or 0.0) if ready else None
+
+    def _ahead_boot_s(self, now_s: float) -> float:
+        rate = self.rate
+        ahead_s = max((boot + rate * (now_s - then) for then, boot in self._samples), default=self._newest_boot_s)
+        return max(ahead_s, self._newest_boot_s)
+
+    def _plausible(self, boot_s: float, now_s: float) -> bool:
+        """Whether to use this boot time. Odd ones in a row are the clock of a vehicle that rebooted or jumped."""
+        explained_s = _AHEAD_S + _RATES * max(self.rate, 1.0) * max(now_s - self._newest_s, 0.0)
+        if not self._samples:
+            explained_s = math.inf  # it is unknown how long the messages have waited
+        back = boot_s < self._newest_boot_s - _REBOOT_S
+        if not back and boot_s <= self._newest_boot_s + explained_s:
+            self._odd_boot_s.clear()
+            return True
+        if self._odd_boot_s and not 0.0 < boot_s - self._odd_boot_s[-1] < explained_s:
+            self._odd_boot_s.clear()
+        self._odd_boot_s.append(boot_s)
+        if len(self._odd_boot_s) < _CONFIRM:
+            return False
+        if back:  # the vehicle rebooted: all samples are of the old clock
+            self._reset()
+            self.restarts += 1
+        else:
+            self._forget_samples()
+        return True
+
+    def _learn_offset(self, offset_s: float, boot_s: float) -> None:
+        if self.held and self._offset_s is not None:
+            self._correct(offset_s, boot_s)
+            return
+        if self._offsets_s and abs(offset_s - self._offsets_s[-1]) > JUMP_S:
             self._offsets_s.clear()  # GNSS has set the vehicle's clock
         self._offsets_s.append(offset_s)
-        self._offset_s = sum(self._offsets_s) / len(self._offsets_s)
+        self._adopt(sum(self._offsets_s) / len(self._offsets_s))
+
+    def _adopt(self, offset_s: float | None) -> None:
+        self._offset_s = offset_s
+        self._jumped = False
+        self._reported_s.clear()
+        self._corrected_boot_s = max(self._newest_boot_s, 0.0)
+        if self.held and offset_s is not None:
+            self._offsets_s = deque([s for s in self._offsets_s if abs(s - offset_s) <= JUMP_S], _OFFSETS)
+            self._reported_s.extend([offset_s] * _REPORTS)
+
+    def _correct(self, reported_s: float, boot_s: float) -> None:
+        """Follow the reported offset slowly, unless it has jumped."""
+        assert self._offset_s is not None
+        self._reported_s.append(reported_s)
+        self._look_for_jump()
+        passed_s = max(boot_s - self._corrected_boot_s, 0.0)
+        self._corrected_boot_s = max(boot_s, self._corrected_boot_s)
+        if not self._jumped and abs(reported_s - self._offset_s) <= JUMP_S:
+            self._offsets_s.append(reported_s)
+            off_s = sum(self._offsets_s) / len(self._offsets_s) - self._offset_s
+            most_s = _SLEW * min(passed_s, 1.0)
+            self._offset_s += min(max(off_s, -most_s), most_s)
+
+    def _look_for_jump(self) -> None:
+        off_s = abs(self.gnss_off_s)
+        self._jumped = off_s > (_BACK_S if self._jumped else JUMP_S)

@@ -59,6 +59,7 @@ class VehicleReport:
     capacity_parameter: str | None = None  # the name of its battery's capacity
     capacity_mAh: float | None = None  # 0 or less: unknown on board
     critical_texts: tuple[str, ...] = ()  # STATUSTEXTs of severity CRITICAL or worse since it was found
+    gnss_off_s: float = 0.0  # its GNSS time minus that of the other vehicles
 
 
 async def status_report(session: VehicleSession, where: str = "") -> VehicleReport:

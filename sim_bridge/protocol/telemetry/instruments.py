@@ -60,6 +60,7 @@ class Instruments:
     epoch_unix_us: int
     uid: bytes
     t_s: float = 0.0
+    gnss_ahead_s: float = 0.0  # a fault
 
     @property
     def estimate(self) -> Array:
@@ -82,8 +83,13 @@ class Instruments:
 
     @property
     def unix_us(self) -> int:
-        """GNSS time: the same for all vehicles."""
-        return self.epoch_unix_us + round(self.t_s * 1e6)
+        """GNSS time: the same for all vehicles, unless it has jumped."""
+        return self.epoch_unix_us + round((self.t_s + self.gnss_ahead_s) * 1e6)
+
+    @property
+    def unix_at_0_s(self) -> float:
+        """GNSS time at simulated time 0, by the vehicle's present clock."""
+        return self.epoch_unix_us / 1e6 + self.gnss_ahead_s
 
     @property
     def here(self) -> Origin:

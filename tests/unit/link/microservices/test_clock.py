@@ -73,8 +73,12 @@ def test_old_messages_change_nothing_and_a_reboot_everything():
     before = clock.now_unix_s(5.0)
     clock.receive(attitude(102.0), 5.0)
     assert clock.now_unix_s(5.0) == before
-    clock.receive(attitude(1.0), 6.0)
+    for boot_s in (1.0, 1.1):
+        clock.receive(attitude(boot_s), 6.0)
+        assert clock.ready  # a late frame of long ago, perhaps
+    clock.receive(attitude(1.2), 6.0)
     assert not clock.ready
+    assert clock.restarts == 1
 
 
 def test_the_shortest_round_trip_wins():
