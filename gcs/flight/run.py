@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.aio import Stoppable
+from gcs.aio import Stoppable, insisted
 from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
 from gcs.flight.hooks import FlightHooks, spared
@@ -253,7 +253,7 @@ async def _fly(
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
             if flight.held is not None:
-                await restore_parameters(sessions, flight.held.changes, say)
+                await insisted(restore_parameters(sessions, flight.held.changes, say))
 
 
 async def _flight(

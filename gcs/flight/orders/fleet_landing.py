@@ -115,8 +115,9 @@ class FleetLanding:
     def hand_over(self) -> None:
         """Report each vehicle that is not known to have landed: from now on it is flown by others."""
         for sysid in self._vehicles:
-            if self.custody.may_be_up(sysid):
-                why = "still armed" if self.is_heard(sysid) else SILENT_WORDS
+            heard = self.is_heard(sysid)
+            if self.custody.may_be_up(sysid) and (self._vehicles[sysid].session.armed or not heard):
+                why = "still armed" if heard else SILENT_WORDS
                 self._tell(sysid, HANDED_OVER, f"{why}: {HAND_OVER_WORDS}")
 
     def tell_aloft(self) -> None:

@@ -7,6 +7,7 @@ for whatever reason, the vehicles in the air are ordered to land.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any, TypeVar
 
@@ -14,6 +15,7 @@ from gcs.aio import alongside, each, ended
 from gcs.autopilots.flight_modes import autopilot_name, flight_behaviour
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import FlightError, PeerError, ProtocolMisuse
+from gcs.flight.completion import Completion
 from gcs.flight.contingency.executor import ContingencyExecutor
 from gcs.flight.contingency.policy import State
 from gcs.flight.expected_motion import landing_profiles
@@ -50,6 +52,7 @@ from gcs.plan.trajectory.plan import Plan
 
 T = TypeVar("T")
 _FEW = 12  # vehicles
+_HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
 
 
 class FlightSequence:
@@ -75,6 +78,7 @@ class FlightSequence:
         self.sessions = sessions
         self.options = options
         self.monitor = Monitor(plan, landing_profiles({sysid: s.autopilot for sysid, s in sessions.items()}))
+        self.completion = Completion(plan)
         self.step = Step.READY
         self.vehicles = {
             sysid: FlightVehicle(
@@ -147,6 +151,7 @@ class FlightSequence:
 
         def receive(message: Message) -> None:
             if message.name == "LOCAL_POSITION_NED":
+                self.completion.receive(vehicle.sysid, message.fields["time_boot_ms"], armed=vehicle.session.armed)
                 self.monitor.receive(vehicle.row, message, vehicle.session.clock)
                 self.streamer.wake()
 
@@ -252,6 +257,7 @@ class FlightSequence:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
         self.monitor.t0_unix_s = t0_unix_s
         self.contingency.flies()
+        self.completion.begins(self.time.sure_s() - t0_unix_s)
         self.enter(self.step)
         if return_all:
             self.contingency.return_all()
@@ -259,8 +265,13 @@ class FlightSequence:
         planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
         try:
             await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
+            for done in (over, planned):
+                if done.done():
+                    done.result()
+            self.completion.broke_off = not planned.done()
         finally:
             await ended(over, planned)
+        self.completion.lands([i for i in self._on_plan() if self.sessions[i].heartbeat_age_s() < _HEARD_S])
         self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:
@@ -268,6 +279,10 @@ class FlightSequence:
                 if self.contingency.policy.states[vehicle.sysid] is State.FLYING:
                     self.landing.order(vehicle, planned=True)
         await self.landing.until_landed()
+
+    def _on_plan(self) -> list[int]:
+        """The vehicles that fly the plan, or flew it to its end, and are heard."""
+        return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
 
     def _tell_failure(self, order: StandingOrder) -> None:
         if self._contingency is not None:
@@ -280,16 +295,17 @@ class FlightSequence:
             now_s = self.time.now_s() or 0.0
         except Exception:  # the reports of a landing must not need the clocks
             now_s = 0.0
-        self._hooks.on_event(Event(now_s, now_s - (self.monitor.t0_unix_s or now_s), sysid, what, rule))
+        t0_s = self.monitor.t0_unix_s
+        self._hooks.on_event(Event(now_s, math.nan if t0_s is None else now_s - t0_s, sysid, what, rule))
 
     def raise_troubles(self) -> None:
         """Raises FlightError if a vehicle did not fly the plan to its end."""
         self.landing.raise_failed_orders()
-        troubles = self.contingency.policy.troubles
-        if troubles:
-            words = "; ".join(self.contingency.describe(incident) for incident in troubles)
+        words = [self.contingency.describe(incident) for incident in self.contingency.policy.troubles]
+        words = words or self.completion.missing({i: self.monitor.views[i] for i in self._on_plan()})
+        if words:
             raise FlightError(
-                f"the flight did not complete the plan: {words}.",
+                f"the flight did not complete the plan: {'; '.join(words)}.",
                 hint="see events.jsonl in the flight's folder for incidents and orders",
             )
 

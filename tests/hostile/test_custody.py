@@ -1,0 +1,132 @@
+"""A ground station orders nothing to vehicles that it did not arm: it is refused, stopped or not confirmed in silence.
+
+The vehicles have two links. One carries a flight, which must go on undisturbed.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import struct
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from gcs.link.wire.codec import Codec
+from gcs.mavlink import MavCommand
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import World
+from tests.bridge.flying import say
+from tests.fleets import free_port, wait_until
+from tests.hostile.conftest import MakeVehicles, all_down
+from tests.hostile.ground import Ground, fly_arguments
+
+GROUND_STATION = 255
+READS = {"HEARTBEAT", "TIMESYNC", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST"}
+ASKS = {MavCommand.SET_MESSAGE_INTERVAL, MavCommand.REQUEST_MESSAGE}
+GUIDED = 4
+
+
+def sent(flights: Path) -> Counter[str]:
+    """What the ground station of the only flight in a folder sent that is more than a question."""
+    (log,) = flights.glob("*/telemetry.tlog")
+    data, codec, found = log.read_bytes(), Codec(1, 1), Counter[str]()
+    at = 0
+    while at < len(data):
+        at += struct.calcsize(">Q")
+        length = 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
+        for message in codec.decode(data[at : at + length], None):
+            asks = message.name == "COMMAND_LONG" and int(message.fields["command"]) in ASKS
+            if message.sysid == GROUND_STATION and message.name not in READS and not asks:
+                found[f"{message.name} {message.fields.get('command', '')}"] += 1
+        at += length
+    return found
+
+
+@pytest.fixture
+def ports() -> tuple[int, int]:
+    """The ports of two ground stations."""
+    return free_port(), free_port()
+
+
+def two_links(vehicles: MakeVehicles, ports: tuple[int, int], **options: object) -> World:
+    """Vehicles that both ground stations hear."""
+    world, _ = vehicles(links=tuple(call(port) for port in ports), **options)
+    return world
+
+
+@pytest.mark.parametrize("how", ["refused", "waived", "stopped"])
+def test_a_second_flight_of_vehicles_that_fly_leaves_them_alone(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, ports: tuple[int, int], how: str
+) -> None:
+    world = two_links(vehicles, ports, speedup=4.0)
+    more = [f"--waive={name}" for name in ("disarmed", "pad", "height", "home", "local frame", "messages", "sensors")]
+    first, second = (fly_arguments(hop_file, port, tmp_path / str(port)) for port in ports)
+    with Ground(*first) as ground:
+        ground.until("take-off")
+        wait_until(lambda: any(vehicle.autopilot.armed for vehicle in world.vehicles))
+        with Ground(*second, *(more if how == "waived" else ())) as intruder:
+            if how == "stopped":
+                intruder.until("waiting for readiness")
+                intruder.signal(signal.SIGINT)
+            refused = intruder.ended()
+        assert ground.running, ground.output
+        done = ground.ended()
+    assert refused.code == (130 if how == "stopped" else 9), refused.output
+    if how == "refused":
+        assert "no-go" in refused.output
+        assert "disarmed: armed (required: disarmed)" in refused.output
+    if how == "waived":
+        assert "armed, and not by this flight" in refused.output
+    assert not sent(tmp_path / str(ports[1]))
+    assert done.code == 0, done.output
+    assert "pilot took over" not in done.output
+    assert all_down(world)
+
+
+def test_a_flight_that_is_not_confirmed_sends_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
+    world, port = vehicles()
+    arguments = [one for one in fly_arguments(hop_file, port, tmp_path) if one != "--yes-arm"]
+    with Ground(*arguments) as ground:
+        done = ground.ended()
+    assert done.code == 2, done.output
+    assert "not armed" in done.output
+    assert not sent(tmp_path)
+    assert not any(vehicle.autopilot.armed for vehicle in world.vehicles)
+
+
+def test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
+) -> None:
+    """A refused flight is no flight that `gcs attach` would find, and attach that only shows takes nothing up."""
+    world, port = vehicles()
+    wait_until(lambda: world.t_s > 10.0)  # it may be armed from then on
+    for command, *params in ((MavCommand.DO_SET_MODE, 1, GUIDED), (MavCommand.COMPONENT_ARM_DISARM, 1, 0)):
+        order(world, 2, command, *params)
+        wait_until(lambda: world.vehicles[1].autopilot.mode.number == GUIDED)
+    wait_until(lambda: world.vehicles[1].autopilot.armed)
+    order(world, 2, MavCommand.NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10)
+    wait_until(lambda: world.airframes.truth[1, 2] < -8.0)
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        done = ground.ended()
+    assert done.code == 9, done.output
+    assert "vehicle 2: disarmed: armed" in done.output
+    assert not sent(tmp_path)
+    with Ground("attach", "--to", tmp_path, "--land") as ground:
+        nothing = ground.ended()
+    assert nothing.code == 2, nothing.output
+    assert "no unfinished flight" in nothing.output
+    (folder,) = tmp_path.iterdir()
+    with Ground("attach", folder, "--json") as ground:
+        shown = ground.ended()
+    assert shown.code == 0, shown.output
+    assert [vehicle["armed"] for vehicle in json.loads(shown.output)["vehicles"]] == [False, True, False]
+    assert world.vehicles[1].autopilot.mode.number == GUIDED
+    assert world.airframes.truth[1, 2] < -8.0
+
+
+def order(world: World, sysid: int, command: MavCommand, *params: float) -> None:
+    """Have a pilot order something of a vehicle."""
+    values = {f"param{n}": float(value) for n, value in enumerate((*params, *[0.0] * 7)[:7], start=1)}
+    say(world, sysid, "COMMAND_LONG", command=int(command), confirmation=0, **values)

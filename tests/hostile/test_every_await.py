@@ -1,0 +1,146 @@
+"""An exception is raised wherever a flight waits: afterwards every vehicle that it armed is down, or handed over."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from gcs.aio import Stoppable
+from gcs.autopilots.traits import Autopilot
+from gcs.errors import GcsError, ProtocolMisuse
+from gcs.flight.hooks import FlightHooks
+from gcs.flight.options import FlightOptions
+from gcs.flight.orders.fleet_landing import HANDED_OVER
+from gcs.flight.progress import Event, Step
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.flight.setup.build_loads import missions_only
+from gcs.link.session.linked_fleet import LinkedFleet
+from gcs.mission.failsafe.rtl_altitudes import plan_returns
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.mission.waypoints.mission_items import build_missions
+from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.load import load_scenario
+from gcs.scenario.schema.scenario import Scenario
+from sim_bridge.protocol.endpoints.address import call
+from sim_bridge.sim.world import World, WorldOptions
+from tests.bridge.flying import LEAD_S, hop_scenario
+from tests.fleets import free_port, running_fleet, wait_until
+from tests.hostile.conftest import all_down
+from tests.hostile.raising import Place, Raising
+
+FAILURES: dict[str, Callable[[], BaseException]] = {
+    "RuntimeError": lambda: RuntimeError("raised by a test"),
+    "MemoryError": MemoryError,
+    "OSError": lambda: OSError(28, "No space left on device"),
+    "CancelledError": asyncio.CancelledError,
+    "KeyboardInterrupt": KeyboardInterrupt,
+}
+
+
+@dataclass
+class Flight:
+    """What became of a flight, and how the place counted where it was to fail."""
+
+    raising: Raising
+    error: BaseException | None = None
+    events: list[Event] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+    armed: bool = False  # a vehicle was armed at any time
+
+
+@pytest.fixture(scope="module")
+def step_aside(repo_root: Path) -> Plan:
+    """Two vehicles, 8 m, twelve seconds."""
+    data = json.loads(hop_scenario(load_scenario(repo_root / "missions" / "field")).model_dump_json())
+    data["formation"]["vehicle"] = data["formation"]["vehicle"][:2]
+    data["time"]["flight_s"] = 12.0
+    data["end"]["position_m"] = [8.0, 0.0, 8.0]
+    data["ground_phases"].update(takeoff_s=8.0, hover_s=1.0, landing_s=12.0)
+    return make_plan(Scenario.model_validate(data))
+
+
+def fly(plan: Plan, raising: Raising) -> Flight:
+    """Fly emulated vehicles until the flight has ended, by itself or by what was raised, and wait until they are down.
+
+    Fails if one that was armed is neither down nor handed over.
+    """
+    found = Flight(raising)
+    port = free_port()
+    with running_fleet(plan.scenario, WorldOptions(links=(call(port),), speedup=math.inf)) as world:
+
+        async def run() -> None:
+            asyncio.get_running_loop().set_task_factory(raising)
+            await asyncio.ensure_future(_fly(plan, port, world, found))
+
+        try:
+            Stoppable().run(run())
+        except (GcsError, *map(type, (make() for make in FAILURES.values()))) as error:
+            found.error = error
+        left = {event.sysid for event in found.events if event.what == HANDED_OVER}
+        if not left:
+            down = world.airframes.landed.all() and not any(v.autopilot.armed for v in world.vehicles)
+            assert down, f"armed vehicles were left alone: {found}"
+        wait_until(lambda: all_down(world) or bool(left))
+    return found
+
+
+async def _fly(plan: Plan, port: int, world: World, found: Flight) -> None:
+    async with LinkedFleet.open(f"udpin:127.0.0.1:{port}") as fleet:
+        sessions = await fleet.vehicles(plan.sysids, 20.0)
+        for session in sessions.values():
+            session.subscribe(lambda _: setattr(found, "armed", found.armed or any(s.armed for s in sessions.values())))
+        flight = FlightSequence(
+            plan,
+            sessions,
+            FlightOptions(lead_s=LEAD_S),
+            loads=missions_only(build_missions(plan)),
+            stream=build_stream(plan, plan.scenario.mission.setpoint_rate_hz),
+            returns=plan_returns(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids)),
+            hooks=FlightHooks(found.events.append, lambda step, _: found.steps.append(step)),
+        )
+        await flight.run()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(step_aside: Plan) -> Flight:
+    flown = fly(step_aside, Raising())
+    assert flown.error is None
+    assert flown.steps[-1] is Step.DONE
+    return flown
+
+
+def points(flown: Flight, each: int) -> Iterator[tuple[Place, int, str]]:
+    """Return where to raise what: every place, at its first resumption and in the middle, `each` kinds of failure."""
+    kinds = list(FAILURES)
+    for number, (place, times) in enumerate(sorted(flown.raising.places.items())):
+        for again, nth in enumerate({1, times // 2 + 1}):
+            for kind in range(each):
+                yield place, nth, kinds[(number + again + kind) % len(kinds)]
+
+
+def survives(plan: Plan, place: Place, nth: int, kind: str) -> None:
+    """One flight with one failure."""
+    raising = Raising(place, nth, FAILURES[kind]())
+    flown = fly(plan, raising)
+    where = f"{kind} at {place[0]}:{place[1]}, time {nth}: {flown.error!r}"
+    print(where, flown.steps[-1:] , [str(e) for e in flown.events])
+    if flown.error is None:  # it was nothing that the flight could not do without
+        assert flown.steps[-1] is Step.DONE, where
+    elif Step.TAKEOFF not in flown.steps:
+        assert not flown.armed, where
+    if kind == "CancelledError" and flown.error is not None:
+        assert isinstance(flown.error, ProtocolMisuse | asyncio.CancelledError | GcsError), where
+
+
+@pytest.mark.parametrize("part", range(5))
+def test_some(step_aside, undisturbed, part):
+    for k, (place, nth, kind) in enumerate(points(undisturbed, 1)):
+        if k % 5 == part:
+            survives(step_aside, place, nth, kind)
