@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -245,7 +246,7 @@ async def _fly(
         hooks = FlightHooks(on_event, on_step)
         flight = await _flight(order, watcher, exported, fleet, sessions, stream, hooks, checks)
         ctrl_c.on_again = flight.landing.tell_aloft
-        showing = asyncio.ensure_future(watcher.follow(flight))
+        showing = asyncio.ensure_future(_show(watcher, flight, say))
         try:
             times = await flight.run()
             return times, flight.monitor, record.gaps
@@ -254,6 +255,13 @@ async def _fly(
             await asyncio.gather(showing, return_exceptions=True)
             if flight.held is not None:
                 await insisted(restore_parameters(sessions, flight.held.changes, say))
+
+
+async def _show(watcher: Watcher, flight: FlightSequence, say: Callable[[str], None]) -> None:
+    try:
+        await watcher.follow(flight)
+    except Exception as failure:
+        say(f"WARNING: the flight goes on without its display: {type(failure).__name__}: {failure}")
 
 
 async def _flight(

@@ -12,14 +12,16 @@ Place = tuple[str, int]  # file and line of an `await`, as far in as there is co
 
 
 class Raising:
-    """A task factory: every task created by it counts where it waits, and one of them fails at `place`.
+    """A task factory: every task created by it counts where it waits, and one of them fails at `place`, a line or a file.
 
-    `places` counts the resumptions at each place. Without a `place` nothing fails.
+    `places` counts the resumptions at each place. Without a `place` nothing fails. `more` are failures at further
+    files, each once, after the first one.
     """
 
-    def __init__(self, place: Place | None = None, nth: int = 1, failure: BaseException | None = None) -> None:
+    def __init__(self, place: Place | str | None = None, nth: int = 1, failure: BaseException | None = None) -> None:
         self.places: Counter[Place] = Counter()
         self.raised = False
+        self.more: dict[str, BaseException] = {}  # by file
         self._place, self._nth, self._failure = place, nth, failure
 
     def __call__(
@@ -28,13 +30,19 @@ class Raising:
         """Return the task of a coroutine, as event loops ask for it."""
         return asyncio.Task(Watched(coro, self), loop=loop, context=context)
 
+    def _count(self) -> int:
+        """How often a coroutine went on at the place of the failure, or anywhere in its file."""
+        return sum(n for place, n in self.places.items() if self._place in (place, place[0]))
+
     def resumes(self, coro: Coroutine[Any, Any, Any]) -> BaseException | None:
         """Count the place where a coroutine goes on; return the failure if this is the place and time for it."""
         place = where(coro)
         if place is None:
             return None
         self.places[place] += 1
-        if self.raised or place != self._place or self.places[place] != self._nth:
+        if self.raised:
+            return self.more.pop(place[0], None)
+        if self._place not in (place, place[0]) or self._count() != self._nth:
             return None
         self.raised = True
         return self._failure

@@ -80,6 +80,7 @@ def test_a_second_flight_of_vehicles_that_fly_leaves_them_alone(
     if how == "waived":
         assert "armed, and not by this flight" in refused.output
     assert not sent(tmp_path / str(ports[1]))
+    assert sent(tmp_path / str(ports[0]))["COMMAND_LONG 400"] >= 3  # the log has what is sent
     assert done.code == 0, done.output
     assert "pilot took over" not in done.output
     assert all_down(world)

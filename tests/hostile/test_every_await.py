@@ -5,15 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-from collections.abc import Callable, Iterator
+import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from gcs.aio import Stoppable
+from gcs.aio import Stoppable, Stopped
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import GcsError, ProtocolMisuse
+from gcs.errors import GcsError
 from gcs.flight.hooks import FlightHooks
 from gcs.flight.options import FlightOptions
 from gcs.flight.orders.fleet_landing import HANDED_OVER
@@ -29,7 +30,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.protocol.endpoints.address import call
-from sim_bridge.sim.world import World, WorldOptions
+from sim_bridge.sim.world import WorldOptions
 from tests.bridge.flying import LEAD_S, hop_scenario
 from tests.fleets import free_port, running_fleet, wait_until
 from tests.hostile.conftest import all_down
@@ -40,6 +41,15 @@ FAILURES: dict[str, Callable[[], BaseException]] = {
     "MemoryError": MemoryError,
     "OSError": lambda: OSError(28, "No space left on device"),
     "CancelledError": asyncio.CancelledError,
+    "KeyboardInterrupt": KeyboardInterrupt,
+}
+
+CONTINGENCY, LANDING = "flight/contingency/executor.py", "flight/orders/fleet_landing.py"
+EXPECTED = {
+    "RuntimeError": RuntimeError,
+    "MemoryError": MemoryError,
+    "OSError": OSError,
+    "CancelledError": (GcsError, asyncio.CancelledError),
     "KeyboardInterrupt": KeyboardInterrupt,
 }
 
@@ -66,7 +76,7 @@ def step_aside(repo_root: Path) -> Plan:
     return make_plan(Scenario.model_validate(data))
 
 
-def fly(plan: Plan, raising: Raising) -> Flight:
+def fly(plan: Plan, raising: Raising, *, hooks: FlightHooks | None = None) -> Flight:
     """Fly emulated vehicles until the flight has ended, by itself or by what was raised, and wait until they are down.
 
     Fails if one that was armed is neither down nor handed over.
@@ -77,11 +87,11 @@ def fly(plan: Plan, raising: Raising) -> Flight:
 
         async def run() -> None:
             asyncio.get_running_loop().set_task_factory(raising)
-            await asyncio.ensure_future(_fly(plan, port, world, found))
+            await asyncio.ensure_future(_fly(plan, port, found, hooks))
 
         try:
             Stoppable().run(run())
-        except (GcsError, *map(type, (make() for make in FAILURES.values()))) as error:
+        except BaseException as error:
             found.error = error
         left = {event.sysid for event in found.events if event.what == HANDED_OVER}
         if not left:
@@ -91,7 +101,7 @@ def fly(plan: Plan, raising: Raising) -> Flight:
     return found
 
 
-async def _fly(plan: Plan, port: int, world: World, found: Flight) -> None:
+async def _fly(plan: Plan, port: int, found: Flight, hooks: FlightHooks | None) -> None:
     async with LinkedFleet.open(f"udpin:127.0.0.1:{port}") as fleet:
         sessions = await fleet.vehicles(plan.sysids, 20.0)
         for session in sessions.values():
@@ -103,7 +113,7 @@ async def _fly(plan: Plan, port: int, world: World, found: Flight) -> None:
             loads=missions_only(build_missions(plan)),
             stream=build_stream(plan, plan.scenario.mission.setpoint_rate_hz),
             returns=plan_returns(plan, (Autopilot.ARDUPILOT,) * len(plan.sysids)),
-            hooks=FlightHooks(found.events.append, lambda step, _: found.steps.append(step)),
+            hooks=hooks or FlightHooks(found.events.append, lambda step, _: found.steps.append(step)),
         )
         await flight.run()
 
@@ -116,31 +126,56 @@ def undisturbed(step_aside: Plan) -> Flight:
     return flown
 
 
-def points(flown: Flight, each: int) -> Iterator[tuple[Place, int, str]]:
-    """Return where to raise what: every place, at its first resumption and in the middle, `each` kinds of failure."""
-    kinds = list(FAILURES)
-    for number, (place, times) in enumerate(sorted(flown.raising.places.items())):
-        for again, nth in enumerate({1, times // 2 + 1}):
-            for kind in range(each):
-                yield place, nth, kinds[(number + again + kind) % len(kinds)]
+def points(flown: Flight) -> list[tuple[Place, int]]:
+    """Return where to raise: every place, when it is resumed first and when half of its resumptions are over."""
+    return [(place, nth) for place, n in sorted(flown.raising.places.items()) for nth in sorted({1, n // 2 + 1})]
 
 
 def survives(plan: Plan, place: Place, nth: int, kind: str) -> None:
     """One flight with one failure."""
-    raising = Raising(place, nth, FAILURES[kind]())
-    flown = fly(plan, raising)
-    where = f"{kind} at {place[0]}:{place[1]}, time {nth}: {flown.error!r}"
-    print(where, flown.steps[-1:] , [str(e) for e in flown.events])
-    if flown.error is None:  # it was nothing that the flight could not do without
+    flown = fly(plan, Raising(place, nth, FAILURES[kind]()))
+    where = f"{kind} at {place[0]}:{place[1]}, time {nth}: {flown.error!r} after {flown.steps}"
+    print(where, *map(str, flown.events), sep="\n  ")
+    if flown.error is None:  # the flight could do without what failed
         assert flown.steps[-1] is Step.DONE, where
     elif Step.TAKEOFF not in flown.steps:
         assert not flown.armed, where
-    if kind == "CancelledError" and flown.error is not None:
-        assert isinstance(flown.error, ProtocolMisuse | asyncio.CancelledError | GcsError), where
+    else:
+        assert isinstance(flown.error, EXPECTED[kind]), where
 
 
-@pytest.mark.parametrize("part", range(5))
-def test_some(step_aside, undisturbed, part):
-    for k, (place, nth, kind) in enumerate(points(undisturbed, 1)):
-        if k % 5 == part:
-            survives(step_aside, place, nth, kind)
+def test_whatever_fails_while_vehicles_fly_they_land(step_aside: Plan, undisturbed: Flight) -> None:
+    """A choice of places and failures; the long form has all of them."""
+    chance = random.Random(16)
+    some = chance.sample(points(undisturbed), 12)
+    for number, (place, nth) in enumerate(some):
+        survives(step_aside, place, nth, list(FAILURES)[number % len(FAILURES)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FAILURES)
+def test_whatever_fails_anywhere_all_vehicles_land(step_aside: Plan, undisturbed: Flight, kind: str) -> None:
+    for place, nth in points(undisturbed):
+        survives(step_aside, place, nth, kind)
+
+
+@pytest.mark.parametrize("kind", ["RuntimeError", "KeyboardInterrupt"])
+def test_a_landing_that_fails_itself_is_begun_again(step_aside: Plan, kind: str) -> None:
+    """The contingency policy fails in flight, and so does the landing that follows, while it waits for the ground."""
+    raising = Raising(CONTINGENCY, 60, RuntimeError("raised by a test"))
+    raising.more[LANDING] = FAILURES[kind]()
+    flown = fly(step_aside, raising)
+    assert isinstance(flown.error, RuntimeError | Stopped)
+    assert not raising.more
+    assert "landing interrupted" in [event.what for event in flown.events]
+
+
+def test_reports_that_fail_do_not_reach_the_flight(step_aside: Plan, caplog: pytest.LogCaptureFixture) -> None:
+    """Neither the events nor the steps of this flight can be written anywhere."""
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    flown = fly(step_aside, Raising(), hooks=FlightHooks(full, full))
+    assert flown.error is None
+    assert [record.message.count("No space left on device") for record in caplog.records] == [1]
