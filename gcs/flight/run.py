@@ -141,9 +141,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
     plan = order.plan
     _refuse_late_starts(order)
-    refuse_without_room(order.root, needed_bytes(plan, emulated=order.link is None))
     with unwritable_is_told(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
+        refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         save_plan(plan, order.report, folder / PLAN)
         index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from

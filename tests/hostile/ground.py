@@ -30,10 +30,11 @@ class Ground:
     """One `gcs` command. Leaving the block kills what still runs."""
 
     def __init__(self, *arguments: object, **options: Any) -> None:
-        """`options` go to the process: `env` adds to this one's environment."""
+        """`options` go to the process: `env` adds to this one's environment, `by` is a command that starts it."""
+        by = options.pop("by", ())
         env = {**os.environ, "PYTHONUNBUFFERED": "1", **options.pop("env", {})}
         options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
-        self.process = subprocess.Popen([*GCS, *map(str, arguments)], env=env, **options)
+        self.process = subprocess.Popen([*by, *GCS, *map(str, arguments)], env=env, **options)
         self.lines: list[str] = []
         self._coming: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._over = False  # all its output was read

@@ -112,7 +112,7 @@ def test_without_room_nothing_is_uploaded(vehicles: MakeVehicles, hop_file: Path
     assert "no-go: files of this process may grow to 0.5 MB; the record of this flight may need " in done.stderr
     assert "Nothing was uploaded" in done.stderr
     assert all(vehicle.autopilot.mission == () for vehicle in world.vehicles)
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.glob("flights/*")) == []
 
 
 @pytest.mark.parametrize("root", ["file/below", "/proc/nothing/here"])

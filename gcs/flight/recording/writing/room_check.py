@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gcs.errors import FlightError, UsageError
@@ -31,27 +30,26 @@ def needed_bytes(plan: Plan, *, emulated: bool) -> float:
     return RESERVE * (FIXED_BYTES + len(plan.sysids) * rate * seconds)
 
 
-def refuse_without_room(root: Path, needed: float) -> None:
-    """Raises FlightError if the disk of `root` has less room, or a file may not grow so large."""
-    place = next((p for p in (root, *root.absolute().parents) if p.exists()), root)
-    try:
-        found = os.statvfs(place)
-    except OSError as problem:
-        raise _unwritable(root, problem) from None
+def refuse_without_room(folder: Path, needed: float) -> None:
+    """Raises FlightError if the disk of an empty folder has less room, or a file may not grow so large; removes it."""
+    found = os.statvfs(folder)
     free = float(found.f_bavail * found.f_frsize)
-    if free < needed:
-        raise FlightError(
-            f"no-go: the disk of {root} has {_mb(free)} free; the record of this flight may need {_mb(needed)}. "
-            "Nothing was uploaded.",
-            hint="free some room, or name a folder on another disk with --to",
-        )
     largest = resource.getrlimit(resource.RLIMIT_FSIZE)[0] if resource else -1
-    if 0 <= largest < needed:
-        raise FlightError(
-            f"no-go: files of this process may grow to {_mb(largest)}; the record of this flight may need "
-            f"{_mb(needed)}. Nothing was uploaded.",
-            hint="raise the limit with `ulimit -f unlimited`",
+    if free < needed:
+        what, hint = (
+            f"the disk of {folder.parent} has {_mb(free)} free",
+            "free some room, or name another disk with --to",
         )
+    elif 0 <= largest < needed:
+        what = f"files of this process may grow to {_mb(largest)}"
+        hint = "raise the limit with `ulimit -f unlimited`"
+    else:
+        return
+    with suppress(OSError):
+        folder.rmdir()
+    raise FlightError(
+        f"no-go: {what}; the record of this flight may need {_mb(needed)}. Nothing was uploaded.", hint=hint
+    )
 
 
 @contextmanager
@@ -60,17 +58,11 @@ def unwritable_is_told(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        if problem.errno == errno.EPIPE:
-            raise
-        raise _unwritable(folder, problem) from problem
-
-
-def _unwritable(folder: Path, problem: OSError) -> UsageError:
-    return UsageError(
-        f"no-go: the flight's folder cannot be written: {problem.filename or folder}: {problem.strerror or problem}. "
-        "Nothing was uploaded.",
-        hint="name another folder with --to",
-    )
+        raise UsageError(
+            f"no-go: the flight's folder cannot be written: {problem.filename or folder}: "
+            f"{problem.strerror or problem}. Nothing was uploaded.",
+            hint="name another folder with --to",
+        ) from problem
 
 
 def _mb(size_bytes: float) -> str:

@@ -198,16 +198,20 @@ def test_the_room_is_checked_before_a_vehicle_is_touched(simulation1_plan: Plan,
     needed = needed_bytes(simulation1_plan, emulated=False)
     assert 5_516_660 < needed < 200e6  # what a flight of it recorded
     assert needed < needed_bytes(simulation1_plan, emulated=True)
-    refuse_without_room(tmp_path / "flights", needed)
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    refuse_without_room(folder, needed)
     with pytest.raises(FlightError, match=r"no-go: the disk of .* has .* MB free; .* may need 1000000000000.0 MB"):
-        refuse_without_room(tmp_path / "not" / "there", 1e18)
+        refuse_without_room(folder, 1e18)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_limit_of_file_sizes_is_a_no_go(tmp_path: Path, largest: Callable[[int], None]) -> None:
     largest(1_000_000)
+    folder = tmp_path / "flight"
+    folder.mkdir()
     with pytest.raises(FlightError, match=r"may grow to 1\.0 MB; .* may need 2\.0 MB\. Nothing was uploaded"):
-        refuse_without_room(tmp_path, 2e6)
+        refuse_without_room(folder, 2e6)
 
 
 @pytest.mark.parametrize("root", ["file", "file/below", "nowhere", "/proc/none", "long" * 100])
