@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs.cli.console import Screen
-from gcs.errors import UsageError, VerificationError
+from gcs.errors import UsageError
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
-from gcs.plan.verification.verify import Report, verify
+from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.load import load_scenario
 
 
@@ -48,20 +48,20 @@ def plan_for(
     alternatives: bool = False,
     from_the_air: bool = False,
 ) -> tuple[Plan, Report]:
-    """The plan of a mission folder, a scenario file or a plan file, with its verdict.
+    """The plan of a mission folder, a scenario file or a plan file, with the report of its verification, made now.
 
     `alternatives` optimises every route class through the map, for comparison. Raises VerificationError for a plan
     that failed verification, unless `unverified`. Raises UsageError for one that begins in flight, unless
     `from_the_air`.
     """
     if is_plan_file(mission):
-        plan, report = load_plan(mission)
+        plan, report = load_plan(mission, screen.warn)
         if plan.begin_state is not None and not from_the_air:
             raise UsageError(
                 f"{mission}: this plan begins in the air, at t = {plan.t_start_s:g} s, not on the ground",
                 hint="give the plan or mission that it was made from; `gcs export` writes the setpoints of this one",
             )
-        watch.lap("load")
+        watch.lap("load and verify")
     else:
         scenario = load_scenario(mission)
         watch.lap("scenario")
@@ -73,16 +73,6 @@ def plan_for(
     if not report.ok and not unverified:
         raise refusal(report)
     return plan, report
-
-
-def refusal(report: Report) -> VerificationError:
-    """The error for a plan that failed verification, with its worst checks."""
-    worst = "; ".join(str(c) for c in report.failures[:5])
-    more = f"; and {len(report.failures) - 5} more" if len(report.failures) > 5 else ""
-    return VerificationError(
-        f"the plan failed verification: {worst}{more}",
-        hint="change the scenario and plan again, or add --unverified to use the plan for inspection",
-    )
 
 
 def verdict_word(ok: bool) -> str:

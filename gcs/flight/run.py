@@ -145,7 +145,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
         save_plan(plan, order.report, folder / PLAN)
-        index, navigator = export_for_flight(plan, folder / "export", order.keeping, watcher.say)
+        index, navigator = export_for_flight(plan, order.report, folder / "export", order.keeping, watcher.say)
         if order.link is None:  # the emulated vehicles get the scenario that the plan was made from
             (folder / SCENARIO).write_text(plan.scenario.model_dump_json(indent=2))
     watcher.say(f"plan verified; exported {len(index.sha256)} files to {folder / 'export'}")

@@ -22,7 +22,7 @@ from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
-from gcs.plan.trajectory.plan import MeshRound, Phase, Plan
+from gcs.plan.trajectory.plan import MeshRound, Phase, Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import (
@@ -61,7 +61,7 @@ def make_plan(
     flight_done = time.perf_counter()
     run_up = _run_up(scenario, on_round)
     run_up_done = time.perf_counter()
-    phases = _phases(scenario)
+    phases = phases_of(scenario)
     leader = leader_index(scenario)
     vehicle = quadrotor(scenario)
     yaw_start, yaw_end = (
@@ -116,20 +116,6 @@ def _check_landing(scenario: Scenario) -> None:
             f"{fall_m:.1f} m at {limits.speed_ned_mps[2]:g} m/s at most, which takes {needed_s:.1f} s",
             hint=f"set [ground_phases] landing_s to {np.ceil(needed_s):g} or more",
         )
-
-
-def _phases(scenario: Scenario) -> tuple[Phase, ...]:
-    """The phases in order. They meet to the last bit; phases of no length are left out."""
-    ground = scenario.ground_phases
-    run_up_s = ground.run_up_s if any(scenario.start.velocity_mps) else 0.0
-    phases = [Phase("mission", 0.0, scenario.time.flight_s)]
-    for name, length in (("run-up", run_up_s), ("hover", ground.hover_s), ("takeoff", ground.takeoff_s)):
-        if length > 0:
-            phases.insert(0, Phase(name, phases[0].start_s - length, phases[0].start_s))
-    for name, length in (("arrival-hover", ground.hover_s), ("landing", ground.landing_s)):
-        if length > 0:
-            phases.append(Phase(name, phases[-1].end_s, phases[-1].end_s + length))
-    return tuple(phases)
 
 
 def _run_up(scenario: Scenario, on_round: Callable[[MeshRound], None]) -> Trajectory | None:

@@ -11,6 +11,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
+from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, read_file
+from gcs.reading.bounded_json import read_json
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
@@ -20,6 +22,8 @@ from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
+_PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS_MAX}}}""")
 
 
 def load_scenario(path: Path | str) -> Scenario:
@@ -83,23 +87,40 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
 def _parsed(file: Path, text: str) -> dict[str, Any]:
     """The content of a TOML file, or of a JSON file that a program wrote."""
     try:
-        if file.suffix == ".json":
-            data: dict[str, Any] = json.loads(text)
-            return data
-        return tomllib.loads(text)
+        data = read_json(text) if file.suffix == ".json" else _from_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(_syntax(file, text, error), hint="correct the line; the file is TOML 1.0") from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
+    except ValueError as error:  # a number of thousands of digits, for example
+        raise ScenarioError(f"{file}: cannot be read: {error}", hint="correct the file") from None
+    if not isinstance(data, dict):
+        raise ScenarioError(f"{file}: holds {type(data).__name__}, not tables", hint="name a scenario")
+    return data
+
+
+def _from_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises ValueError, also for what would take `tomllib` minutes."""
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise ValueError(f"line {line}: a key of more than {_PARTS_MAX} parts")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("lists or tables are nested too deeply") from None
 
 
 def scenario_file(path: Path) -> Path:
     """The scenario file of a folder or path. Raises ScenarioError, with the missions found nearby."""
-    if path.is_dir():
+    try:
+        is_folder, is_there = path.is_dir(), path.exists()
+    except (OSError, ValueError):  # a name that is too long; a NUL byte
+        raise ScenarioError(f"{str(path)!r} is not a path", hint="name a mission folder") from None
+    if is_folder:
         if (path / FILE_NAME).is_file():
             return path / FILE_NAME
         raise ScenarioError(f"{path} has no {FILE_NAME}", hint=_missions_near(path))
-    if path.exists():
+    if is_there:
         return path
     raise ScenarioError(f"there is no mission at {path}", hint=_missions_near(path))
 
@@ -113,12 +134,9 @@ def _missions_near(path: Path) -> str:
 
 
 def _read(file: Path) -> str:
+    kind = SCENARIO_JSON if file.suffix == ".json" else SCENARIO_TOML
     try:
-        return file.read_bytes().decode()
-    except OSError as error:
-        raise ScenarioError(
-            f"cannot read {file}: {error.strerror}", hint="check the path and its permissions"
-        ) from None
+        return read_file(file, kind, error=ScenarioError, hint="check the path and its permissions").decode()
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise ScenarioError(f"{file}:{line}: not UTF-8 text", hint="save the file as UTF-8") from None

@@ -11,6 +11,7 @@ import tomllib
 from pathlib import Path
 
 from gcs.errors import UsageError
+from gcs.reading.bounded_file import FAULT_FILE, read_file
 
 _HINT = 'write [faults], and under it e.g. 3 = ["loss=0.2@10..30"] or all = ["down.delay=0.2"]'
 
@@ -18,10 +19,8 @@ _HINT = 'write [faults], and under it e.g. 3 = ["loss=0.2@10..30"] or all = ["do
 def read_fault_file(path: Path) -> list[str]:
     """Return the faults as command-line texts, in the order of the file. Raises `UsageError`."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"the fault file {path} cannot be read: {error.strerror}.") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        data = tomllib.loads(read_file(path, FAULT_FILE, error=UsageError, hint=_HINT).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"the fault file {path} is not TOML: {error}.", hint=_HINT) from error
     table = data.get("faults")
     if not isinstance(table, dict) or len(data) != 1:

@@ -24,6 +24,7 @@ LEAVES = (
     "gcs/own_process.py",
     "gcs/own_stalls.py",
     "gcs/physics",
+    "gcs/reading",
     "gcs/steady_loop.py",
 )
 LAYERS = ("gcs/autopilots", "gcs/scenario", "gcs/plan", "gcs/mission", "gcs/link", "gcs/flight", "gcs/cli")

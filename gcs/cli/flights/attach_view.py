@@ -16,7 +16,7 @@ from rich.table import Table
 from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
-from gcs.errors import FlightError, UsageError
+from gcs.errors import FileFormatError, FlightError, GcsError, UsageError
 from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
@@ -32,7 +32,8 @@ from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan
+from gcs.plan.trajectory.plan_file import load_plan, read_plan
+from gcs.plan.verification.verify import refusal
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,7 @@ def take_up(request: AttachRequest) -> int:
         raise UsageError(
             f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
         )
-    plan, _ = load_plan(request.folder / "plan.skein")
-    if plan.hash != book.plan_hash:
-        raise FlightError(
-            f"{request.folder / 'plan.skein'} is not the plan of this flight.", hint="put the original file back"
-        )
+    plan = _plan_of(request, book, links)
     known = replace(connection(links, key_file=request.key_file), systems=book.systems)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
@@ -72,6 +69,31 @@ def take_up(request: AttachRequest) -> int:
         found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
     request.screen.result(found)
     return 0
+
+
+def _plan_of(request: AttachRequest, book: FlightState, links: Sequence[str]) -> Plan:
+    """The flight's plan. One in doubt is never resumed. It lands and returns vehicles, with a warning: they are aloft.
+
+    To show and to land needs nothing of its tracks, so it is verified again only to resume and to return.
+    """
+    path = request.folder / "plan.skein"
+    doubt: GcsError | None = None
+    try:
+        if request.what in (Resume.RESUME, Resume.RETURN):
+            plan, report = load_plan(path, request.screen.warn)
+            doubt = None if report.ok else refusal(report)
+        else:
+            plan, _ = read_plan(path)
+    except FileFormatError as error:
+        named = " ".join(f"--link {link}" for link in links)
+        raise FileFormatError(error.message, hint=f"land the vehicles without it: gcs tell land {named}") from error
+    if plan.hash != book.plan_hash:
+        doubt = FlightError(f"{path} is not the plan of this flight.", hint="put the original file back, or land")
+    if doubt is not None and request.what is Resume.RESUME:
+        raise doubt
+    if doubt is not None:
+        request.screen.warn(doubt.message)
+    return plan
 
 
 async def _take_up(

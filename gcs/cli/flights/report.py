@@ -42,7 +42,7 @@ def report(
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
     from gcs.flight.recording.record_table import NAME, write_record
-    from gcs.plan.trajectory.plan_file import load_plan
+    from gcs.plan.trajectory.plan_file import read_plan
 
     book = read_flight_state(folder)
     if book.t0_unix_s is None:
@@ -50,7 +50,7 @@ def report(
             f"the flight in {folder} ended before its T0 ({book.step}): there is nothing to compare.",
             hint="name a flight that reached T0",
         )
-    plan, _ = load_plan(folder / "plan.skein")
+    plan, _ = read_plan(folder / "plan.skein")
     record = write_record(folder, plan, book.t0_unix_s, book.systems)
     truth = load_truth(folder / "truth.npz") if (folder / "truth.npz").is_file() else None
     found = compare(plan, record, book.t0_unix_s, truth)

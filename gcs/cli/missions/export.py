@@ -103,7 +103,7 @@ def export(
     wanted = select_formats(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, _ = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True)
+    plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True)
     index = write(
         plan,
         to,
@@ -114,6 +114,7 @@ def export(
         timed=not untimed,
         gates=gates,
         start_s=start_s,
+        report=report,
     )
     watch.lap("export")
     for name in index.sha256:

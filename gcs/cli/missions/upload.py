@@ -209,14 +209,15 @@ def _write_record(folder: Path, name: str, held: Holdings) -> Path:
 
 def read_record(path: Path) -> tuple[ParameterChange, ...]:
     """The parameters that an upload changed, from its record. Raises `FileFormatError`."""
-    import json
-
     from gcs.errors import FileFormatError
     from gcs.link.fleet_upload.upload_fleet import ParameterChange
     from gcs.link.microservices.parameter import Parameter
+    from gcs.reading.bounded_file import UPLOAD_RECORD, read_file
+    from gcs.reading.bounded_json import read_json
 
+    hint = "name a file that `gcs upload` wrote"
     try:
-        data = json.loads(path.read_bytes())
+        data = read_json(read_file(path, UPLOAD_RECORD, hint=hint))
         if data["format"] != "skein-upload":
             raise ValueError(data["format"])
         found = []
@@ -226,10 +227,6 @@ def read_record(path: Path) -> tuple[ParameterChange, ...]:
             if not all(isinstance(p.value, int | float) for p in (before, after)):
                 raise TypeError(name)
             found.append(ParameterChange(int(row["vehicle"]), before, after))
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}.") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(
-            f"{path}: not the record of an upload.", hint="name a file that `gcs upload` wrote"
-        ) from error
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise FileFormatError(f"{path}: not the record of an upload.", hint=hint) from error
     return tuple(found)

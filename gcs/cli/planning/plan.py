@@ -39,8 +39,9 @@ def plan(
     Example: gcs plan missions/simulation1
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, plan_for, refusal
+    from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
+    from gcs.plan.verification.verify import refusal
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")

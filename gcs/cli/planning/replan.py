@@ -51,14 +51,16 @@ def replan(
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, refusal, solve_line
+    from gcs.cli.plan_argument import Stopwatch, solve_line
     from gcs.cli.planning.plan import show_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
-    from gcs.plan.verification.verify import verify
+    from gcs.plan.verification.verify import refusal, verify
 
     watch = Stopwatch(BEGAN_S)
-    old, _ = load_plan(plan)
+    old, old_report = load_plan(plan, screen.warn)
+    if not old_report.ok:
+        screen.warn(f"{plan}: the old plan fails verification: {old_report.failures[0]}")
     leader, disks = _state(state, old, at), tuple(_disk(text) for text in disk or ())
     watch.lap("load")
     replanner = Replanner(old, spare_disks=len(disks))

@@ -12,6 +12,7 @@ from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
+    from gcs.plan.verification.verify import Report
     from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2
@@ -38,9 +39,9 @@ def show(
     from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
     from gcs.scenario.load import load_scenario
 
-    plan = load_plan(mission)[0] if is_plan_file(mission) else None
+    plan, report = load_plan(mission, screen.warn) if is_plan_file(mission) else (None, None)
     scenario = plan.scenario if plan else load_scenario(mission)
-    found = {**_scenario(scenario), **(_plan(plan) if plan else {})}
+    found = {**_scenario(scenario), **(_plan(plan, report) if plan and report else {})}
     screen.say(scenario.title or scenario.name)
     width = max(len(_LABELS.get(name, name)) for name in found)
     for name, text in found.items():
@@ -98,12 +99,10 @@ def _autopilots(scenario: Scenario) -> str:
     return "; ".join(f"{kind.key}: {', '.join(str(sysid) for sysid, k in rows if k is kind)}" for kind in kinds)
 
 
-def _plan(plan: Plan) -> dict[str, Any]:
-    """The figures of a plan; the plan is verified again."""
+def _plan(plan: Plan, report: Report) -> dict[str, Any]:
+    """The figures of a plan, and of its verification when it was loaded."""
     from gcs.plan.trajectory.energy import energy_Wh
-    from gcs.plan.verification.verify import verify
 
-    report = verify(plan)
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     battery = "unknown: the scenario has no [vehicle.power]"
     if taken_Wh is not None and power is not None:

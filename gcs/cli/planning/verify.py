@@ -20,12 +20,11 @@ def verify(
     screen = Screen(json=json)
     from rich.table import Table
 
-    from gcs.cli.plan_argument import refusal, verdict_word
+    from gcs.cli.plan_argument import verdict_word
     from gcs.plan.trajectory.plan_file import load_plan
-    from gcs.plan.verification.verify import verify as check_plan
+    from gcs.plan.verification.verify import refusal
 
-    loaded, _ = load_plan(plan)
-    report = check_plan(loaded)
+    _, report = load_plan(plan, screen.warn)
     shown: set[str] = set()
     table = Table("criterion", "measured margin", "limit", "verdict", "where")
     for check in sorted(report.checks, key=lambda c: c.worst):

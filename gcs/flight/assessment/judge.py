@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import zipfile
+import os
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -15,10 +15,24 @@ from gcs.errors import FileFormatError
 from gcs.flight.progress import FlightTimes
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.reading.archives import ArrayKind, read_arrays
+from gcs.reading.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05
 GROUND_SEPARATION = "separation, ground phases"
+_MOST = 2048 * MIB  # the file is not packed: it is as large as its arrays
+_TRUTH = {
+    "t_s": ArrayKind("f8", 1, _MOST),
+    "t_unix_s": ArrayKind("f8", 1, _MOST),
+    "state": ArrayKind("f8", 3, _MOST),
+    "control": ArrayKind("f8", 3, _MOST),
+    "armed": ArrayKind("?", 2, _MOST),
+    "flying": ArrayKind("?", 2, _MOST),
+    "mode": ArrayKind("i8", 2, _MOST),
+    "sysid": ArrayKind("i8", 1, _MOST),
+    "boot_offset_s": ArrayKind("f8", 1, _MOST),
+}
 
 
 @dataclass(frozen=True)
@@ -191,11 +205,15 @@ class Truth:
 
 def load_truth(path: Path) -> Truth:
     """Return the true states of a file. Raises FileFormatError if it is missing or damaged."""
+    hint = "read simulator.log beside it: the simulator writes them when it ends"
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return Truth(tuple(int(i) for i in archive["sysid"]), archive["t_unix_s"], archive["state"])
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as problem:
-        raise FileFormatError(
-            f"{path} has no true states of a simulated flight ({type(problem).__name__}).",
-            hint="read simulator.log beside it: the simulator writes them when it ends",
-        ) from problem
+        with os.fdopen(open_regular(path, hint=hint), "rb") as file:
+            refuse_size(path, os.fstat(file.fileno()).st_size, TRUTH_FILE)
+            found = read_arrays(file, _TRUTH, wanted=("sysid", "t_unix_s", "state"), stored=True)
+        if not all(np.isfinite(values).all() for values in found.values()):
+            raise ValueError("a value is not a finite number")
+        if len(found["t_unix_s"]) < 2 or not (np.diff(found["t_unix_s"]) > 0.0).all():
+            raise ValueError("times do not increase")
+        return Truth(tuple(found["sysid"].tolist()), found["t_unix_s"], found["state"])
+    except (OSError, ValueError) as problem:
+        raise FileFormatError(f"{path} has no true states of a simulated flight: {problem}.", hint=hint) from problem

@@ -10,9 +10,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from gcs.files import atomic_write
 from gcs.flight.assessment.judge import Criterion, Verdict
 from gcs.flight.progress import Event, FlightTimes, NearestPair
+from gcs.reading.bounded_file import EVENT_FILE, read_file
+from gcs.reading.bounded_json import read_json
 
 
 def new_folder(root: Path, mission: str, now: datetime) -> Path:
@@ -33,18 +37,23 @@ def new_folder(root: Path, mission: str, now: datetime) -> Path:
 
 
 TELEMETRY, EVENTS, PLAN, SCENARIO = "telemetry.tlog", "events.jsonl", "plan.skein", "scenario.json"
+_EVENT = TypeAdapter(Event)
 OK_TEXT = "Flight verified: all criteria within limits."
 FAILED_TEXT = "Flight FAILED: at least one criterion outside its limit."
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
-    """Return the events of `events.jsonl`, none without the file; a line that was cut off is left out."""
+    """Return the events of `events.jsonl`, none without the file; a line that was cut off is left out.
+
+    Raises FileFormatError for a file that is too large.
+    """
     found = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
+    data = read_file(path, EVENT_FILE) if path.exists() else b""
+    for line in data.decode("utf-8", errors="replace").splitlines():
         try:
-            data = json.loads(line)
-            times = {key: math.nan for key in ("unix_s", "t_s") if data[key] is None}
-            found.append(Event(**{**data, **times}))
+            values = read_json(line)
+            times = {key: math.nan for key in ("unix_s", "t_s") if values[key] is None}
+            found.append(_EVENT.validate_python({**values, **times}))
         except (ValueError, TypeError, KeyError):
             continue
     return tuple(found)

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
 from gcs.errors import FileFormatError, UsageError
 from gcs.files import atomic_write
+from gcs.flight.options import FlightMode
 from gcs.flight.progress import Step
 from gcs.flight.recording.writing.record_gaps import RecordGap
+from gcs.reading.bounded_file import FLIGHT_STATE, read_file
+from gcs.reading.bounded_json import read_json
 
 NAME = "flight.json"
 _FORMAT = "skein-flight-1"
+_PID_END = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,9 @@ class FlightState:
         return True
 
 
+_STATE = TypeAdapter(FlightState)
+
+
 def write_flight_state(folder: Path, state: FlightState) -> None:
     """Replace `flight.json` in `folder`, whole or not at all."""
     atomic_write(folder / NAME, json.dumps({"format": _FORMAT, **asdict(state)}, indent=2) + "\n")
@@ -66,19 +76,22 @@ def read_flight_state(folder: Path) -> FlightState:
     """Return the state in `folder`. Raises FileFormatError."""
     path = folder / NAME
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(read_file(path, FLIGHT_STATE, hint="name a flight's folder"))
         if data.pop("format") != _FORMAT:
             raise ValueError("another format")
-        data["links"] = tuple(map(str, data["links"]))
-        data["missions"] = tuple(data.get("missions", ()))
-        data["incomplete"] = tuple(RecordGap(**gap) for gap in data.get("incomplete", ()))
-        data["systems"] = {int(vehicle): int(system) for vehicle, system in data["systems"].items()}
-        data["waived"] = tuple(map(str, data.get("waived", ())))
-        return FlightState(**data)
+        state = _STATE.validate_python(data)
+        FlightMode(state.mode)
+        if not 0 < state.pid < _PID_END:  # 0 and below name whole groups of processes
+            raise ValueError(f"pid {state.pid} is not a process")
+        if state.t0_unix_s is not None and not math.isfinite(state.t0_unix_s):
+            raise ValueError("t0_unix_s is not finite")
+        return state
+    except ValidationError as problem:
+        first = problem.errors(include_url=False, include_input=False)[0]
+        reason = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
-        raise FileFormatError(
-            f"{path} is not the state of a flight ({problem}).", hint="name a flight's folder"
-        ) from None
+        reason = str(problem)
+    raise FileFormatError(f"{path} is not the state of a flight ({reason}).", hint="name a flight's folder")
 
 
 def newest_unfinished(root: Path) -> Path:

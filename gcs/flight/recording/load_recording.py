@@ -24,7 +24,7 @@ from gcs.flight.recording.recording import Recording, VehicleTrack
 from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
-from gcs.plan.trajectory.plan_file import load_plan
+from gcs.plan.trajectory.plan_file import read_plan
 
 PLAN = "plan.skein"
 
@@ -54,7 +54,7 @@ def load_recording(path: Path) -> LoadedRecording:
 
 
 def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]) -> LoadedRecording:
-    plan, _ = load_plan(folder / PLAN)
+    plan, _ = read_plan(folder / PLAN)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
     record = build_record(plan, t0_unix_s, messages, state.systems) if logs else _read_record(folder / RECORD)

@@ -39,7 +39,7 @@ def build_record(
     that the vehicle's autopilot flies by itself, to the ground. `systems` are the MAVLink systems of vehicles with
     another system id than in the plan.
     """
-    messages = tuple(messages)
+    told: list[Message] = []  # of all others only a row is kept: a log may have millions
     vehicle_of = {(systems or {}).get(sysid, sysid): sysid for sysid in plan.sysids}
     clocks = {sysid: VehicleClock() for sysid in plan.sysids}
     modes = dict.fromkeys(plan.sysids, (False, 0))
@@ -50,6 +50,8 @@ def build_record(
         sysid = vehicle_of.get(message.sysid)
         if sysid is None:
             continue
+        if message.name in ("HEARTBEAT", "PARAM_VALUE"):
+            told.append(message)
         clocks[sysid].receive(message, float(n))
         fields = message.fields
         if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
@@ -62,7 +64,7 @@ def build_record(
             if unix_s is not None:
                 motion = (fields[name] for name in ("x", "y", "z", "vx", "vy", "vz"))
                 rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid]))
-    return _table(ExpectedMotion(plan, reported_profiles(messages, vehicle_of)), rows)
+    return _table(ExpectedMotion(plan, reported_profiles(told, vehicle_of)), rows)
 
 
 def telemetry_logs(folder: Path) -> list[Path]:

@@ -6,11 +6,14 @@ damaged section, reading continues at the next frame.
 
 from __future__ import annotations
 
+import itertools
+import os
 import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -19,6 +22,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.frame_scanner import frame_length
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
+from gcs.reading.bounded_file import MIB, TELEMETRY_LOG, open_regular, refuse_size
 
 _STAMP = 8
 _SHORTEST = 8  # bytes of a frame without payload
@@ -26,6 +30,9 @@ _V1, _MARKERS = 0xFE, (0xFD, 0xFE)
 _MARKER = re.compile(b"[\xfd\xfe]")
 _LEAST_SHARE = 0.1  # of a file that frames must fill: less is chance
 _PAUSE_S = 600.0  # a longer silence is another flight, or a clock that was set
+_TRIED_MAX = 500_000  # of false frames: each takes ten microseconds
+FRAMES_MAX = 2_000_000  # of a replay: each takes about a kilobyte of memory
+_WINDOW, _MARGIN = 4 * MIB, 64 * 1024  # of a file at once; no frame is longer than the margin
 _BIG_ENDIAN = struct.Struct(">Q")
 
 
@@ -65,23 +72,44 @@ class Tlog:
 
 def scan(path: Path) -> Iterator[LoggedFrame | Gap]:
     """Yield the frames and gaps of a file, in order. Raises FileFormatError when it cannot be read."""
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise FileFormatError(f"{path}: {problem.strerror}", hint="name a flight's folder or a .tlog") from None
+    with os.fdopen(open_regular(path, hint="name a flight's folder or a .tlog"), "rb") as file:
+        refuse_size(path, os.fstat(file.fileno()).st_size, TELEMETRY_LOG)
+        yield from _scan(file, path)
+
+
+def _scan(file: IO[bytes], path: Path) -> Iterator[LoggedFrame | Gap]:
+    """The frames and gaps of a file of any length: one window of it is in memory."""
     codec = Codec(*GROUND)
-    at = 0
-    while at < len(data):
-        frame = _frame(data, at, codec)
-        if frame is None:
-            after = at + 1
-            while after < len(data) and not _certain(data, after, codec):
-                after = _next_candidate(data, after)
-            yield Gap(at, min(after, len(data)) - at, after >= len(data) and _is_cut(data, at))
-            at = after
-        else:
+    data, base, at = b"", 0, 0  # the window, its offset in the file, the offset in the window
+    gap: int | None = None  # where the bytes begin that are no frames
+    tried, ended = 0, False
+    while True:
+        if not ended and len(data) - at < _MARGIN:
+            more = file.read(_WINDOW)
+            ended = len(more) < _WINDOW
+            kept = at if gap is None or base + at - gap > _MARGIN else gap - base
+            data, base, at = data[kept:] + more, base + kept, at - kept
+        if at >= len(data):
+            break
+        frame = _frame(data, at, codec, base)
+        if frame is not None and (gap is None or frame.message is not None):
+            if gap is not None:
+                yield Gap(gap, base + at - gap, cut=False)
+                gap = None
             yield frame
             at += _STAMP + len(frame.data)
+        elif gap is None:
+            gap, at = base + at, at + 1
+        else:
+            tried += 1
+            if tried > _TRIED_MAX:
+                raise FileFormatError(
+                    f"{path} is damaged: more than {_TRIED_MAX:,} places look like the start of a frame, and are none.",
+                    hint="name a flight's folder or a .tlog",
+                )
+            at = min(_next_candidate(data, at), len(data) if ended else max(at + 1, len(data) - _STAMP))
+    if gap is not None:
+        yield Gap(gap, base + len(data) - gap, gap >= base and _is_cut(data, gap - base))
 
 
 def read_messages(path: Path) -> Iterator[Message]:
@@ -96,7 +124,12 @@ def read_messages(path: Path) -> Iterator[Message]:
 
 def load_tlog(path: Path) -> Tlog:
     """Return what is readable of a log. Raises FileFormatError for a file without frames."""
-    found = list(scan(path))
+    found = list(itertools.islice(scan(path), FRAMES_MAX + 1))
+    if len(found) > FRAMES_MAX:
+        raise FileFormatError(
+            f"{path} has more than {FRAMES_MAX:,} frames, the limit of a replay.",
+            hint="`gcs report` reads logs of any number of frames",
+        )
     frames = tuple(one for one in found if isinstance(one, LoggedFrame))
     understood = sum(_STAMP + len(frame.data) for frame in frames if frame.message)
     if understood <= _LEAST_SHARE * sum(one.size if isinstance(one, Gap) else len(one.data) for one in found):
@@ -136,7 +169,7 @@ def mend_times(stamps_s: Array) -> tuple[Array, float]:
     return np.maximum.accumulate(times - left_out), float(np.sum(steps[long]))
 
 
-def _frame(data: bytes, at: int, codec: Codec) -> LoggedFrame | None:
+def _frame(data: bytes, at: int, codec: Codec, base: int) -> LoggedFrame | None:
     """The frame whose stamp begins at `at`, if it is valid, or if another one follows at its end."""
     begin = at + _STAMP
     length = frame_length(data, begin) if begin < len(data) else 0
@@ -147,12 +180,7 @@ def _frame(data: bytes, at: int, codec: Codec) -> LoggedFrame | None:
     message = codec.decode_frame(frame)
     if message is None and end < len(data) and (end + _STAMP >= len(data) or data[end + _STAMP] not in _MARKERS):
         return None
-    return LoggedFrame(at, _BIG_ENDIAN.unpack_from(data, at)[0], frame, message)
-
-
-def _certain(data: bytes, at: int, codec: Codec) -> bool:
-    frame = _frame(data, at, codec)
-    return frame is not None and frame.message is not None
+    return LoggedFrame(base + at, _BIG_ENDIAN.unpack_from(data, at)[0], frame, message)
 
 
 def _next_candidate(data: bytes, at: int) -> int:

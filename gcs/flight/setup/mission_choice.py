@@ -12,6 +12,7 @@ from gcs.mission.export.index import ExportIndex
 from gcs.mission.formats.registry import DEFAULT
 from gcs.mission.predicted.timing import Timing
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import Report
 
 IDEAL, OWN, AUTO = "ideal", "own", "auto"
 NAVIGATORS = (AUTO, OWN, IDEAL)
@@ -29,24 +30,25 @@ class TimeKeeping:
 
 
 def export_for_flight(
-    plan: Plan, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
+    plan: Plan, report: Report, folder: Path, keeping: TimeKeeping, say: Callable[[str], None]
 ) -> tuple[ExportIndex, str]:
     """Export what is uploaded; return the index and the navigator of emulated vehicles.
 
-    A setpoint stream needs no corrected speeds, and the ideal navigator keeps the plan's own. Raises
-    `VerificationError` if vehicles that fly their missions may come too close to each other.
+    `report` is that of the plan's verification. A setpoint stream needs no corrected speeds, and the ideal navigator
+    keeps the plan's own. Raises `VerificationError` if vehicles that fly their missions may come too close to each
+    other.
     """
     if keeping.mode is FlightMode.STREAM or (keeping.emulated and keeping.navigator == IDEAL):
-        return export(plan, folder, timed=False), IDEAL
+        return export(plan, folder, timed=False, report=report), IDEAL
     start_s = 0 if keeping.gates else None  # the common start is known when all are ready
     if not keeping.emulated or keeping.navigator == OWN:
-        return export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s), OWN
-    index = export(plan, folder, gates=keeping.gates, start_s=start_s)
+        return export(plan, folder, formats=DEFAULT, gates=keeping.gates, start_s=start_s, report=report), OWN
+    index = export(plan, folder, gates=keeping.gates, start_s=start_s, report=report)
     reason = index.refused or (_predicted_failure(plan, index.timing) if index.timing else "")
     if not reason or keeping.gates:
         return index, OWN
     say(f"emulated vehicles keep the plan's own speeds (--nav ideal): {reason}")
-    return export(plan, folder, timed=False), IDEAL
+    return export(plan, folder, timed=False, report=report), IDEAL
 
 
 def _predicted_failure(plan: Plan, timing: Timing) -> str:

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from gcs.errors import UsageError
 from gcs.link.wire.signing import EPOCH_UNIX_S, KEY_BYTES, TICKS_PER_S, Signing
+from gcs.reading.bounded_file import KEY_FILE, open_regular
 
 VARIABLE = "SKEIN_SIGNING_KEY"
-_LARGEST_BYTES = 4096
 _SHORTEST = 8
 _OTHERS = 0o077
 
@@ -31,10 +31,10 @@ def load_key(file: Path | None, environment: Mapping[str, str] = os.environ) -> 
         text = environment.get(VARIABLE)
         return None if text is None else _key(text.encode(), f"the variable {VARIABLE}")
     try:
-        with file.open("rb") as opened:
+        with os.fdopen(open_regular(file, error=UsageError), "rb") as opened:
             if os.fstat(opened.fileno()).st_mode & _OTHERS:
                 raise UsageError(f"the signing key {file} can be read by other users.", hint=f"run: chmod 600 {file}")
-            data = opened.read(_LARGEST_BYTES + 1)
+            data = opened.read(KEY_FILE.largest_bytes + 1)
     except OSError as error:
         raise UsageError(f"the signing key {file} cannot be read: {error.strerror}.") from None
     return _key(data, f"the file {file}")
@@ -57,7 +57,7 @@ def _key(data: bytes, source: str) -> bytes:
         if len(data) == KEY_BYTES:
             return data
         raise UsageError(f"{source} contains neither text nor a key of {KEY_BYTES} bytes.") from None
-    if len(data) > _LARGEST_BYTES or len(text) < _SHORTEST:
+    if len(data) > KEY_FILE.largest_bytes or len(text) < _SHORTEST:
         raise UsageError(
             f"{source} contains no signing key.",
             hint=f"write {2 * KEY_BYTES} hexadecimal digits, or a passphrase of {_SHORTEST} characters or more",

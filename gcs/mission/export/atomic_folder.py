@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import FileFormatError, UsageError
+from gcs.reading.bounded_file import EXPORT_INDEX, read_file
+from gcs.reading.bounded_json import read_json
 
 INDEX = "index.json"
 FORMAT = "skein-export"
@@ -75,11 +77,11 @@ def replaced(folder: Path) -> Iterator[Folder]:
 def listed(index: Path) -> dict[str, str]:
     """The files and hashes in an index. Raises `FileFormatError` if the file is not an index."""
     try:
-        document = json.loads(index.read_bytes())
+        document = read_json(read_file(index, EXPORT_INDEX))
         if document["format"] != FORMAT:
             raise ValueError(f"format is {document['format']!r}")
         return {str(name): str(digest) for name, digest in document["sha256"].items()}
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(f"{index}: not the index of an export.", hint="choose another folder") from error
 
 

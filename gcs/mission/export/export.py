@@ -26,6 +26,7 @@ from gcs.mission.model import Altitude
 from gcs.mission.setpoints.bspline_smoothing import SmoothPath, smoothed
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.mission.waypoints.placement import Deviation
+from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
@@ -46,18 +47,26 @@ def export(
     timed: bool = True,
     gates: int = 0,
     start_s: int | None = None,
+    report: Report | None = None,
 ) -> ExportIndex:
     """Write the files of these formats (names, or rows of your own; docs/formats.md) and index.json into `folder`.
 
     The folder holds the old export until the new one is complete. Autopilots (one for all vehicles or one each) and
     rate are the scenario's unless given. `smooth_m` smooths the setpoints to within this distance of the plan. `timed`
     missions have speeds corrected for the autopilot; others have the plan's own speeds. `start_s` is the time of day
-    (UTC, s) at which all vehicles leave the hover; `gates` need it. Raises `UsageError` if the folder holds a file that
-    no export wrote, or if an autopilot has no gates. Raises `ScenarioError` for missions that an autopilot cannot
-    store, and OSError as the file system does. Raises `VerificationError` if missions as written or the smoothed path
-    violate a limit. If `formats` is not given, such missions are left out instead, and the index says why.
+    (UTC, s) at which all vehicles leave the hover; `gates` need it. The plan is verified first, unless you pass the
+    `report` of `gcs.verify`, with which a failed plan is written too.
+
+    Raises `UsageError` if the folder holds a file that no export wrote, or if an autopilot has no gates. Raises
+    `ScenarioError` for missions that an autopilot cannot store, and OSError as the file system does. Raises
+    `VerificationError` if the plan, the missions as written or the smoothed path violate a limit. If `formats` is not
+    given, such missions are left out instead, and the index says why.
     """
     wanted = DEFAULT if formats is None else select_formats(formats)
+    if not isinstance(report, Report):  # the stored verdict of a file is none
+        found = verify(plan)
+        if not found.ok:
+            raise refusal(found)
     rate_hz = setpoint_rate_hz or plan.scenario.mission.setpoint_rate_hz
     autopilots = one_each(plan.autopilots if firmware is None else firmware, len(plan.sysids))
     order = MissionOrder(autopilots, altitude, timed, gates, start_s)

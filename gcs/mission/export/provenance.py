@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,8 @@ from gcs.errors import FileFormatError
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.export.atomic_folder import INDEX, listed
 from gcs.mission.formats.mission_file import MissionFile
+from gcs.reading.bounded_file import EXPORT_INDEX, MISSION_FILE, read_file
+from gcs.reading.bounded_json import read_json
 
 
 def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[Finding]]:
@@ -23,8 +24,8 @@ def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[F
     for folder in sorted({Path(m.source).parent for m in missions}):
         try:
             names = listed(folder / INDEX)
-            separation = json.loads((folder / INDEX).read_bytes()).get("separation_min_m")
-        except (OSError, FileFormatError):
+            separation = read_json(read_file(folder / INDEX, EXPORT_INDEX)).get("separation_min_m")
+        except (OSError, ValueError, FileFormatError):
             continue  # not an export
         if isinstance(separation, float):
             required.append(separation)
@@ -32,7 +33,7 @@ def exported_from(missions: Sequence[MissionFile]) -> tuple[float | None, list[F
             path = Path(mission.source)
             if path.parent != folder or path.name not in names:
                 continue
-            if hashlib.sha256(path.read_bytes()).hexdigest() != names[path.name]:
+            if hashlib.sha256(read_file(path, MISSION_FILE)).hexdigest() != names[path.name]:
                 message = "the file was changed after its export"
                 changed.append(Finding(Rule.CHANGED, Level.WARNING, message, mission.source))
     return max(required, default=None), changed

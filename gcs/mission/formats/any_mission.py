@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import FileFormatError, UsageError
+from gcs.errors import UsageError
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand
 from gcs.mission.formats.foreign.mission_json import is_mission_json, read_mission_json
 from gcs.mission.formats.foreign.oddities import Oddity
@@ -22,9 +22,9 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.geofence import Geofence, RallyPoint
+from gcs.reading.bounded_file import MISSION_FILE, read_file
 
 _Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities
-_LARGEST_BYTES = 64 * 1024 * 1024
 
 
 def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> tuple[MissionFile, ...]:
@@ -36,7 +36,7 @@ def load_missions(paths: Sequence[Path], firmware: Autopilot | None = None) -> t
     missions: list[MissionFile] = []
     extras: list[tuple[Path, _Extra]] = []
     for path in paths:
-        data = _read(path)
+        data = read_file(path, MISSION_FILE, hint="check the path and its rights")
         extra = _extra(data, str(path))
         if extra is not None:
             extras.append((path, extra))
@@ -83,12 +83,3 @@ def _extra(data: bytes, source: str) -> _Extra | None:
     if commands & FENCE_COMMANDS:
         return fence_in(table, source), table.oddities
     return (rally_in(table, source), table.oddities) if FenceCommand.RALLY_POINT in commands else None
-
-
-def _read(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise FileFormatError(f"{path}: larger than {_LARGEST_BYTES // 1024**2} MiB, too large for a mission.")
-        return path.read_bytes()
-    except OSError as error:
-        raise FileFormatError(f"{path}: {error.strerror}.", hint="check the path and its rights") from None

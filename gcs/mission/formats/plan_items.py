@@ -15,6 +15,7 @@ from gcs.mission.formats.foreign.item_place import place_on_wire
 from gcs.mission.formats.foreign.oddities import Odd, OddityList
 from gcs.mission.formats.json_lines import Key, line_of, refused
 from gcs.mission.model import Command, Frame, MissionItem
+from gcs.reading.bounded_json import refuse_crowded_json
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _ITEM = ("SimpleItem", "missionItem")  # the second in `.mission` files of version 1.0
@@ -72,6 +73,7 @@ class ComplexItem(PlanPart):
     complexItemType: str = "unnamed"
 
 
+ITEMS_MAX = 20_000  # an autopilot stores less than a tenth of it
 AnyItem = Annotated[PlanItem | ComplexItem, Field(discriminator="type")]
 
 
@@ -80,6 +82,10 @@ class PlanText:
 
     def __init__(self, text: str, source: str, oddities: OddityList) -> None:
         self.text, self.source, self.oddities = text, source, oddities
+        try:
+            refuse_crowded_json(text)
+        except ValueError as error:
+            raise FileFormatError(f"{source}: {error}.") from error
 
     def parsed(self, model: type[_Model]) -> _Model:
         """The document. Raises `FileFormatError`."""

@@ -18,7 +18,16 @@ from gcs.mission.formats.foreign.item_place import place_in_file
 from gcs.mission.formats.foreign.oddities import Odd, Oddity, OddityList
 from gcs.mission.formats.foreign.text_lines import decoded, without_mark
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.formats.plan_items import AnyItem, Finite, PlanPart, PlanText, Point, PointAndAltitude, Whole
+from gcs.mission.formats.plan_items import (
+    ITEMS_MAX,
+    AnyItem,
+    Finite,
+    PlanPart,
+    PlanText,
+    Point,
+    PointAndAltitude,
+    Whole,
+)
 from gcs.mission.geofence import LEAST_VERTICES, NO_FENCE, FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
 from gcs.mission.model import Frame, Home, MissionItem
 
@@ -50,7 +59,7 @@ class PlannedMission(PlanPart):
     cruiseSpeed: Finite = 15.0
     hoverSpeed: Finite = 5.0
     plannedHomePosition: PointAndAltitude
-    items: list[AnyItem]
+    items: Annotated[list[AnyItem], Field(max_length=ITEMS_MAX)]
 
 
 class _Polygon(PlanPart):

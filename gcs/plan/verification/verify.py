@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs.errors import VerificationError
 from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.formation.shape import Rows
 from gcs.plan.trajectory.plan import Plan
@@ -26,6 +27,7 @@ SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
 COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
+_LISTED = 5  # failures in an error
 _BLOCK = 100_000  # vehicles times instants checked together
 _WINDOWED = 50  # vehicles re-integrated together
 AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
@@ -74,6 +76,16 @@ class Report:
     def failures(self) -> tuple[Check, ...]:
         """The checks that failed."""
         return tuple(c for c in self.checks if not c.ok)
+
+
+def refusal(report: Report) -> VerificationError:
+    """The error for a plan that failed verification, with its worst checks."""
+    worst = "; ".join(str(c) for c in report.failures[:_LISTED])
+    more = f"; and {len(report.failures) - _LISTED} more" if len(report.failures) > _LISTED else ""
+    return VerificationError(
+        f"the plan failed verification: {worst}{more}",
+        hint="change the scenario and plan again, or add --unverified to use the plan for inspection",
+    )
 
 
 def verify(plan: Plan) -> Report:

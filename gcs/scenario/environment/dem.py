@@ -6,6 +6,7 @@ missions, which includes the Earth's curvature.
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 from typing import Any, Literal
@@ -16,15 +17,18 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.warp import transform
 from rasterio.windows import Window
 
+from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.heightmap import Region, Relief, packed, terms_of
+from gcs.reading.bounded_file import MIB, in_mib, open_regular
+from gcs.scenario.environment.heightmap import PIXELS_MAX, Region, Relief, packed, terms_of
 
 HeightUnit = Literal["m", "ft"]
 FOOT_M = 0.3048
 _FEET = {"ft", "foot", "feet", "us survey foot", "us_survey_foot", "ftus", "us-ft", "international foot"}
 _METRES = {"", "m", "metre", "meter", "metres", "meters"}
-_PIXELS_MAX = 4_000_000
+_BLOCK_BYTES_MAX = 256 * MIB  # GDAL unpacks whole blocks of a file
+_SIDE_MAX = 2_000_000  # pixels
 _FIT_TOLERANCE_PX = 1e-3
 _FIT_POINTS = 41
 _WORLD = "EPSG:4326"
@@ -40,6 +44,10 @@ def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None
 
     `unit` is what the heights are in where the file does not say; where it does, both must agree.
     """
+    try:
+        os.close(open_regular(file))  # GDAL would wait at a pipe, and open addresses of the network
+    except FileFormatError as problem:
+        raise DemError(f"cannot be read as an elevation model: {problem.message.removeprefix(f'{file}: ')}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -57,6 +65,7 @@ def _relief(raster: Any, origin: Origin, region: Region, unit: HeightUnit | None
         )
     if raster.count != 1:
         raise DemError(f"has {raster.count} bands, a picture perhaps; heights are one band")
+    _refuse_large_blocks(raster)
     scale = _metres_per_unit(raster, unit)
     window = _window(raster, origin, region)
     table = raster.read(1, window=window, masked=True)
@@ -86,6 +95,21 @@ def _relief(raster: Any, origin: Origin, region: Region, unit: HeightUnit | None
     )
 
 
+def _refuse_large_blocks(raster: Any) -> None:
+    """Raises DemError for a raster whose pieces need more memory than the window that is read."""
+    (rows, columns), kind = raster.block_shapes[0], np.dtype(raster.dtypes[0])
+    if kind.kind not in "iuf":
+        raise DemError(f"has heights of the type {kind}; integers and real numbers are known")
+    if max(raster.height, raster.width) > _SIDE_MAX:
+        raise DemError(f"has {raster.height:,} times {raster.width:,} pixels; the limit of a side is {_SIDE_MAX:,}")
+    if rows * columns * kind.itemsize > _BLOCK_BYTES_MAX:
+        size = in_mib(rows * columns * kind.itemsize)
+        raise DemError(
+            f"has blocks of {rows:,} times {columns:,} pixels, {size} each; the limit is {in_mib(_BLOCK_BYTES_MAX)}; "
+            "write it in tiles, for example `gdal_translate -co TILED=YES`"
+        )
+
+
 def _metres_per_unit(raster: Any, unit: HeightUnit | None) -> float:
     said = (raster.units[0] or "").strip().lower()
     if said in _FEET:
@@ -113,9 +137,9 @@ def _window(raster: Any, origin: Origin, region: Region) -> Window:
         )
     top, left = max(int(needed[0]) - 1, 0), max(int(needed[2]) - 1, 0)
     bottom, right = min(int(needed[1]) + 3, raster.height), min(int(needed[3]) + 3, raster.width)
-    if (bottom - top) * (right - left) > _PIXELS_MAX:
+    if (bottom - top) * (right - left) > PIXELS_MAX:
         raise DemError(
-            f"has {(bottom - top) * (right - left):,} pixels where the scenario is, {_PIXELS_MAX:,} are the most; make "
+            f"has {(bottom - top) * (right - left):,} pixels where the scenario is, {PIXELS_MAX:,} are the most; make "
             "them larger, for example `gdalwarp -tr … -r max`"
         )
     return Window(left, top, right - left, bottom - top)

@@ -22,6 +22,8 @@ from scipy import ndimage
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import Findings, Number, Part, Point, Positive
 
+PIXELS_MAX = 4_000_000
+_PIXEL_BYTES = 4
 TERMS = 10  # of a cubic polynomial of two variables
 ENVELOPE_RESERVE_M = 0.02  # over what is asked of it
 _STEP = 0.5  # of the pixels: half of them follow the ground four times as closely
@@ -75,10 +77,15 @@ class Relief(Part):
     @cached_property
     def pixels_m(self) -> Array:
         """Heights (rows, columns) above height 0. Raises ValueError when they cannot be unpacked."""
+        size = _PIXEL_BYTES * self.rows * self.columns
+        if self.rows * self.columns > PIXELS_MAX:
+            raise ValueError(f"{self.rows:,} times {self.columns:,} pixels; the limit is {PIXELS_MAX:,}")
         try:
-            raw = zlib.decompress(base64.b64decode(self.heights, validate=True))
+            raw = zlib.decompressobj().decompress(base64.b64decode(self.heights, validate=True), size + 1)
         except zlib.error as problem:
             raise ValueError(str(problem)) from None
+        if len(raw) != size:
+            raise ValueError(f"they unpack to {'more' if len(raw) > size else 'less'} than {size:,} bytes")
         return np.frombuffer(raw, dtype="<f4").astype(np.float64).reshape(self.rows, self.columns)
 
     def height_m(self, north_m: Array, east_m: Array) -> Array:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.formats.foreign.oddities import Odd, OddityList
 from gcs.mission.formats.foreign.text_lines import MARK, decoded, without_mark
 from gcs.mission.formats.mission_file import MissionFile
-from gcs.mission.formats.plan_items import PlanItem, PlanPart, PlanText, PointAndAltitude, Whole
+from gcs.mission.formats.plan_items import ITEMS_MAX, PlanItem, PlanPart, PlanText, PointAndAltitude, Whole
 from gcs.mission.formats.qgc_plan import PlannedMission
 from gcs.mission.model import Home
+from gcs.reading.bounded_json import refuse_crowded_json
 
 
 class _Kind(BaseModel):
@@ -29,15 +30,16 @@ class _Version1(PlanPart):
     MAV_AUTOPILOT: Whole
     version: Literal["1.0", 1]
     plannedHomePosition: _HomeItem
-    items: list[PlanItem]
+    items: Annotated[list[PlanItem], Field(max_length=ITEMS_MAX)]
     complexItems: list[Any] = Field(default_factory=list)
 
 
 def is_mission_json(data: bytes) -> bool:
     """Whether a file is a `.mission`; any file that is no JSON is none."""
     try:
+        refuse_crowded_json(data)
         kind = _Kind.model_validate_json(data.decode("utf-8").removeprefix(MARK))
-    except (ValidationError, UnicodeDecodeError):
+    except ValueError:  # also of pydantic, and of the decoder
         return False
     return kind.fileType == "Mission" or (kind.fileType is kind.mission is None and kind.version is not None)
 

@@ -16,11 +16,13 @@ from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import MapFile, Track, checked
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint
+from gcs.reading.bounded_json import refuse_crowded_json
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Position = tuple[Longitude, Latitude]
+VALUES_MAX = 8_000_000
 _HALF_TURN_DEG = 180.0
 
 
@@ -126,6 +128,7 @@ def write_geojson(file: MapFile) -> str:
 def read_geojson(data: bytes | str, source: str) -> MapFile:
     """Contents of a file that `write_geojson` wrote. Raises `FileFormatError` with file and reason otherwise."""
     try:
+        refuse_crowded_json(data, VALUES_MAX)
         collection = _ADAPTER.validate_json(data)
         tracks, polygons, circles = [], [], []
         for feature in collection.features:

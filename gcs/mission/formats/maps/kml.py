@@ -21,6 +21,8 @@ from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
 from gcs.mission.formats.maps.tracks import T0_SHOWN, MapFile, Track, checked
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
+from gcs.reading.archives import BadArchive, read_member
+from gcs.reading.bounded_file import MIB, in_mib
 
 _NAMES = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -30,7 +32,8 @@ _CORNERS = 72  # of a circle on the map
 _METRES_PER_DEGREE = 111_320.0  # good enough for a drawn circle
 _INSIDE, _OUTSIDE = "ff00aa00", "ff0000cc"  # aabbggrr
 _IN_KMZ = "doc.kml"
-_LARGEST_BYTES = 1 << 30  # of a KMZ, unpacked
+LARGEST_BYTES = 256 * MIB  # of a KMZ, unpacked
+_TAGS_MAX = 4_000_000  # an element takes some hundred bytes of memory
 
 
 def write_kml(file: MapFile) -> bytes:
@@ -68,6 +71,8 @@ def read_kml(data: bytes | str, source: str) -> MapFile:
         text = data if isinstance(data, str) else data.decode()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise ValueError("it declares entities")
+        if len(text) > LARGEST_BYTES or text.count("<") > _TAGS_MAX:
+            raise ValueError(f"it has more than {in_mib(LARGEST_BYTES)} or {_TAGS_MAX:,} tags")
         document = ElementTree.fromstring(text).find("k:Document", _NAMES)
         if document is None:
             raise ValueError("there is no Document")
@@ -102,13 +107,9 @@ def write_kmz(file: MapFile) -> bytes:
 def read_kmz(data: bytes, source: str) -> MapFile:
     """Contents of a file that `write_kmz` wrote. Raises `FileFormatError` with file and reason for anything else."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive, archive.open(_IN_KMZ) as file:
-            text = file.read(_LARGEST_BYTES + 1)
-    except Exception as error:  # zipfile, zlib, struct, ... each raise errors of their own for a damaged archive
-        raise FileFormatError(f"{source}: not a KMZ archive with {_IN_KMZ} in it.") from error
-    if len(text) > _LARGEST_BYTES:
-        raise FileFormatError(f"{source}: {_IN_KMZ} is too large for a map.")
-    return read_kml(text, source)
+        return read_kml(read_member(io.BytesIO(data), _IN_KMZ, LARGEST_BYTES), source)
+    except BadArchive as error:
+        raise FileFormatError(f"{source}: not a KMZ archive with {_IN_KMZ} in it: {error}.") from error
 
 
 def _when(t_s: float) -> str:

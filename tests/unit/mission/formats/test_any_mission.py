@@ -84,7 +84,7 @@ def test_fences_go_with_the_mission_of_their_name(tmp_path: Path) -> None:
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"gone\.plan: No such file"):
         load_missions([tmp_path / "gone.plan"])
-    with pytest.raises(FileFormatError, match="directory"):
+    with pytest.raises(FileFormatError, match="is a folder"):
         load_missions([tmp_path])
     (tmp_path / "empty.plan").write_bytes(b"")
     with pytest.raises(FileFormatError, match=r"empty\.plan, line 1: not JSON"):

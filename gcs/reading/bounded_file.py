@@ -1,0 +1,102 @@
+"""Files of others, with bounds: every kind of file has a largest size, and only regular files are read.
+
+No pipe makes a command wait, and no device fills the memory.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs.errors import FileFormatError, GcsError
+
+MIB = 1024 * 1024
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file that is read, as sentences name it, and its largest size."""
+
+    name: str
+    largest_bytes: int
+
+
+PLAN_FILE = FileKind("a plan", 64 * MIB)
+SCENARIO_TOML = FileKind("a scenario or vehicle type (TOML)", MIB)
+SCENARIO_JSON = FileKind("a scenario (JSON)", 64 * MIB)
+FAULT_FILE = FileKind("a fault file", MIB)
+MISSION_FILE = FileKind("a mission", 16 * MIB)
+EXPORT_INDEX = FileKind("the index of an export", 16 * MIB)
+UPLOAD_RECORD = FileKind("the record of an upload", 16 * MIB)
+FLIGHT_STATE = FileKind("the state of a flight", MIB)
+EVENT_FILE = FileKind("a flight's events", 64 * MIB)
+TRUTH_FILE = FileKind("true states", 2048 * MIB)
+TELEMETRY_LOG = FileKind("a telemetry log", 4096 * MIB)
+RECORD_FILE = FileKind("a flight record", 512 * MIB)
+KEY_FILE = FileKind("a signing key", 4096)
+FILE_KINDS = (
+    *(PLAN_FILE, SCENARIO_TOML, SCENARIO_JSON, FAULT_FILE, MISSION_FILE, EXPORT_INDEX, UPLOAD_RECORD),
+    *(FLIGHT_STATE, EVENT_FILE, TELEMETRY_LOG, TRUTH_FILE, RECORD_FILE, KEY_FILE),
+)
+_KINDS_OF_PLACES = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def read_file(path: Path, kind: FileKind, *, error: type[GcsError] = FileFormatError, hint: str = "") -> bytes:
+    """The bytes of a regular file.
+
+    Raises `error` if it is missing, cannot be read, is a folder, pipe or device, or is larger than its kind may be.
+    """
+    handle = open_regular(path, error=error, hint=hint)
+    try:
+        with os.fdopen(handle, "rb") as file:
+            refuse_size(path, os.fstat(handle).st_size, kind, error=error)
+            data = file.read(kind.largest_bytes + 1)  # some files of /proc have no size
+    except OSError as problem:
+        raise error(f"{path}: {problem.strerror}.", hint=hint) from None
+    refuse_size(path, len(data), kind, error=error)
+    return data
+
+
+def open_regular(path: Path, *, error: type[GcsError] = FileFormatError, hint: str = "") -> int:
+    """A handle for reading a regular file. Raises `error` for anything else."""
+    try:
+        _refuse_place(path, path.stat().st_mode, error)
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            _refuse_place(path, os.fstat(handle).st_mode, error)  # it may have been replaced meanwhile
+        except BaseException:
+            os.close(handle)
+            raise
+    except OSError as problem:
+        raise error(f"{path}: {problem.strerror}.", hint=hint) from None
+    except ValueError:  # a NUL byte
+        raise error(f"{str(path)!r} is not a path.", hint=hint) from None
+    return handle
+
+
+def refuse_size(path: Path, size: int, kind: FileKind, *, error: type[GcsError] = FileFormatError) -> None:
+    """Raise `error` for more bytes than a file of this kind may have."""
+    if size > kind.largest_bytes:
+        raise error(
+            f"{path}: {in_mib(size)} are too large for {kind.name}; the limit is {in_mib(kind.largest_bytes)}.",
+            hint="name another file",
+        )
+
+
+def in_mib(size: int) -> str:
+    """A size as text; a size below 1 MiB in bytes."""
+    return f"{size} bytes" if size < MIB else f"{size / MIB:.4g} MiB"
+
+
+def _refuse_place(path: Path, mode: int, error: type[GcsError]) -> None:
+    for is_it, words in _KINDS_OF_PLACES:
+        if is_it(mode):
+            raise error(f"{path}: is {words}, not a file.", hint="name a regular file")
