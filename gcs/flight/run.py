@@ -31,7 +31,7 @@ from gcs.flight.recording.flight_folder import (
     report_data,
     write_report,
 )
-from gcs.flight.recording.flight_state import FlightState
+from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.recording.writing.record_gaps import RecordGaps
 from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
@@ -155,7 +155,8 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     sent: dict[int, SentAs] = {}
     ctrl_c = Stoppable()
     flying = _fly(order, watcher, folder, index, navigator, stream, checks, sent, ctrl_c)
-    times, monitor, gaps = ctrl_c.run(flying)
+    with held_folder(folder):
+        times, monitor, gaps = ctrl_c.run(flying)
     late_s, nearest = monitor.late_s, tuple(monitor.nearest.values())
     missions = sent_data(sent)
     watcher.lap("fly")

@@ -42,6 +42,7 @@ def attach(
     from gcs.flight.sequence.resume import Resume
 
     what = Resume.LAND if land else Resume.RETURN if home else Resume.RESUME if resume else Resume.SHOW
+    screen = Screen(json=json)
     return take_up(
-        AttachRequest(folder or newest_unfinished(to), what, tuple(link or ()), signing_key_file, Screen(json=json))
+        AttachRequest(folder or newest_unfinished(to, screen.warn), what, tuple(link or ()), signing_key_file, screen)
     )

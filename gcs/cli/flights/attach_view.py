@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -16,15 +17,15 @@ from rich.table import Table
 from gcs.aio import Stoppable, each, until
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
-from gcs.errors import FileFormatError, FlightError, GcsError, UsageError
+from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
 from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
-from gcs.flight.recording.flight_state import FlightState, read_flight_state
+from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
 from gcs.flight.recording.writing.flight_record import FlightRecord
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.flight.sequence.resume import Resume, resume_flight, where_in_plan
-from gcs.flight.sequence.takeoff_landing import request_telemetry
+from gcs.flight.sequence.takeoff_landing import FlightVehicle, request_telemetry
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.connection import Connection
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
@@ -34,6 +35,8 @@ from gcs.mission.waypoints.mission_items import build_missions
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import load_plan, read_plan
 from gcs.plan.verification.verify import refusal
+
+_SETTLE_S = 4.0  # from the first vehicle that is heard to the last; HEARTBEAT comes once a second
 
 
 @dataclass(frozen=True)
@@ -49,29 +52,41 @@ class AttachRequest:
 
 def take_up(request: AttachRequest) -> int:
     """The exit status after the request is done. Raises GcsError."""
-    book = read_flight_state(request.folder)
-    if book.flown_by_another:
-        raise UsageError(
-            f"the flight in {request.folder} is still flown by process {book.pid}.",
-            hint="stop that process with Ctrl-C; its vehicles then land",
-        )
+    plan, book = _plan_and_state(request)
     links = request.links or book.links
     if not links:
         raise UsageError(
             f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
         )
-    plan = _plan_of(request, book, links)
     known = replace(connection(links, key_file=request.key_file), systems=book.systems)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
-    with request.screen.without_waiting():
+    with held_folder(request.folder), request.screen.without_waiting():
         found = ctrl_c.run(_take_up(request, book, plan, known, loads, stream, ctrl_c))
     request.screen.result(found)
     return 0
 
 
-def _plan_of(request: AttachRequest, book: FlightState, links: Sequence[str]) -> Plan:
+def _plan_and_state(request: AttachRequest) -> tuple[Plan, FlightState]:
+    """Raises GcsError. Vehicles land and return without `flight.json` too, if their links are named."""
+    folder = request.folder
+    try:
+        book = read_flight_state(folder)
+    except FileFormatError as problem:
+        if not request.links or request.what is Resume.RESUME:
+            hint = "name the vehicles' links with --link; then --land and --return need only plan.skein"
+            raise FileFormatError(problem.message, hint=hint) from None
+        request.screen.warn(f"{problem.message} The vehicles have the system ids of the plan.")
+        plan = _plan_of(request, None, request.links)
+        stream = FlightMode.STREAM.value
+        return plan, FlightState(plan.scenario.name, plan.hash, (), {}, stream, False, "not known", None, 0)
+    with held_folder(folder):  # before anything else is read or said
+        pass
+    return _plan_of(request, book, request.links or book.links), book
+
+
+def _plan_of(request: AttachRequest, book: FlightState | None, links: Sequence[str]) -> Plan:
     """The flight's plan. One in doubt is never resumed. It lands and returns vehicles, with a warning: they are aloft.
 
     To show and to land needs nothing of its tracks, so it is verified again only to resume and to return.
@@ -87,7 +102,7 @@ def _plan_of(request: AttachRequest, book: FlightState, links: Sequence[str]) ->
     except FileFormatError as error:
         named = " ".join(f"--link {link}" for link in links)
         raise FileFormatError(error.message, hint=f"land the vehicles without it: gcs tell land {named}") from error
-    if plan.hash != book.plan_hash:
+    if book is not None and plan.hash != book.plan_hash:
         doubt = FlightError(f"{path} is not the plan of this flight.", hint="put the original file back, or land")
     if doubt is not None and request.what is Resume.RESUME:
         raise doubt
@@ -118,7 +133,8 @@ async def _take_up(
         stack.enter_context(record)
         on_frame = spared(record.write_frame, "telemetry", screen.warn)
         fleet = await stack.enter_async_context(known.open(on_frame=on_frame))
-        sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
+        kinds = {sysid: int(kind) for sysid, kind in zip(plan.sysids, plan.autopilots, strict=True)}
+        sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
 
         def tell(event: Event) -> None:
             record.write_event(event)
@@ -134,41 +150,66 @@ async def _take_up(
         hooks = FlightHooks(tell, log_step)
         flight = FlightSequence(plan, sessions, options, loads=loads, stream=stream, hooks=hooks)
         ctrl_c.on_again = flight.landing.tell_aloft
-        shown = await _show(flight, book, screen)
+        shown = await _show(flight, book, screen, asks=request.what is not Resume.LAND)
         if request.what is not Resume.SHOW:
             await resume_flight(flight, request.what, book.t0_unix_s)
             screen.say(flight.landing.words())
+            if flight.landing.not_landed():
+                raise FlightError(
+                    f"{flight.landing.words()}.",
+                    hint="search for them at their last position; run `gcs attach --land` again when they are heard",
+                )
         return {"folder": folder, "was": book.step, "vehicles": shown, "done": request.what.value}
 
 
-async def _show(flight: FlightSequence, book: FlightState, screen: Screen) -> list[dict[str, Any]]:
-    """Show a table of the vehicles, and return its rows as data."""
-    stops = [flight.listen(crew) for crew in flight.vehicles.values()]
+async def _show(flight: FlightSequence, book: FlightState, screen: Screen, *, asks: bool) -> list[dict[str, Any]]:
+    """Show a table of the vehicles, and return its rows as data. Without `asks` no answer is waited for."""
+    stops = [flight.listen(vehicle) for vehicle in flight.vehicles.values()]
     try:
-        await each(flight.vehicles.values(), request_telemetry)
-        views = flight.monitor.views
-        await until(
-            lambda: all(np.isfinite(v.position_ned_m).all() for v in views.values()),
-            flight.options.find_timeout_s,
-            "a position of every vehicle",
-        )
+        if asks:
+            heard = [vehicle for vehicle in flight.vehicles.values() if vehicle.session.heard]
+            await each(heard, _ask)
     finally:
         for stop in stops:
             stop()
-    where = where_in_plan(flight.plan, np.array([v.position_ned_m for v in views.values()]))
+    views = flight.monitor.views
     table = Table("vehicle", "armed", "mode", "north", "east", "up", "speed", title=f"{book.mission}: was {book.step}")
     rows = []
-    for sysid, crew in flight.vehicles.items():
-        north_m, east_m, down_m = views[sysid].position_ned_m.tolist()
-        mode = crew.behaviour.mode_name(crew.session.custom_mode)
+    for sysid, vehicle in flight.vehicles.items():
+        session, place = vehicle.session, views[sysid].position_ned_m.tolist()
+        known = all(map(math.isfinite, place))
+        if session.heard:
+            armed, mode = "yes" if session.armed else "no", vehicle.behaviour.mode_name(session.custom_mode)
+        else:
+            armed, mode = "not heard", ""
+        metres = [f"{value:.1f} m" for value in (place[0], place[1], -place[2])] if known else ["", "", ""]
         speed_mps = float(np.linalg.norm(views[sysid].velocity_ned_mps))
-        place = f"{north_m:.1f} m", f"{east_m:.1f} m", f"{-down_m:.1f} m"
-        table.add_row(str(sysid), "yes" if crew.session.armed else "no", mode, *place, f"{speed_mps:.1f} m/s")
+        table.add_row(str(sysid), armed, mode, *metres, f"{speed_mps:.1f} m/s" if known else "")
         rows.append(
-            {"sysid": sysid, "armed": crew.session.armed, "mode": mode, "position_ned_m": [north_m, east_m, down_m]}
+            {
+                "sysid": sysid,
+                "heard": session.heard,
+                "armed": session.armed if session.heard else None,
+                "mode": mode,
+                "position_ned_m": place if known else None,
+            }
         )
     screen.show(table)
-    screen.say(
-        f"nearest plan time: t = {where.t_s:.1f} s; all vehicles are within {where.off_m:.1f} m of the plan there"
-    )
+    if any(row["position_ned_m"] is not None for row in rows):
+        where = where_in_plan(flight.plan, np.array([view.position_ned_m for view in views.values()]))
+        them = (
+            "all vehicles" if all(row["position_ned_m"] is not None for row in rows) else "the vehicles shown with one"
+        )
+        screen.say(f"nearest plan time: t = {where.t_s:.1f} s; {them} are within {where.off_m:.1f} m of the plan there")
     return rows
+
+
+async def _ask(vehicle: FlightVehicle) -> None:
+    """Ask a vehicle for its position; one that does not answer is shown without it."""
+    with suppress(PeerError):
+        await request_telemetry(vehicle)
+        await until(
+            lambda: bool(np.isfinite(vehicle.view.position_ned_m).all()),
+            vehicle.options.find_timeout_s,
+            f"a position of vehicle {vehicle.sysid}",
+        )

@@ -105,8 +105,14 @@ class VehicleWatch:
 
     def begin(self, unix_s: float, mode: int | None = None) -> None:
         """Begin to watch: silence counts from now. `mode` is the mode shown last."""
-        self._heard_s = self._placed_s = unix_s
+        if not self._lost:
+            self._heard_s = self._placed_s = unix_s
         self._signs.mode = mode
+
+    def never_heard(self) -> None:
+        """The vehicle was lost before this watch began: its first position is that of a link that is back."""
+        self._silent = self._lost = True
+        self._heard_s = self._placed_s = -math.inf
 
     def order(self, *modes: int) -> None:
         """Count these modes as ordered too. The mode shown now is no incident until the vehicle has left it."""

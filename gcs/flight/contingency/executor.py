@@ -144,6 +144,11 @@ class ContingencyExecutor:
             for stop in stops:
                 stop()
 
+    def never_heard(self, sysid: int) -> None:
+        """A vehicle was lost before this process began: no order for it, and none for the others because of it."""
+        self.policy.states[sysid] = State.LOST
+        self._watches[sysid].never_heard()
+
     def return_all(self) -> None:
         """Order all vehicles in the formation to return, as the operator requested."""
         now_s = self._time.sure_s()

@@ -26,9 +26,12 @@ class Custody:
         self._take(sysid)
 
     def take_up(self) -> None:
-        """Take the vehicles that are in the air: the operator ordered to continue a flight that was left."""
+        """Take the vehicles that are in the air: the operator ordered to continue a flight that was left.
+
+        One that is not heard yet may be there too.
+        """
         for sysid, session in self._sessions.items():
-            if session.armed:
+            if session.armed or not session.heard:
                 self._take(sysid)
 
     def holds(self, sysid: int) -> bool:

@@ -91,22 +91,31 @@ class FleetLanding:
 
         An order that stands goes on, so that this may be called again where it failed.
         """
-        for vehicle in self._ours_aloft():
-            if self.is_heard(vehicle.sysid) and not self.orders.stands(vehicle.sysid):
-                self.order(vehicle)
-        while any(self.orders.stands(sysid) for sysid in self._vehicles):
+        ordered: set[int] = set()
+        while True:
+            for vehicle in self._ours_aloft():
+                sysid = vehicle.sysid
+                if self.is_heard(sysid) and sysid not in ordered and not self.orders.stands(sysid):
+                    self.order(vehicle)  # a vehicle that was silent gets it when it is heard
+                    ordered.add(sysid)
+            if not any(self.orders.stands(sysid) for sysid in self._vehicles) and not self.aloft():
+                return
+            self._tell_of_pilots()
             await asyncio.sleep(LOOK_S)
-        await self.until_landed()
 
     async def until_landed(self) -> None:
         """Wait as long as a vehicle is armed and heard."""
-        while aloft := self.aloft():
-            states = self._states()
-            if all(states.get(sysid) is State.LEFT for sysid in aloft):
-                for sysid in set(aloft) - self._told:
-                    self._tell(sysid, "still in the air", PILOT_WORDS)
-                    self._told.add(sysid)
+        while self.aloft():
+            self._tell_of_pilots()
             await asyncio.sleep(LOOK_S)
+
+    def _tell_of_pilots(self) -> None:
+        """Report once that only vehicles of pilots are still in the air."""
+        aloft, states = self.aloft(), self._states()
+        if all(states.get(sysid) is State.LEFT for sysid in aloft):
+            for sysid in set(aloft) - self._told:
+                self._tell(sysid, "still in the air", PILOT_WORDS)
+                self._told.add(sysid)
 
     def aloft(self) -> list[int]:
         """Return the vehicles of this flight that are armed and heard."""
@@ -135,10 +144,10 @@ class FleetLanding:
             return "all vehicles have landed"
         lost = [i for i in left if not self.is_heard(i)]
         aloft = [i for i in left if i not in lost]
-        parts = [f"{_named(lost)} {SILENT_WORDS}"] if lost else []
-        parts += [f"{_named(aloft)} still armed"] if aloft else []
+        parts = [f"{named(lost)} {SILENT_WORDS}"] if lost else []
+        parts += [f"{named(aloft)} still armed"] if aloft else []
         landed = [i for i in self._vehicles if i not in left]
-        return "; ".join([*([f"{_named(landed)} landed"] if landed else []), *parts])
+        return "; ".join([*([f"{named(landed)} landed"] if landed else []), *parts])
 
     def raise_failed_orders(self, stopped: BaseException | None = None) -> None:
         """Raises OrderError if a vehicle refused or did not answer an order. `stopped` ended the flight early.
@@ -160,5 +169,6 @@ class FleetLanding:
         return [v for i, v in self._vehicles.items() if self.custody.may_be_up(i) and states.get(i) is not State.LEFT]
 
 
-def _named(sysids: list[int]) -> str:
+def named(sysids: list[int]) -> str:
+    """Vehicles as words."""
     return f"vehicle{'s' if len(sysids) > 1 else ''} {', '.join(map(str, sysids))}"

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -21,6 +24,7 @@ from gcs.reading.bounded_json import read_json
 NAME = "flight.json"
 _FORMAT = "skein-flight-1"
 _PID_END = 1 << 31
+_CLOCKS_S = 5.0  # the accuracy of a process's start time
 
 
 @dataclass(frozen=True)
@@ -50,18 +54,61 @@ class FlightState:
         """Whether it ended, or was left before it armed a vehicle, as a refused flight is."""
         return self.over or self.step in (Step.READY, Step.UPLOAD)
 
-    @property
-    def flown_by_another(self) -> bool:
-        """Whether its process still runs."""
-        if self.pid == os.getpid():
-            return False
-        try:
-            os.kill(self.pid, 0)
-        except ProcessLookupError:
-            return False
-        except PermissionError:
-            return True
-        return True
+
+@contextmanager
+def held_folder(folder: Path) -> Iterator[None]:
+    """Hold the folder of a flight: one process flies it at a time. Raises UsageError if another one holds it.
+
+    The system ends this with the process, however it ends. Where folders cannot be locked, the process number in
+    `flight.json` decides.
+    """
+    handle: int | None = None
+    try:
+        with suppress(OSError, ImportError):
+            import fcntl  # noqa: PLC0415 (not on every system)
+
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise _held_by_another(folder) from None
+        with suppress(FileFormatError):
+            if _still_runs(read_flight_state(folder).pid, folder / NAME):
+                raise _held_by_another(folder)
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def _held_by_another(folder: Path) -> UsageError:
+    try:
+        process = f"process {read_flight_state(folder).pid}"
+    except FileFormatError:
+        process = "another process"
+    return UsageError(
+        f"the flight in {folder} is still flown by {process}.",
+        hint="stop that process with Ctrl-C; its vehicles then land",
+    )
+
+
+def _still_runs(pid: int, state: Path) -> bool:
+    """Whether the process that wrote `state` runs: its number may belong to a later process now."""
+    if pid == os.getpid() or pid <= 0:
+        return False
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    try:
+        up_s = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
+        ticks = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()[19]
+        began_s = time.time() - up_s + int(ticks) / os.sysconf("SC_CLK_TCK")
+        return began_s <= state.stat().st_mtime + _CLOCKS_S
+    except (OSError, ValueError, IndexError, AttributeError):
+        return True  # a system without /proc
 
 
 _STATE = TypeAdapter(FlightState)
@@ -81,6 +128,7 @@ def read_flight_state(folder: Path) -> FlightState:
             raise ValueError("another format")
         state = _STATE.validate_python(data)
         FlightMode(state.mode)
+        Step(state.step)
         if not 0 < state.pid < _PID_END:  # 0 and below name whole groups of processes
             raise ValueError(f"pid {state.pid} is not a process")
         if state.t0_unix_s is not None and not math.isfinite(state.t0_unix_s):
@@ -94,11 +142,18 @@ def read_flight_state(folder: Path) -> FlightState:
     raise FileFormatError(f"{path} is not the state of a flight ({reason}).", hint="name a flight's folder")
 
 
-def newest_unfinished(root: Path) -> Path:
-    """Return the folder of the last flight under `root` that armed vehicles and did not end. Raises UsageError."""
+def newest_unfinished(root: Path, warn: Callable[[str], None] = lambda _: None) -> Path:
+    """Return the folder of the last flight under `root` that armed vehicles and did not end. Raises UsageError.
+
+    A folder whose `flight.json` cannot be read is passed over, with a warning.
+    """
     found = sorted((p.parent for p in root.glob(f"*/{NAME}")), key=lambda folder: (folder / NAME).stat().st_mtime)
     for folder in reversed(found):
-        state = read_flight_state(folder)
+        try:
+            state = read_flight_state(folder)
+        except FileFormatError as problem:
+            warn(f"{problem.message} It is passed over.")
+            continue
         if not state.on_the_ground and state.links:
             return folder
     raise UsageError(

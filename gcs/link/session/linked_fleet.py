@@ -27,6 +27,7 @@ from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
+_AUTOPILOT_COMPONENT = 1
 
 
 class FrameDirection(Enum):
@@ -135,6 +136,40 @@ class LinkedFleet:
                 async with asyncio.timeout(_LOOK_S):
                     await self._found.wait()
 
+    async def vehicles_left(
+        self,
+        autopilots: Mapping[int, int],
+        timeout_s: float,
+        *,
+        settle_s: float,
+        systems: Mapping[int, int] | None = None,
+    ) -> dict[int, VehicleSession]:
+        """Return the sessions of vehicles that another process left, also of those that are not heard.
+
+        `autopilots` has the MAV_AUTOPILOT of each vehicle. The first one must be heard within `timeout_s`, the others
+        `settle_s` later; one that is heard later still is then `VehicleSession.heard`. Raises `PeerTimeout` if none is.
+        """
+        system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(autopilots)}
+        _reject_shared_systems(system_of)
+        end_s, settled = self._loop.time() + timeout_s, False
+        while missing := [sysid for sysid, system in system_of.items() if system not in self.sessions]:
+            if len(missing) < len(system_of) and not settled:
+                end_s, settled = min(end_s, self._loop.time() + settle_s), True
+            if self._loop.time() >= end_s:
+                break
+            await asyncio.sleep(_LOOK_S)
+        if len(missing) == len(system_of):
+            raise PeerTimeout(
+                f"no heartbeat from {_vehicles(missing, system_of)} within {timeout_s:g} s.",
+                hint="check the link; name another one with --link",
+            )
+        for sysid in missing:
+            self._expect(system_of[sysid], autopilots[sysid])
+        found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
+        for sysid, session in found.items():
+            session.sysid = sysid
+        return found
+
     async def listen(self, duration_s: float) -> dict[int, VehicleSession]:
         """Return all vehicles heard within `duration_s`, by system id. Raises `DuplicateSystemId`."""
         await asyncio.sleep(duration_s)
@@ -167,7 +202,7 @@ class LinkedFleet:
             if self._on_frame is not None:
                 self._on_frame(FrameDirection.IN, message.raw)
             session = self.sessions.get(message.sysid)
-            if session is None and not _is_vehicle(message):
+            if (session is None or not session.heard) and not _is_vehicle(message):
                 continue
             if session is not None and message.compid != session.station.compid:
                 continue
@@ -192,6 +227,20 @@ class LinkedFleet:
             heartbeat, lambda m: self.send(m, system), me=self.me, timers=self._timers, transfer=self._transfer
         )
         self._found.set()
+
+    def _expect(self, system: int, autopilot: int) -> None:
+        def send(message: Message) -> None:
+            if self._routing.address(system) is not None:
+                self.send(message, system)
+
+        self.sessions[system] = VehicleSession.not_heard(
+            Station(system, _AUTOPILOT_COMPONENT),
+            autopilot,
+            send,
+            me=self.me,
+            timers=self._timers,
+            transfer=self._transfer,
+        )
 
     def _send(self, message: Message, link: int, address: Address | None) -> None:
         frame = self._codec.encode(message, self._signing.signature(self._loop.time()))

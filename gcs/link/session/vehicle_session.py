@@ -6,9 +6,11 @@ Every wait ends with an answer, or with a `PeerTimeout` that names the vehicle a
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
+from typing import Any
 
 from gcs.autopilots.protocol_timers import CommandTimers, ProtocolTimers
 from gcs.autopilots.traits import link_behaviour
@@ -30,7 +32,7 @@ from gcs.link.session.items_upload import upload
 from gcs.link.session.quality import LinkQuality
 from gcs.link.session.vehicle_texts import VehicleTexts
 from gcs.link.wire.message import GROUND, Message, Station
-from gcs.mavlink import Capability, MavCommand, MessageId, MissionType, ModeFlag
+from gcs.mavlink import Capability, MavCommand, MavType, MessageId, MissionType, ModeFlag
 from gcs.mission.model import Home, MissionItem, VehicleMission
 from gcs.steady_loop import stalls_of
 
@@ -72,7 +74,19 @@ class VehicleSession:
         self._listeners: list[Callable[[Message], None]] = []
         self._mission_lock = asyncio.Lock()
         self._command_locks: dict[int, asyncio.Lock] = {}
+        self.heard = True  # whether any message came from it
         self.receive(heartbeat, self._loop.time())
+
+    @classmethod
+    def not_heard(
+        cls, station: Station, autopilot: int, send: Callable[[Message], None], **options: Any
+    ) -> VehicleSession:
+        """Return the session of a vehicle that was not heard yet. Until then it counts as disarmed, and as silent."""
+        fields = {"type": int(MavType.QUADROTOR), "autopilot": autopilot, "base_mode": 0, "custom_mode": 0}
+        session = cls(Message("HEARTBEAT", fields, *station), send, **options)
+        session.heard = False
+        session.latest_s["HEARTBEAT"] = -math.inf
+        return session
 
     @property
     def autopilot(self) -> int:
@@ -119,6 +133,7 @@ class VehicleSession:
 
     def receive(self, message: Message, now_s: float) -> None:
         """Process one message of this vehicle. Only the fleet calls it."""
+        self.heard = True
         self.latest[message.name] = message
         self.latest_s[message.name] = now_s
         host_s = now_s + self._stalls.stood_s
