@@ -57,6 +57,8 @@ def build_record(
         if message.name == "HEARTBEAT" and fields["autopilot"] != NO_AUTOPILOT:
             autopilots[sysid] = int(fields["autopilot"])
             modes[sysid] = bool(fields["base_mode"] & ModeFlag.ARMED), int(fields["custom_mode"])
+            if modes[sysid][0]:
+                clocks[sysid].hold()  # as in flight: a jump of GNSS time is not followed
         elif message.name == "SYS_STATUS":
             battery[sysid] = int(fields["battery_remaining"])
         elif message.name == "LOCAL_POSITION_NED":

@@ -179,6 +179,8 @@ class VehicleClock:
 
     def _plausible(self, boot_s: float, now_s: float) -> bool:
         """Whether to use this boot time. Odd ones in a row are the clock of a vehicle that rebooted or jumped."""
+        if not math.isfinite(self._newest_boot_s):
+            return True
         explained_s = _AHEAD_S + _RATES * max(self.rate, 1.0) * max(now_s - self._newest_s, 0.0)
         if not self._samples:
             explained_s = math.inf  # it is unknown how long the messages have waited

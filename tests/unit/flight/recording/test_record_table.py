@@ -59,6 +59,19 @@ def test_the_record_holds_what_was_told_beside_the_plan(simulation1_plan: Plan) 
     assert set(record.column("mode").to_pylist()) == {4}
 
 
+def test_a_jump_of_gnss_time_in_flight_moves_no_row(simulation1_plan: Plan) -> None:
+    plan, messages = simulation1_plan, []
+    for message in told(simulation1_plan, dict.fromkeys(simulation1_plan.sysids, 0.0)):
+        messages.append(message)
+        boot_ms = message.fields.get("time_boot_ms", 0)
+        if message.sysid == 2 and boot_ms > 150_000:
+            stamps = {"time_unix_usec": round((BOOT_S + boot_ms / 1e3 + 3600.0) * 1e6), "time_boot_ms": boot_ms}
+            messages.append(Message("SYSTEM_TIME", stamps, 2, 1))
+    record = build_record(plan, T0, messages)
+    assert record.num_rows == 540 * 6
+    assert float(np.max(record.column("error_m").to_numpy())) < 1e-6
+
+
 def test_lateness_and_skew(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     late_s = {1: 0.02, 2: 0.02, 3: 0.05, 4: 0.02, 5: 0.0, 6: 0.02}

@@ -29,6 +29,41 @@ def test_boot_time_becomes_unix_time_to_the_millisecond():
     assert clock.boot_ms(UNIX_S + 5.0) == pytest.approx(5000, abs=1)
 
 
+def test_the_first_report_counts():
+    clock = VehicleClock()
+    clock.receive(system_time(30.0), 1.0)
+    assert clock.ready
+    assert clock.offset_s == pytest.approx(UNIX_S, abs=1e-3)
+
+
+@pytest.mark.parametrize("unix_usec", [2**64 - 1, 1, round(1.2e15), round(4.2e15)])
+def test_a_time_of_no_flight_says_nothing(unix_usec):
+    clock = VehicleClock()
+    clock.receive(Message("SYSTEM_TIME", {"time_unix_usec": unix_usec, "time_boot_ms": 500}, *VEHICLE), 1.0)
+    assert not clock.ready
+    assert clock.boot_ms(UNIX_S) is None
+
+
+def test_a_boot_stamp_fits_its_field():
+    clock = VehicleClock()
+    clock.receive(system_time(30.0), 1.0)
+    assert clock.boot_ms(UNIX_S - 100.0) == 0
+    assert clock.boot_ms(UNIX_S + 1e9) == 2**32 - 1
+
+
+def test_a_boot_time_that_is_far_ahead_counts_once_it_is_confirmed():
+    clock = VehicleClock()
+    for n in range(1, 50):
+        clock.receive(system_time(100 + 0.1 * n), 0.1 * n)
+    before = clock.now_unix_s(5.0)
+    for boot_s in (9000.0, 104.95, 9000.1):
+        clock.receive(attitude(boot_s), 5.0)
+    assert clock.now_unix_s(5.0) == pytest.approx(before, abs=0.1)
+    for boot_s in (9000.2, 9000.3):
+        clock.receive(attitude(boot_s), 5.1)
+    assert clock.now_unix_s(5.1) == pytest.approx(UNIX_S + 9000.3, abs=0.1)
+
+
 def test_unset_gnss_time_says_nothing():
     clock = VehicleClock()
     clock.receive(Message("SYSTEM_TIME", {"time_unix_usec": 0, "time_boot_ms": 500}, *VEHICLE), 1.0)
