@@ -50,16 +50,21 @@ class FleetTime:
         """Return what has happened to the vehicles' clocks since the last call."""
         return self._clock.changes(self._clocks(), host_s(self._loop), self._delay_s())
 
+    async def settle(self) -> dict[int, float]:
+        """Wait a little until the vehicles' GNSS times agree. Return those that still differ, and by how much."""
+        end_s = self._loop.time() + _SETTLE_S
+        while (off := disagreeing(self._clocks(), host_s(self._loop), self._delay_s())) and self._loop.time() < end_s:
+            await asyncio.sleep(LOOK_S)
+        return off
+
     async def agree(self) -> None:
         """Return once the vehicles' GNSS times agree. Raises FlightError that names those that differ."""
-        end_s = self._loop.time() + _SETTLE_S
-        while off := disagreeing(self._clocks(), host_s(self._loop), self._delay_s()):
-            if self._loop.time() > end_s:
-                raise FlightError(
-                    f"the vehicles' GNSS times differ: {_off_words(off)}.",
-                    hint="wait until the vehicle's receiver has the right time, or restart it, then fly again",
-                )
-            await asyncio.sleep(LOOK_S)
+        off = await self.settle()
+        if off:
+            raise FlightError(
+                f"the vehicles' GNSS times differ: {_off_words(off)}.",
+                hint="wait until the vehicle's receiver has the right time, or restart it, then fly again",
+            )
 
     def refuse_jumped(self) -> None:
         """Raises FlightError if a vehicle's GNSS time has jumped: its mission waits by that time."""

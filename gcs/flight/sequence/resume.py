@@ -76,6 +76,8 @@ async def _resume(flight: FlightSequence, what: Resume, t0_unix_s: float | None)
     for sysid in flight.vehicles.keys() - able:
         flight.contingency.never_heard(sysid)
     flight.monitor.expect_landings(await expected_landings(flight.vehicles[sysid] for sysid in able))
+    await flight.time.settle()
+    flight.time.hold()
     streams = flight.options.mode is FlightMode.STREAM
     if what is Resume.RESUME and not streams and t0_unix_s is not None:
         flight.streamer.stand_by(t0_unix_s)
