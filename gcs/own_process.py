@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import os
 import pickle
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -27,7 +28,7 @@ async def in_own_process(work: Callable[P, R], *args: P.args, **kwargs: P.kwargs
     """Return `work(*args, **kwargs)`, computed in a new process; raise what it raises.
 
     The function must be importable, and it, its arguments and its result picklable. The process is killed when the
-    caller is cancelled, and ends when this one does. Ctrl-C does not reach it. Raises `OwnProcessEnded`.
+    caller is cancelled, and ends when this one does. Ctrl-C and SIGTERM do not end it. Raises `OwnProcessEnded`.
     """
     order = pickle.dumps((list(sys.path), pickle.dumps((work, args, kwargs))))
     process = await asyncio.create_subprocess_exec(
@@ -62,6 +63,7 @@ def _serve() -> None:
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)
         os.nice(5)  # the flight goes first
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # sent to all processes of a service; the caller ends this one
         paths, order = pickle.load(sys.stdin.buffer)
         threading.Thread(target=_end_with_the_caller, daemon=True).start()
         sys.path[:] = paths

@@ -135,21 +135,14 @@ def test_emulated_vehicles_land_first_and_end_with_the_flight(hop_file: Path, tm
     assert processes_with(str(tmp_path)) == []
 
 
-@pytest.mark.parametrize(
-    ("number", "more"), [(TERM, ()), pytest.param(HUP, ("--alternatives",), marks=SLOW)], ids=["TERM", "HUP"]
-)
-def test_a_plan_in_the_making_leaves_no_process_and_no_file(
-    repo_root: Path, tmp_path: Path, number: signal.Signals, more: tuple[str, ...]
-) -> None:
+def test_a_plan_in_the_making_leaves_no_file(repo_root: Path, tmp_path: Path) -> None:
     mission = repo_root / "missions" / "simulation1"
-    with Ground("plan", mission, "--out", tmp_path / "plan.skein", *more, env={"TMPDIR": tmp_path}) as ground:
-        while not catches(ground.process.pid, number):
+    with Ground("plan", mission, "--out", tmp_path / "plan.skein", env={"TMPDIR": tmp_path}) as ground:
+        while not catches(ground.process.pid, TERM):
             time.sleep(0.02)
-        while more and ground.running and len(processes_with("multiprocessing.spawn")) < 2:
-            time.sleep(0.05)
-        ground.signal(number)
+        ground.signal(TERM)
         done = ground.ended()
-    assert done.code == 128 + number, done.output
+    assert done.code == 128 + TERM, done.output
     assert done.output == "stopped"
     assert list(tmp_path.iterdir()) == []
 

@@ -33,6 +33,11 @@ def print_and_return(value: int) -> int:
     return value
 
 
+def survive_sigterm(value: int) -> int:
+    os.kill(os.getpid(), signal.SIGTERM)
+    return value
+
+
 def exit_at_once() -> None:
     os._exit(0)
 
@@ -130,3 +135,7 @@ def test_a_coroutine_that_computes_is_found(tmp_path: Path) -> None:
     sample = tmp_path / "sample.py"
     sample.write_text("def _inner(p):\n    return plan_returns(p)\n\nasync def fly(p):\n    return _inner(p)\n")
     assert heavy_calls(sample, tmp_path) == ["sample.py:2: plan_returns"]
+
+
+def test_a_signal_to_all_processes_of_a_service_leaves_the_end_to_the_caller() -> None:
+    assert asyncio.run(in_own_process(survive_sigterm, 3)) == 3

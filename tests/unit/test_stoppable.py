@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import subprocess
 import sys
 import threading
+import time
+from pathlib import Path
 
 import pytest
 
@@ -124,3 +127,36 @@ def test_work_ends_as_it_does_without_ctrl_c() -> None:
     aside.start()
     aside.join()
     assert found == [3]
+
+
+WORKERS = """
+from gcs.aio import stop_at_signals
+from gcs.plan.search.parallel import run_all
+from tests.unit.test_stoppable import wait_for_ever
+
+if __name__ == "__main__":
+    stop_at_signals()
+    try:
+        run_all(wait_for_ever, [1, 2], 2)
+    except KeyboardInterrupt as stop:
+        print("stopped by", stop)
+"""
+
+
+def wait_for_ever(number: int) -> None:
+    """A worker's task: print its process and wait."""
+    print(os.getpid(), flush=True)
+    time.sleep(1000.0)
+
+
+@pytest.mark.parametrize("number", [TERM, HUP])
+def test_workers_of_the_planner_end_with_it(number: signal.Signals, repo_root: Path) -> None:
+    process = subprocess.Popen([sys.executable, "-c", WORKERS], stdout=subprocess.PIPE, text=True, cwd=repo_root)
+    assert process.stdout is not None
+    workers = [int(process.stdout.readline()) for _ in range(2)]
+    process.send_signal(number)
+    process.send_signal(number)
+    assert process.communicate(timeout=60.0)[0] == f"stopped by {number.name}\n"
+    for pid in workers:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
