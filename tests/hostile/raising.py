@@ -12,7 +12,7 @@ Place = tuple[str, int]  # file and line of an `await`, as far in as there is co
 
 
 class Raising:
-    """A task factory: every task created by it counts where it waits, and one of them fails at `place`, a line or a file.
+    """A task factory: every task created by it counts where it waits, and one of them fails at a line or in a file.
 
     `places` counts the resumptions at each place. Without a `place` nothing fails. `more` are failures at further
     files, each once, after the first one.

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import OrderError
+from gcs.errors import FlightError, OrderError
 from gcs.flight.contingency.policy import State
 from gcs.flight.offboard.streamer import Streamer
 from gcs.flight.options import FlightOptions
-from gcs.flight.orders.fleet_landing import FleetLanding
+from gcs.flight.orders.fleet_landing import HANDED_OVER, FleetLanding
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.takeoff_landing import FlightVehicle
 from gcs.link.wire.message import Message
@@ -28,10 +28,21 @@ DOWN_S = 18.2  # from the order to land to the disarming
 
 
 def land(
-    vehicle: Vehicle, plan: Plan, act: Callable[[FleetLanding, FlightVehicle], Awaitable[object]], **states: State
+    vehicle: Vehicle,
+    plan: Plan,
+    act: Callable[[FleetLanding, FlightVehicle], Awaitable[object]],
+    *,
+    state: State = State.FLYING,
+    taken: bool = True,
+    rules: list[str] | None = None,
 ) -> tuple[float, list[str]]:
     """Have the ground station land it; returns how long it took, and what the person was told."""
     told: list[str] = []
+
+    def tell(sysid: int, what: str, rule: str) -> None:
+        told.append(what)
+        if rules is not None:
+            rules.append(rule)
 
     async def fly(crew: FlightVehicle) -> None:
         fleet, options = {crew.sysid: crew}, FlightOptions()
@@ -41,11 +52,12 @@ def land(
             fleet,
             streamer,
             options,
-            lambda: {crew.sysid: states.get("state", State.FLYING)},
+            lambda: {crew.sysid: state},
             lambda order: told.append(f"did not {order.what}"),
-            lambda sysid, what, rule: told.append(what),
+            tell,
         )
-        landing.custody.take_up()
+        if taken:
+            landing.custody.take_up()
         try:
             await act(landing, crew)
         finally:
@@ -141,3 +153,53 @@ def test_a_pilots_vehicle_gets_no_order_and_is_watched_until_it_has_landed(simul
     assert DOWN_S < took_s < DOWN_S + 2.0
     assert told == ["still in the air"]
     assert vehicle.heard == []
+
+
+def test_a_vehicle_that_others_armed_gets_no_order_and_is_not_waited_for(simulation1_plan: Plan) -> None:
+    vehicle = Vehicle(PX4, mode=PX4.hold, armed=True)
+
+    async def end(landing: FleetLanding, crew: FlightVehicle) -> None:
+        with pytest.raises(FlightError, match=r"vehicle 1 armed, and not by this flight"):
+            landing.custody.take_to_arm(crew.sysid)
+        landing.send_once()
+        await landing.land_all()
+        landing.tell_aloft()
+        landing.hand_over()
+
+    took_s, told = land(vehicle, simulation1_plan, end, taken=False)
+    assert took_s < 0.1
+    assert told == []
+    assert vehicle.heard == []
+
+
+def test_a_vehicle_whose_arming_is_not_confirmed_yet_is_landed(simulation1_plan: Plan) -> None:
+    """It is armed 0.4 s after the order to arm was sent; the flight ends before."""
+    vehicle = Vehicle(PX4, mode=PX4.hold, obey=comes_down(0.5))
+
+    async def end(landing: FleetLanding, crew: FlightVehicle) -> None:
+        landing.custody.take_to_arm(crew.sysid)
+        asyncio.get_running_loop().call_later(0.4, lambda: setattr(vehicle, "armed", True))
+        landing.send_once()
+        await landing.land_all()
+        landing.hand_over()
+
+    took_s, told = land(vehicle, simulation1_plan, end, taken=False)
+    assert DOWN_S < took_s < DOWN_S + 2.0
+    assert told == []
+
+
+def test_a_vehicle_that_is_silent_or_still_armed_is_handed_over_by_name(simulation1_plan: Plan) -> None:
+    vehicle = Vehicle(PX4, mode=PX4.guided, armed=True)
+    rules: list[str] = []
+
+    async def end(landing: FleetLanding, crew: FlightVehicle) -> None:
+        landing.hand_over()
+        vehicle.session = None
+        await asyncio.sleep(20.0)
+        await landing.land_all()
+        landing.hand_over()
+
+    assert land(vehicle, simulation1_plan, end, rules=rules)[1] == [HANDED_OVER] * 2
+    assert rules[0].startswith("still armed: fly it by its RC transmitter")
+    assert rules[1].startswith("not heard: it is not known whether landed")
+    assert "gcs attach --land" in rules[1]

@@ -65,6 +65,47 @@ def test_it_ends_when_the_vehicle_is_down_or_out_of_reach(attribute: str) -> Non
     assert not failed.carried_out
 
 
+@pytest.mark.parametrize("failure", [RuntimeError("a bug"), MemoryError(), asyncio.CancelledError()])
+def test_nothing_that_happens_to_its_task_ends_an_order(failure: BaseException) -> None:
+    class Breaking(Vehicle):
+        async def land(self) -> None:
+            await super().land()
+            if len(self.given_s) < 3:
+                raise failure
+
+    vehicle = Breaking(refusals=0)
+    carrier = given(vehicle, 20.0)
+    assert len(vehicle.given_s) == 3
+    assert not carrier.stands(3)
+
+
+def test_a_report_that_fails_does_not_end_an_order() -> None:
+    async def fly() -> None:
+        def fail(_: StandingOrder) -> None:
+            raise OSError(28, "No space left on device")
+
+        carrier = OrderCarrier(lambda _: True, lambda _: True)
+        carrier.start(3, "land", vehicle.land, fail)
+        await asyncio.sleep(10.0)
+        await carrier.close()
+
+    vehicle = Vehicle(refusals=2)
+    in_virtual_time(fly())
+    assert len(vehicle.given_s) == 3
+
+
+def test_a_vehicle_that_is_not_ours_gets_no_order() -> None:
+    async def fly() -> None:
+        carrier = OrderCarrier(lambda _: True, lambda _: True, lambda sysid: sysid != 3)
+        carrier.start(3, "land", vehicle.land, lambda _: None)
+        assert not carrier.stands(3)
+        await asyncio.sleep(10.0)
+
+    vehicle = Vehicle(refusals=0)
+    in_virtual_time(fly())
+    assert not vehicle.given_s
+
+
 def test_an_order_that_is_carried_out_at_once_leaves_no_trace() -> None:
     vehicle = Vehicle(refusals=0)
     assert given(vehicle, 10.0).failed == ()

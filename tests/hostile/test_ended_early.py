@@ -1,0 +1,49 @@
+"""A flight whose vehicles came down before the plan's end has failed, although all have landed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs.errors import FlightError
+from gcs.flight.sequence.flight import FlightSequence
+from gcs.mavlink import MavCommand
+from gcs.plan.trajectory.plan import Plan
+from sim_bridge.sim.world import World
+from tests.bridge.flying import fly, say
+from tests.fleets import wait_until
+from tests.hostile.conftest import MakeVehicles
+from tests.hostile.ground import Ground, fly_arguments
+
+FORCED = 21196.0
+
+
+def test_a_vehicle_that_is_disarmed_in_the_air_by_another_station(
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
+) -> None:
+    world, port = vehicles()
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        ground.until("flying: t = ")
+        wait_until(lambda: world.airframes.truth[1, 0] > 0.0)
+        off = {"param1": 0.0, "param2": FORCED} | {f"param{n}": 0.0 for n in range(3, 8)}
+        say(world, 2, "COMMAND_LONG", command=int(MavCommand.COMPONENT_ARM_DISARM), confirmation=0, **off)
+        done = ground.ended()
+    assert done.code == 9, done.output
+    assert "vehicle 2 flew" in done.output
+    assert "until the landing, by its own clock" in done.output
+
+
+def test_a_common_time_that_is_wrong_does_not_end_a_flight_as_if_it_were_flown(hop: Plan) -> None:
+    """Should the common time jump by 20 s in spite of all, the vehicles' boot clocks say how long they flew."""
+    jumped: list[bool] = []
+
+    def jump(world: World, flight: FlightSequence) -> None:
+        t_s = flight.monitor.plan_time_s
+        if not jumped and t_s is not None and t_s > 5.0:
+            jumped.append(True)
+            right = flight.time.sure_s
+            flight.time.sure_s = lambda: right() + 20.0  # type: ignore[method-assign]
+
+    flown = fly(hop, during=jump, speedup=20.0)
+    assert isinstance(flown.error, FlightError)
+    assert "until the landing, by its own clock" in flown.error.message
+    assert flown.world.airframes.landed.all()
