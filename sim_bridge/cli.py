@@ -18,6 +18,7 @@ import typer
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import GcsError, UsageError
+from gcs.link.endpoints.ip_address import host_port, split_host_port
 from sim_bridge.protocol.endpoints.address import (
     CALL_GROUND,
     LOOPBACK,
@@ -149,14 +150,14 @@ def _warn(links: Sequence[EndpointSpec]) -> None:
 
 def _ready(fleet: World, links: Sequence[EndpointSpec], seed: int) -> dict[str, Any]:
     """The line on stdout: `ports` are those of the first link that has any, `places` are all addresses."""
-    called = next((f"{spec.host}:{spec.port}" for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
+    called = next((host_port(spec.host, spec.port) for spec in links if spec.kind is EndpointKind.UDP_OUT), None)
     places = {sysid: [f"{place.kind}:{place.address}" for place in found] for sysid, found in fleet.places.items()}
     return {"ready": True, "ground": called, "ports": fleet.ports, "places": places, "seed": seed}
 
 
 def parse_ground(text: str) -> tuple[str, int]:
     """Return the host and port of HOST:PORT. Raises `UsageError`."""
-    host, _, port = text.rpartition(":")
+    host, port = split_host_port(text) or ("", "")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise UsageError(f"--udp must be HOST:PORT, not {text!r}.", hint="write e.g. --udp 127.0.0.1:14550")
     return host, int(port)

@@ -120,7 +120,7 @@ class Fleet:
         place = self._place(sysid, link)
         if not place.port:
             raise UsageError(f"vehicle {sysid} is at {place.address}, which has no port.", hint="use path() for a pty")
-        return place.address.rpartition(":")[0], place.port
+        return place.address.rpartition(":")[0].strip("[]"), place.port
 
     def path(self, sysid: int, link: int = 0) -> Path:
         """Return the terminal of a vehicle on one of its links."""

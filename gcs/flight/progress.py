@@ -64,20 +64,24 @@ class Snapshot:
     formation_error_m: float  # Definition 1
 
 
+ALL_VEHICLES, OURSELVES = 0, -1  # as the vehicle of an event: the whole fleet, and this program
+
+
 @dataclass(frozen=True)
 class Event:
-    """One incident of a vehicle, or one order to it with the rule behind it; `sysid` 0 is the whole fleet."""
+    """One incident of a vehicle, or one order to it with the rule behind it."""
 
     unix_s: float  # GNSS time; NaN before it is known
     t_s: float  # plan time; NaN before T0
-    sysid: int
+    sysid: int  # a vehicle's, `ALL_VEHICLES` or `OURSELVES`
     what: str
     rule: str = ""
     data: Mapping[str, Any] | None = field(default=None, hash=False)  # the numbers of a choice, as plain values
 
     def __str__(self) -> str:
         when = "before T0" if math.isnan(self.t_s) else f"t = {self.t_s:.1f} s"
-        subject = f"vehicle {self.sysid}" if self.sysid else "all vehicles"
+        others = {ALL_VEHICLES: "all vehicles", OURSELVES: "this program"}
+        subject = others.get(self.sysid, f"vehicle {self.sysid}")
         return f"{when}: {subject} {self.what}. {self.rule}".rstrip(". ")
 
 

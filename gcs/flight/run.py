@@ -19,6 +19,7 @@ from gcs.errors import UsageError, VerificationError
 from gcs.flight.assessment.judge import Truth, Verdict, judge, load_truth
 from gcs.flight.hooks import FlightHooks, spared
 from gcs.flight.lateness import skew_s
+from gcs.flight.link_notices import notice_event
 from gcs.flight.monitor import Monitor
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, FlightTimes, NearestPair, Step, Watcher
@@ -44,6 +45,7 @@ from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
 from gcs.flight.setup.simulator_process import SimulatorOptions, simulator
 from gcs.link.connection import Connection
 from gcs.link.mission_protocol.strategy import SentAs, sent_data, sent_words
+from gcs.link.routing.strangers import LinkNotice
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.mission.export.index import ExportIndex
@@ -209,23 +211,33 @@ async def _fly(
     plan, options = order.plan, order.options
     say = spared(watcher.say, "the screen")
     time: FleetTime | None = None
+    t0_unix_s: float | None = None
+
+    def on_event(event: Event) -> None:
+        record.write_event(event)
+        say(str(event))
+
+    def on_notice(notice: LinkNotice) -> None:
+        on_event(notice_event(notice, known.systems, time.now_s() if time else None, t0_unix_s))
+
     async with AsyncExitStack() as stack:
         record = stack.enter_context(
             FlightRecord(folder, spared(watcher.warn, "the screen"), lambda: time.now_s() if time else None)
         )
         known = order.link or Connection((SIM_LINK,))
-        fleet = await stack.enter_async_context(known.open(on_frame=spared(record.write_frame, TELEMETRY, say)))
+        on_frame = spared(record.write_frame, TELEMETRY, say)
+        fleet = await stack.enter_async_context(
+            known.open(on_frame, vehicles=plan.sysids, on_notice=spared(on_notice, "the report of events"))
+        )
         time = FleetTime(fleet.sessions, [known.systems.get(sysid, sysid) for sysid in plan.sysids])
         if order.link is None:
             simulated = _simulator_options(order, folder, fleet.local_address[1], navigator)
             await stack.enter_async_context(simulator(simulated))
         sessions = await fleet.vehicles(plan.sysids, options.find_timeout_s, systems=known.systems)
 
-        def on_event(event: Event) -> None:
-            record.write_event(event)
-            say(str(event))
-
-        def on_step(step: Step, t0_unix_s: float | None) -> None:
+        def on_step(step: Step, t0_s: float | None) -> None:
+            nonlocal t0_unix_s
+            t0_unix_s = t0_s
             if flight.held is not None and not sent:
                 sent.update(flight.held.sent_as)
                 say(f"missions read back and equal; {sent_words(sent)}")
@@ -291,17 +303,21 @@ async def _flight(
             plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported
         )
 
-        async def check_and_confirm() -> None:
+    async def get_ready() -> None:
+        if order.link is not None:
             limits, waived = order.limits or plan.scenario.preflight, options.waived
             checks.extend(await go_or_no_go(fleet, sessions, plan, limits, watcher.checks, waived))
             for event in _waived(checks, sessions):
                 hooks.on_event(event)
             await watcher.confirm()
+        fleet.check()
+        fleet.freeze()
 
-        hooks = replace(hooks, on_ready=check_and_confirm)
     same = exported.autopilots == tuple(sessions[sysid].autopilot for sysid in plan.sysids)
     returns = exported.safety.returns if same else None
-    return FlightSequence(plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=hooks)
+    return FlightSequence(
+        plan, sessions, options, loads=loads, stream=stream, returns=returns, hooks=replace(hooks, on_ready=get_ready)
+    )
 
 
 def _waived(checks: list[PreflightCheck], sessions: dict[int, VehicleSession]) -> list[Event]:

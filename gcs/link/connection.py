@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gcs.errors import UsageError
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.linked_fleet import FrameHook, LinkedFleet
+from gcs.link.session.linked_fleet import FrameHook, LinkedFleet, NoticeHook
 from gcs.link.wire.signing_keys import signing_with
 
 if TYPE_CHECKING:
@@ -53,11 +53,24 @@ class Connection:
             yield mavsdk
 
     @asynccontextmanager
-    async def open(self, on_frame: FrameHook | None = None) -> AsyncIterator[LinkedFleet]:
-        """The open links of our own backend. Raises `UsageError`, `LinkError`."""
-        signing = signing_with(self.key, asyncio.get_running_loop().time())
+    async def open(
+        self,
+        on_frame: FrameHook | None = None,
+        *,
+        vehicles: Collection[int] | None = None,
+        on_notice: NoticeHook | None = None,
+    ) -> AsyncIterator[LinkedFleet]:
+        """The open links of our own backend. `vehicles` are those of a plan: no other system gets a session.
+
+        Raises `UsageError`, `LinkError`.
+        """
         async with LinkedFleet.open(
-            self.links, on_frame=on_frame, signing=signing, transfer=Transfer(self.transfer)
+            self.links,
+            on_frame=on_frame,
+            signing=signing_with(self.key, asyncio.get_running_loop().time()),
+            transfer=Transfer(self.transfer),
+            only=None if vehicles is None else [self.systems.get(sysid, sysid) for sysid in vehicles],
+            on_notice=on_notice,
         ) as fleet:
             yield fleet
 

@@ -121,3 +121,64 @@ def test_addresses_that_cannot_be_had(host, word):
 def test_sending_on_a_closed_endpoint_is_our_own_mistake():
     with pytest.raises(ProtocolMisuse):
         UdpEndpoint("udpout:127.0.0.1:14550").send(b"x")
+
+
+@pytest.mark.parametrize(
+    ("spec", "target"),
+    [
+        ("udpin:127.0.0.1:0", ("203.0.113.7", 9)),  # not from a loopback address: EINVAL or ENETUNREACH
+        ("udpin:127.0.0.1:0", ("255.255.255.255", 9)),  # EACCES, as by a firewall
+        ("udpin:[::1]:0", ("fe80::7%no-such-interface", 9)),
+    ],
+)
+def test_what_the_operating_system_refuses_is_a_lost_frame(spec, target):
+    async def scene():
+        endpoint = UdpEndpoint(spec)
+        await endpoint.open(lambda *_: None)
+        try:
+            endpoint.send(b"setpoint", target)
+            endpoint.send(b"x" * 70_000, endpoint.local_address)  # EMSGSIZE
+            assert endpoint.lost == 2
+        finally:
+            endpoint.close()
+
+    asyncio.run(scene())
+
+
+def test_another_host_does_not_become_the_peer_of_a_caller():
+    async def scene():
+        ground, heard, port = await listening()
+        caller, inbox = UdpEndpoint(f"udpout:127.0.0.1:{port}"), Inbox()
+        await caller.open(inbox)
+        stranger, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            asyncio.DatagramProtocol, local_addr=("127.0.0.9", 0)
+        )
+        try:
+            stranger.sendto(b"it is me", caller.local_address)
+            await inbox.have(1)
+            caller.send(b"hello")
+            assert (await heard.have(1))[0][0] == b"hello"
+        finally:
+            stranger.close()
+            caller.close()
+            ground.close()
+
+    asyncio.run(scene())
+
+
+def test_one_turn_reads_a_bounded_number_of_bytes():
+    async def scene():
+        ground, heard, port = await listening()
+        caller = UdpEndpoint(f"udpout:127.0.0.1:{port}")
+        await caller.open(lambda *_: None)
+        try:
+            for _ in range(6):
+                caller.send(b"\xfe" * 30_000)
+            ground._read()
+            assert 1 <= len(heard.got) <= 3
+            await heard.have(6)
+        finally:
+            caller.close()
+            ground.close()
+
+    asyncio.run(scene())

@@ -14,8 +14,8 @@ from gcs.link.microservices.command import CommandRefused, command_ack
 from gcs.link.mission_protocol.receiver import MissionReceiver
 from gcs.link.mission_protocol.rules import MissionRefused
 from gcs.link.mission_protocol.sender import MissionSender
+from gcs.link.routing.routing_table import DuplicateSystemId
 from gcs.link.session.linked_fleet import FrameDirection, LinkedFleet
-from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.mavlink import GENERIC_AUTOPILOT, MavResult, MessageId, MissionResult

@@ -10,15 +10,21 @@ import pytest
 from gcs.errors import LinkError, PeerTimeout, UsageError
 from gcs.link.endpoints.base import parse_link_spec
 from gcs.link.endpoints.udp import UdpEndpoint
+from gcs.link.routing.routing_table import DuplicateSystemId
 from gcs.link.session.linked_fleet import LinkedFleet as Ground
-from gcs.link.session.routing import DuplicateSystemId
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.mavlink import MessageId
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 
-LINKS = {"udp": ("udpin:0", "udpout:{}"), "tcp": ("tcpin:0", "tcp:{}"), "serial": ("pty", "serial:{}:115200")}
+LINKS = {
+    "udp": ("udpin:0", "udpout:{}"),
+    "tcp": ("tcpin:0", "tcp:{}"),
+    "serial": ("pty", "serial:{}:115200"),
+    "udp6": ("udpin:[::1]:0", "udpout:{}"),
+    "tcp6": ("tcpin:[::1]:0", "tcp:{}"),
+}
 
 
 def run(scene: Awaitable[None]) -> None:
@@ -47,6 +53,20 @@ def test_every_kind_of_link_alone_and_repeated(make_fleet: Callable[..., Fleet],
                 told = await session.request_message(MessageId.AUTOPILOT_VERSION)
                 assert bytes(told.fields["uid2"])[11:14] == b"%03d" % sysid
                 assert ground.where(sysid).startswith(ours.split(":", maxsplit=1)[0])
+
+    run(scene())
+
+
+def test_vehicles_that_call_an_ipv6_address_are_found_there(make_fleet: Callable[..., Fleet]) -> None:
+    port = free_port()
+    make_fleet(vehicles=2, links=(f"udpout:[::1]:{port}",))
+
+    async def scene() -> None:
+        async with Ground.open(f"udpin:[::1]:{port}") as ground:
+            for session in (await ground.vehicles([1, 2], 10.0)).values():
+                await session.request_message(MessageId.AUTOPILOT_VERSION)
+            assert ground.where(1).startswith("udpin:[::1]:")
+            assert ground.local_address == ("::1", port)
 
     run(scene())
 

@@ -111,7 +111,7 @@ HABITS = {
         ("tests/unit/autopilots/test_flight_modes.py", "test_altitudes_of_take_off"),
         (STREAM, "test_a_message_says_the_plan_in_the_vehicles_own_frame_and_clock"),
     ],
-    "uid 0": [("tests/unit/link/session/test_routing.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
+    "uid 0": [("tests/unit/link/routing/test_routing_table.py", "test_an_empty_uid2_leaves_it_to_the_uid")],
     "unknown parameter": [(PARAMETERS, "test_unknown_names_are_answered_by_silence_and_named")],
     "renamed parameters": [
         ("tests/unit/autopilots/test_parameter_names.py", "test_a_development_build_answers_for_the_names_that_it_has")

@@ -19,6 +19,7 @@ from gcs.cli.console import Screen
 from gcs.cli.shared_options import connection
 from gcs.errors import FileFormatError, FlightError, GcsError, PeerError, UsageError
 from gcs.flight.hooks import FlightHooks, spared
+from gcs.flight.link_notices import notice_event
 from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.progress import Event, Step
 from gcs.flight.recording.flight_state import FlightState, held_folder, read_flight_state
@@ -29,6 +30,7 @@ from gcs.flight.sequence.takeoff_landing import FlightVehicle, request_telemetry
 from gcs.flight.setup.build_loads import missions_only
 from gcs.link.connection import Connection
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
+from gcs.link.routing.strangers import LinkNotice
 from gcs.mission.model import SetpointStream
 from gcs.mission.setpoints.setpoint_stream import build_stream
 from gcs.mission.waypoints.mission_items import build_missions
@@ -132,13 +134,20 @@ async def _take_up(
         )
         stack.enter_context(record)
         on_frame = spared(record.write_frame, "telemetry", screen.warn)
-        fleet = await stack.enter_async_context(known.open(on_frame=on_frame))
-        kinds = {sysid: int(kind) for sysid, kind in zip(plan.sysids, plan.autopilots, strict=True)}
-        sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
 
         def tell(event: Event) -> None:
             record.write_event(event)
             screen.say(str(event))
+
+        def on_notice(notice: LinkNotice) -> None:
+            tell(notice_event(notice, known.systems, flight.time.now_s() if flight else None, book.t0_unix_s))
+
+        fleet = await stack.enter_async_context(
+            known.open(on_frame, vehicles=plan.sysids, on_notice=spared(on_notice, "the report of events"))
+        )
+        kinds = {sysid: int(kind) for sysid, kind in zip(plan.sysids, plan.autopilots, strict=True)}
+        sessions = await fleet.vehicles_left(kinds, options.find_timeout_s, settle_s=_SETTLE_S, systems=known.systems)
+        fleet.freeze()
 
         def log_step(step: Step, t0_unix_s: float | None) -> None:
             record.write_state(

@@ -1,7 +1,7 @@
 """The interface of all endpoints, and the names of links on the command line.
 
 A name is `udpin:HOST:PORT` (listen for vehicles), `udpout:HOST:PORT` (call a peer), `tcp:HOST:PORT` or
-`serial:DEVICE:BAUD`.
+`serial:DEVICE:BAUD`. An IPv6 host stands in brackets: `udpin:[::1]:14550`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from enum import Enum
 from typing import Protocol
 
 from gcs.errors import UsageError
+from gcs.link.endpoints.ip_address import Address, host_port, lacks_brackets, split_host_port
 
-Address = tuple[str, int]  # host and port; of a serial line its device and baud rate
 Receive = Callable[[bytes, Address], None]
 
 DEFAULT_SPEC = "udpin:127.0.0.1:14550"
@@ -48,7 +48,7 @@ class LinkSpec:
         return self.host, self.port
 
     def __str__(self) -> str:
-        return f"{self.mode.value}:{self.host}:{self.port}"
+        return f"{self.mode.value}:{host_port(self.host, self.port)}"
 
 
 class Endpoint(Protocol):
@@ -85,8 +85,10 @@ def parse_link_spec(text: str) -> LinkSpec:
         mode, rest = LinkMode.SERIAL if text.startswith("/dev/") else LinkMode.LISTEN, text
     if mode is LinkMode.SERIAL:
         return _serial(text, rest, hint)
-    host, colon, port_text = rest.rpartition(":")
-    if not colon or not host or ":" in host:
+    if lacks_brackets(rest):
+        hint = f"write an IPv6 host in brackets, for example {mode.value}:[::1]:14550; else write {DEFAULT_SPEC}"
+    host, port_text = split_host_port(rest) or ("", "")
+    if not host:
         raise UsageError(
             f"{text!r} does not name a link: the form is KIND:HOST:PORT, with KIND udpin, udpout or tcp.", hint=hint
         )

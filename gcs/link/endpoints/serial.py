@@ -9,7 +9,8 @@ from contextlib import suppress
 import serial
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoints.base import Address, LinkSpec, Receive
+from gcs.link.endpoints.base import LinkSpec, Receive
+from gcs.link.endpoints.ip_address import Address
 
 _REOPEN_S = 1.0
 _LARGEST = 65_536

@@ -6,7 +6,8 @@ import asyncio
 from contextlib import suppress
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoints.base import Address, LinkSpec, Receive
+from gcs.link.endpoints.base import LinkSpec, Receive
+from gcs.link.endpoints.ip_address import Address, host_port, plain_address
 
 _CONNECT_S = 5.0
 _RECONNECT_S = 1.0
@@ -29,8 +30,7 @@ class TcpEndpoint:
         """The local address of the connection. Raises `ProtocolMisuse` before `open`."""
         if self._writer is None:
             raise ProtocolMisuse(f"{self.spec} is not open.")
-        host, port = self._writer.get_extra_info("sockname")[:2]
-        return host, port
+        return plain_address(self._writer.get_extra_info("sockname"))
 
     async def open(self, receive: Receive) -> None:
         """Connect; `receive` gets all bytes that arrive. Raises `LinkError` if no program listens at the address."""
@@ -41,11 +41,11 @@ class TcpEndpoint:
             await self._connect()
         except TimeoutError:
             raise LinkError(
-                f"{host}:{port} did not answer within {_CONNECT_S:g} s.", hint="check host, port and network"
+                f"{host_port(host, port)} did not answer within {_CONNECT_S:g} s.", hint="check host, port and network"
             ) from None
         except OSError as error:
             raise LinkError(
-                f"no TCP connection to {host}:{port}: {error.strerror or error}.",
+                f"no TCP connection to {host_port(host, port)}: {error.strerror or error}.",
                 hint="start the vehicle or simulator first, or check host and port",
             ) from error
         self._reading = asyncio.ensure_future(self._read(receive))
@@ -76,6 +76,7 @@ class TcpEndpoint:
                 with suppress(OSError):
                     while data := await self._reader.read(_LARGEST):
                         receive(data, self.spec.address)
+                        await asyncio.sleep(0)  # timers get their turn however much arrives
             if self._writer is not None:
                 self._writer.close()
             self._reader = self._writer = None

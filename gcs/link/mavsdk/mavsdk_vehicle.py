@@ -19,7 +19,7 @@ from mavsdk.plugins import mission_raw, param, telemetry
 
 from gcs.autopilots.parameter_names import spellings
 from gcs.autopilots.traits import Autopilot, link_behaviour
-from gcs.errors import LinkError, PeerError, PeerTimeout
+from gcs.errors import LinkError, PeerError, PeerTimeout, UsageError
 from gcs.link.endpoints.base import LinkMode, parse_link_spec
 from gcs.link.mavsdk.mavsdk_flight import MavsdkControl, report
 from gcs.link.microservices.parameter import REAL32, Parameter
@@ -279,6 +279,8 @@ class MavsdkFleet:
 def mavsdk_url(spec: str) -> str:
     """Return the name of a link in the form of MAVSDK. Raises `UsageError`."""
     link = parse_link_spec(spec)
+    if ":" in link.host and link.mode is not LinkMode.SERIAL:
+        raise UsageError(f"MAVSDK has no IPv6: {spec}.", hint="use an IPv4 address, or --backend skein")
     return f"{_SCHEMES[link.mode]}://{link.host}:{link.port}"
 
 

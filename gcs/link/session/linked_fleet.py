@@ -1,33 +1,38 @@
 """All vehicles on one or several links: found by their heartbeats, each with a session.
 
-Frames of unknown systems, other ground stations and other components are logged and ignored. So are messages addressed
-to another station and, with a key, frames that are not signed with it.
+Frames of unknown systems, other ground stations and other components are ignored, and logged up to a limit. Messages
+addressed to another station are ignored; so are frames that are not signed with the key, if there is one, and frames
+with the system id of a vehicle that come from elsewhere. In a flight only the systems of its plan have sessions.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from enum import Enum
 from functools import partial
 
 from gcs.autopilots.protocol_timers import ProtocolTimers
-from gcs.errors import PeerTimeout, ProtocolMisuse, UsageError
-from gcs.link.endpoints.base import Address, Endpoint
+from gcs.errors import PeerTimeout, ProtocolMisuse
+from gcs.link.endpoints.base import Endpoint
 from gcs.link.endpoints.factory import make_endpoint
-from gcs.link.microservices.command import CommandSender
+from gcs.link.endpoints.ip_address import Address
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.routing import LinkAddress, RoutingTable
+from gcs.link.routing.routing_table import IDENTIFY_S, LinkAddress, RoutingTable
+from gcs.link.routing.strangers import LinkNotice, Strangers
+from gcs.link.routing.system_ids import reject_shared_systems, vehicle_words
+from gcs.link.session.station_messages import STATION_HEARTBEAT, identity_request, is_vehicle_heartbeat
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import GROUND, Message, Station
 from gcs.link.wire.signing import Signing
-from gcs.mavlink import NO_AUTOPILOT, MavCommand, MavState, MavType, MessageId
 
 _HEARTBEAT_S = 1.0
 _LOOK_S = 0.1
 _AUTOPILOT_COMPONENT = 1
+_IDENTITY_REQUESTS = 30  # once a second, to vehicles that do not report an id
 
 
 class FrameDirection(Enum):
@@ -38,6 +43,7 @@ class FrameDirection(Enum):
 
 
 FrameHook = Callable[[FrameDirection, bytes], None]
+NoticeHook = Callable[[LinkNotice], None]
 
 
 class LinkedFleet:
@@ -52,14 +58,23 @@ class LinkedFleet:
         timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
+        only: Collection[int] | None = None,
+        on_notice: NoticeHook | None = None,
     ) -> None:
         self.me = me
         self.sessions: dict[int, VehicleSession] = {}  # by MAVLink system id
         self.refused_frames = 0  # without a valid signature
+        self.strangers = Strangers()
         self._endpoints = tuple(endpoints)
         self._codec = Codec(*me)
         self._routing = RoutingTable()
+        self._only = None if only is None else frozenset(only)
+        self._frozen = False
+        self._identity_requests = 0
+        self._claims_told: set[int] = set()
+        self._handed_out: set[int] = set()  # systems whose sessions are in use
         self._on_frame = on_frame
+        self._on_notice = on_notice
         self._timers = timers
         self._transfer = transfer
         self._signing = signing or Signing()
@@ -77,15 +92,27 @@ class LinkedFleet:
         timers: ProtocolTimers | None = None,
         signing: Signing | None = None,
         transfer: Transfer = Transfer.AUTO,
+        only: Collection[int] | None = None,
+        on_notice: NoticeHook | None = None,
     ) -> AsyncIterator[LinkedFleet]:
         """Open the endpoints that `specs` name (see `parse_link_spec`) and send a heartbeat at 1 Hz.
 
-        `on_frame(direction, frame)` gets every frame in and out; `timers` replace those of the vehicles' autopilots,
-        `transfer` chooses how missions are sent. With `signing` that is on, every frame is signed, and unsigned frames
-        are refused. Raises `UsageError`, `LinkError`.
+        `on_frame(direction, frame)` gets every accepted frame and every frame sent; `timers` replace those of the
+        vehicles' autopilots, `transfer` chooses how missions are sent. With `signing` that is on, frames are signed,
+        and unsigned ones are refused. `only` are the systems of a flight: no other gets a session. `on_notice` gets
+        texts for the operator. Raises `UsageError`, `LinkError`.
         """
         endpoints = [make_endpoint(spec) for spec in ([specs] if isinstance(specs, str) else specs)]
-        fleet = cls(endpoints, me=me, on_frame=on_frame, timers=timers, signing=signing, transfer=transfer)
+        fleet = cls(
+            endpoints,
+            me=me,
+            on_frame=on_frame,
+            timers=timers,
+            signing=signing,
+            transfer=transfer,
+            only=only,
+            on_notice=on_notice,
+        )
         heartbeats: asyncio.Task[None] | None = None
         try:
             for link, endpoint in enumerate(endpoints):
@@ -97,6 +124,7 @@ class LinkedFleet:
                 heartbeats.cancel()
                 with suppress(asyncio.CancelledError):
                     await heartbeats
+            fleet._tell_of_strangers(math.inf)
             for endpoint in endpoints:
                 endpoint.close()
 
@@ -114,22 +142,23 @@ class LinkedFleet:
         silent vehicles, `DuplicateSystemId`, or `UsageError` if two vehicles have the same system.
         """
         system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(sysids)}
-        _reject_shared_systems(system_of)
-        end_s = self._loop.time() + timeout_s
+        reject_shared_systems(system_of)
+        end_s, all_heard_s = self._loop.time() + timeout_s, math.inf
         while True:
             self.check()
             missing = [sysid for sysid, system in system_of.items() if system not in self.sessions]
             if not missing and not self._routing.unidentified(self._loop.time()):
-                found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
-                for sysid, session in found.items():
-                    session.sysid = sysid
-                return found
+                if all_heard_s == math.inf:
+                    all_heard_s = self._loop.time()
+                    self._request_identities(())
+                if self._loop.time() - all_heard_s >= self._time_to_identify_s(system_of.values()):
+                    return self._hand_out(system_of)
             self._found.clear()
             now_s = self._loop.time()
             if now_s >= end_s and missing:
                 raise PeerTimeout(
-                    f"no heartbeat from {_vehicles(missing, system_of)} within {timeout_s:g} s"
-                    f" (heard: {', '.join(map(str, sorted(self.sessions))) or 'none'}).",
+                    f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s"
+                    f" (heard: {', '.join(map(str, sorted({*self.sessions, *self.strangers.systems}))) or 'none'}).",
                     hint="start them, or check the address and port that they send to",
                 )
             with suppress(TimeoutError):
@@ -150,7 +179,7 @@ class LinkedFleet:
         `settle_s` later; one that is heard later still is then `VehicleSession.heard`. Raises `PeerTimeout` if none is.
         """
         system_of = {sysid: (systems or {}).get(sysid, sysid) for sysid in sorted(autopilots)}
-        _reject_shared_systems(system_of)
+        reject_shared_systems(system_of)
         end_s, settled = self._loop.time() + timeout_s, False
         while missing := [sysid for sysid, system in system_of.items() if system not in self.sessions]:
             if len(missing) < len(system_of) and not settled:
@@ -160,15 +189,29 @@ class LinkedFleet:
             await asyncio.sleep(_LOOK_S)
         if len(missing) == len(system_of):
             raise PeerTimeout(
-                f"no heartbeat from {_vehicles(missing, system_of)} within {timeout_s:g} s.",
+                f"no heartbeat from {vehicle_words(missing, system_of)} within {timeout_s:g} s.",
                 hint="check the link; name another one with --link",
             )
         for sysid in missing:
             self._expect(system_of[sysid], autopilots[sysid])
+        return self._hand_out(system_of)
+
+    def _time_to_identify_s(self, systems: Collection[int]) -> float:
+        """The time that the vehicles of a flight get to report their ids, with which they can prove a move later."""
+        all_told = self._only is None or all(self._routing.is_identified(system) for system in systems)
+        return 0.0 if all_told else IDENTIFY_S
+
+    def _hand_out(self, system_of: Mapping[int, int]) -> dict[int, VehicleSession]:
         found = {sysid: self.sessions[system] for sysid, system in system_of.items()}
         for sysid, session in found.items():
             session.sysid = sysid
+        self._handed_out.update(system_of.values())
         return found
+
+    def freeze(self) -> None:
+        """From now on a vehicle's address changes only with proof, and other claims of its system id are ignored."""
+        self._routing.freeze()
+        self._frozen = True
 
     async def listen(self, duration_s: float) -> dict[int, VehicleSession]:
         """Return all vehicles heard within `duration_s`, by system id. Raises `DuplicateSystemId`."""
@@ -195,31 +238,61 @@ class LinkedFleet:
         return "" if target is None else f"{self._endpoints[target.link].spec.mode.value}:{target}"
 
     def _receive(self, link: int, data: bytes, address: Address) -> None:
-        """Process the bytes that arrived on one link."""
+        """Process the bytes that arrived on one link. A failure is reported and ends the processing of one message."""
         now_s = self._loop.time()
         source = LinkAddress(link, address)
-        for message in self._codec.decode(data, source):
-            if self._on_frame is not None:
-                self._on_frame(FrameDirection.IN, message.raw)
-            session = self.sessions.get(message.sysid)
-            if (session is None or not session.heard) and not _is_vehicle(message):
-                continue
-            if session is not None and message.compid != session.station.compid:
-                continue
-            if not self._signing.accepts(message.raw, now_s, note=False):
-                self.refused_frames += 1
-                continue
-            self._routing.identify(message, source)
-            if not self._routing.accept(message.sysid, source, now_s):
-                self._found.set()
-                continue
-            self._signing.accepts(message.raw, now_s)
-            if session is None:
+        known = self._routing.knows(source)
+        if not known and not self.strangers.admits(len(data), source, now_s):
+            return
+        for message in self._codec.decode(data, source, joins=known or not self._frozen):
+            try:
+                self._process(message, source, now_s)
+            except Exception as error:
+                text = f"the processing of {message.name} of system {message.sysid} failed"
+                self._loop.call_exception_handler({"message": text, "exception": error})
+
+    def _process(self, message: Message, source: LinkAddress, now_s: float) -> None:
+        system = message.sysid
+        session = self.sessions.get(system)
+        is_new = session is None or not session.heard
+        is_vehicle = is_new and is_vehicle_heartbeat(message)
+        if self._only is not None and system not in self._only:
+            if is_vehicle:
+                self.strangers.note(system, source, now_s)
+            self._log_foreign(message, now_s)
+            return
+        if (is_new and not is_vehicle) or (session is not None and message.compid != session.station.compid):
+            self._log_foreign(message, now_s)
+            return
+        if not self._signing.is_valid(message.raw, now_s):
+            self.refused_frames += 1
+            return
+        self._routing.identify(message, source)
+        if not self._routing.accept(system, source, now_s, signed=self._signing.on):
+            self._found.set()
+            return
+        self._signing.note(message.raw, now_s)
+        self._log(FrameDirection.IN, message.raw)
+        if self._routing.moves:
+            session = self._after_moves(session)
+        if session is None:
+            if is_vehicle or is_vehicle_heartbeat(message):
                 self._add_vehicle(message)
-                continue
-            session.quality.receive(message.raw)
-            if message.is_for(self.me):
-                session.receive(message, now_s)
+            return
+        session.quality.receive(message.raw)
+        if message.is_for(self.me):
+            session.receive(message, now_s)
+
+    def _after_moves(self, session: VehicleSession | None) -> VehicleSession | None:
+        """Report moves; forget a session that is not in use yet, unless the move is proved."""
+        for move in self._routing.moves:
+            if not move.proof and move.sysid not in self._handed_out:
+                self.sessions.pop(move.sysid, None)
+                session = None
+            why = move.proof or "the first one is silent, and neither reports an id"
+            self._tell(move.sysid, f"is at {move.now} now, no longer at {move.before}: {why}")
+        self._routing.moves.clear()
+        return session
 
     def _add_vehicle(self, heartbeat: Message) -> None:
         system = heartbeat.sysid
@@ -244,64 +317,59 @@ class LinkedFleet:
 
     def _send(self, message: Message, link: int, address: Address | None) -> None:
         frame = self._codec.encode(message, self._signing.signature(self._loop.time()))
-        if self._on_frame is not None:
-            self._on_frame(FrameDirection.OUT, frame)
+        self._log(FrameDirection.OUT, frame)
         self._endpoints[link].send(frame, address)
+
+    def _log(self, direction: FrameDirection, frame: bytes) -> None:
+        """Pass a frame to the log, whose failure does not concern the link."""
+        if self._on_frame is not None:
+            try:
+                self._on_frame(direction, frame)
+            except Exception as error:
+                self._loop.call_exception_handler({"message": "the log of frames failed", "exception": error})
+
+    def _log_foreign(self, message: Message, now_s: float) -> None:
+        if self.strangers.logs(len(message.raw), now_s):
+            self._log(FrameDirection.IN, message.raw)
+
+    def _tell(self, system: int, text: str) -> None:
+        if self._on_notice is not None:
+            self._on_notice(LinkNotice(system, text))
+
+    def _tell_of_strangers(self, now_s: float) -> None:
+        if self._only is None:
+            return
+        for text in self.strangers.notices(now_s):
+            self._tell(0, text)
+        for system, address in self._routing.claims(now_s).items() if self._frozen else ():
+            if system not in self._claims_told:
+                self._claims_told.add(system)
+                self._tell(system, f"is claimed from {address} too: ignored, it does not prove to be this vehicle")
 
     async def _send_heartbeats(self) -> None:
         while True:
             now_s = self._loop.time()
             known = self._routing.addresses()
             for target in known:
-                self._send(_HEARTBEAT, target.link, target.address)
+                self._send(STATION_HEARTBEAT, target.link, target.address)
             for link in {*range(len(self._endpoints))} - {target.link for target in known}:
                 if self._endpoints[link].spec.mode.speaks_first:
-                    self._send(_HEARTBEAT, link, None)
-            for system, targets in self._routing.unidentified(now_s).items():
+                    self._send(STATION_HEARTBEAT, link, None)
+            asked = self._routing.unidentified(now_s)
+            for system, targets in asked.items():
                 for target in targets:
-                    self._send(_request_identity(self.sessions[system].station), target.link, target.address)
+                    self._send(identity_request(self.sessions[system].station), target.link, target.address)
+            self._request_identities(asked)
+            self._tell_of_strangers(now_s)
             for session in self.sessions.values():
                 session.tick(now_s)
-            await asyncio.sleep(_HEARTBEAT_S if not self._routing.unidentified(now_s) else _LOOK_S)
+            await asyncio.sleep(_LOOK_S if asked and not self._frozen else _HEARTBEAT_S)
 
-
-_HEARTBEAT = Message(
-    "HEARTBEAT",
-    {
-        "type": int(MavType.GCS),
-        "autopilot": NO_AUTOPILOT,
-        "base_mode": 0,
-        "custom_mode": 0,
-        "system_status": int(MavState.ACTIVE),
-        "mavlink_version": 3,
-    },
-)
-
-
-def _request_identity(station: Station) -> Message:
-    (message,) = CommandSender(MavCommand.REQUEST_MESSAGE, (MessageId.AUTOPILOT_VERSION,), station).start(0.0)
-    return message
-
-
-def _is_vehicle(message: Message) -> bool:
-    return (
-        message.name == "HEARTBEAT"
-        and message.fields["type"] != MavType.GCS
-        and message.fields["autopilot"] != NO_AUTOPILOT
-    )
-
-
-def _reject_shared_systems(system_of: Mapping[int, int]) -> None:
-    seen: dict[int, int] = {}
-    for sysid, system in system_of.items():
-        if system in seen:
-            raise UsageError(
-                f"vehicles {seen[system]} and {sysid} would both be system {system}.",
-                hint="give each vehicle a system of its own: --map 1=7,2=8",
-            )
-        seen[system] = sysid
-
-
-def _vehicles(sysids: Sequence[int], system_of: Mapping[int, int]) -> str:
-    named = [str(s) if system_of[s] == s else f"{s} (system {system_of[s]})" for s in sysids]
-    return ("vehicle " if len(named) == 1 else "vehicles ") + ", ".join(named)
+    def _request_identities(self, asked: Collection[int]) -> None:
+        """Request the ids of the vehicles of a flight until they are known: the proof if they move."""
+        if self._only is None or self._identity_requests > _IDENTITY_REQUESTS:
+            return
+        self._identity_requests += 1
+        for system, session in self.sessions.items():
+            if system not in asked and not self._routing.is_identified(system):
+                session.send(identity_request(session.station))

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from gcs.autopilots.flight_modes import autopilot_name, mode_name
 from gcs.autopilots.traits import link_behaviour
 from gcs.link.microservices.timesync import TimeSample, TimeSync
+from gcs.link.routing.routing_table import identity
 from gcs.link.session.newest_message import FRESH_S, newest_message
-from gcs.link.session.routing import identity
 from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mavlink import PREARM_CHECK, MavState, MessageId

@@ -68,28 +68,37 @@ class Signing:
         self._now_s = now_s
         return Signature(self._key, self._link_id, self._ticks)
 
-    def accepts(self, frame: bytes, now_s: float, *, note: bool = True) -> bool:
-        """Whether this frame is signed with the key and newer than all earlier frames of its sender.
+    def accepts(self, frame: bytes, now_s: float) -> bool:
+        """Whether this frame is valid, and with that the newest of its sender: its copies are rejected."""
+        if not self.is_valid(frame, now_s):
+            return False
+        self.note(frame, now_s)
+        return True
 
-        With `note` it becomes the newest frame of its sender, so that its copies are rejected.
-        """
+    def is_valid(self, frame: bytes, now_s: float) -> bool:
+        """Whether this frame is signed with the key and newer than all earlier frames of its sender."""
         if not self._key:
             return True
         if not is_signed(frame):
             return False
-        signed, signature = frame[:-_HASH], frame[-_HASH:]
-        expected = hashlib.sha256(self._key + signed).digest()[:_HASH]
-        if not hmac.compare_digest(expected, signature):
-            return False
-        link_id, ticks = frame[-_LENGTH], int.from_bytes(frame[-_LENGTH + 1 : -_HASH], "little")
-        sender = (link_id, frame[_SYSID_AT], frame[_COMPID_AT])
+        sender, ticks = _stamp(frame)
         if ticks <= self._heard.get(sender, self._at(now_s) - _STALE_TICKS):
             return False
-        if not note:
-            return True
-        self._heard[sender] = ticks
-        self._ticks, self._now_s = max(self._at(now_s), ticks), now_s
-        return True
+        signed, signature = frame[:-_HASH], frame[-_HASH:]
+        return hmac.compare_digest(hashlib.sha256(self._key + signed).digest()[:_HASH], signature)
+
+    def note(self, frame: bytes, now_s: float) -> None:
+        """Make a valid frame the newest one of its sender."""
+        if self._key:
+            sender, ticks = _stamp(frame)
+            self._heard[sender] = ticks
+            self._ticks, self._now_s = max(self._at(now_s), ticks), now_s
 
     def _at(self, now_s: float) -> int:
         return self._ticks + max(round((now_s - self._now_s) * TICKS_PER_S), 0)
+
+
+def _stamp(frame: bytes) -> tuple[tuple[int, int, int], int]:
+    """The sender (link id, system, component) and the time of a signed frame."""
+    ticks = int.from_bytes(frame[-_LENGTH + 1 : -_HASH], "little")
+    return (frame[-_LENGTH], frame[_SYSID_AT], frame[_COMPID_AT]), ticks

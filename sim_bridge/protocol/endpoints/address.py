@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from gcs.errors import UsageError
+from gcs.link.endpoints.ip_address import host_port, lacks_brackets, split_host_port
 
 LOOPBACK = "127.0.0.1"
 Address = tuple[str, int]
@@ -36,7 +37,7 @@ class EndpointSpec:
     shared: bool = False
 
     def __str__(self) -> str:
-        where = self.path if self.kind is EndpointKind.PTY else f"{self.host}:{self.port}"
+        where = self.path if self.kind is EndpointKind.PTY else host_port(self.host, self.port)
         return f"{self.kind}:{where}" if where else str(self.kind)
 
     def port_of(self, row: int) -> int:
@@ -71,7 +72,11 @@ def parse_link(text: str, *, bind: str = LOOPBACK, shared: bool = False) -> Endp
         raise UsageError(f"{text!r} does not name a link.", hint=_HINT) from None
     if kind is EndpointKind.PTY:
         return EndpointSpec(kind, path=rest, shared=shared)
-    host, _, port_text = rest.rpartition(":")
+    if lacks_brackets(rest):
+        raise UsageError(
+            f"{text!r} does not name a link.", hint=f"write an IPv6 host in brackets, e.g. {kind}:[::1]:14550"
+        )
+    host, port_text = split_host_port(rest) or ("", rest)
     least = 1 if kind is EndpointKind.UDP_OUT else 0
     if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) <= 0xFFFF):
         raise UsageError(f"{text!r} does not name a link: the port must be a number up to 65535.", hint=_HINT)

@@ -10,6 +10,7 @@ import socket
 from collections.abc import Iterator, Sequence
 
 from gcs.errors import LinkError
+from gcs.link.endpoints.ip_address import host_port, plain_address
 from sim_bridge.protocol.endpoints.address import EndpointSpec
 from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch
 
@@ -44,13 +45,13 @@ class TcpLine:
         self._connections: dict[int, _Connection] = {}
         self._accepted = 0
         try:
-            self._server = socket.create_server((spec.host, spec.port_of(row)))
+            family = socket.AF_INET6 if ":" in spec.host else socket.AF_INET
+            self._server = socket.create_server((spec.host, spec.port_of(row)), family=family)
         except OSError as error:
             raise LinkError(f"{spec} cannot be opened: {error.strerror}.", hint="choose another port") from error
         self._server.setblocking(False)
         watch.add(self._server.fileno(), self)
-        host, port = self._server.getsockname()[:2]
-        self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
+        self.place = PeerAddress(str(spec.kind), host_port(*plain_address(self._server.getsockname())))
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
         """Return the bytes of one connection; a new connection has none yet."""

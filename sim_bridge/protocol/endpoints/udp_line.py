@@ -11,7 +11,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gcs.errors import LinkError
-from sim_bridge.protocol.endpoints.address import LOOPBACK, Address, EndpointKind, EndpointSpec, is_loopback
+from gcs.link.endpoints.ip_address import caller_host, host_port, plain_address, resolve_udp, socket_address
+from sim_bridge.protocol.endpoints.address import Address, EndpointKind, EndpointSpec, is_loopback
 from sim_bridge.protocol.endpoints.line import LARGEST, PER_TURN, PeerAddress, Source, Watch, datagrams
 
 _BUFFER_BYTES = 1 << 20
@@ -27,32 +28,37 @@ class UdpLine:
         self._watch = watch
         self._stations: dict[Any, float] = {}  # wall time of the last frame of each
         self._forget_at_s = math.inf
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        calls = spec.kind is EndpointKind.UDP_OUT
+        family, ground = resolve(spec) if calls else (socket.AF_INET6 if ":" in spec.host else socket.AF_INET, None)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             self._socket.setblocking(False)
             for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
                 self._socket.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
-            if spec.kind is EndpointKind.UDP_OUT:
-                self._call(resolve(spec))
+            if ground is not None:
+                self._call(family, ground)
             else:
-                self._socket.bind((spec.host, spec.port_of(row)))
+                self._socket.bind(socket_address(spec.host, spec.port_of(row)))
         except OSError as error:
             self._socket.close()
             raise LinkError(f"{spec} cannot be opened: {error.strerror}.", hint="choose another port") from error
-        except LinkError:
+        except BaseException:
             self._socket.close()
             raise
         watch.add(self._socket.fileno(), self)
-        host, port = self._socket.getsockname()[:2]
-        self.place = PeerAddress(str(spec.kind), f"{host}:{port}")
+        self.place = PeerAddress(str(spec.kind), host_port(*plain_address(self._socket.getsockname())))
 
-    def _call(self, ground: Address) -> None:
+    def _call(self, family: socket.AddressFamily, ground: Address) -> None:
         """Send to `ground`. On this machine any program may answer; elsewhere only that address."""
-        local = is_loopback(ground[0])
-        self._socket.bind((LOOPBACK if local else "", 0))
-        if not local:
-            self._socket.connect(ground)
-        self._stations[ground] = math.inf
+        self._socket.bind((caller_host(family, ground[0]), 0))
+        target = socket_address(*ground)
+        if not is_loopback(ground[0]):
+            self._socket.connect(target)
+        self._stations[self._socket_key(target)] = math.inf
+
+    def _socket_key(self, target: tuple[Any, ...]) -> tuple[Any, ...]:
+        """An address as `recvfrom` reports it."""
+        return (*target, 0, 0) if self._socket.family == socket.AF_INET6 and len(target) == 2 else target
 
     def receive(self, file: int, now_s: float) -> Iterator[tuple[bytes, Source]]:
         """Return datagrams and their senders."""
@@ -93,10 +99,9 @@ class UdpLine:
             self._socket.close()
 
 
-def resolve(spec: EndpointSpec) -> Address:
-    """Return the IPv4 address of the host. Raises `LinkError`."""
+def resolve(spec: EndpointSpec) -> tuple[socket.AddressFamily, Address]:
+    """Return the family and the address of the host. Raises `LinkError`."""
     try:
-        found = socket.getaddrinfo(spec.host, spec.port, family=socket.AF_INET, type=socket.SOCK_DGRAM)
+        return resolve_udp(spec.host, spec.port)
     except OSError as error:
-        raise LinkError(f"the host {spec.host!r} is unknown.", hint="use an IPv4 address") from error
-    return str(found[0][4][0]), spec.port
+        raise LinkError(f"the host {spec.host!r} is unknown.", hint="use an IP address") from error

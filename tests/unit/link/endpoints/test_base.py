@@ -11,6 +11,10 @@ from gcs.link.endpoints.base import LinkMode, LinkSpec, parse_link_spec
         ("udpout:sim.local:14540", LinkSpec(LinkMode.CALL, "sim.local", 14540)),
         ("127.0.0.1:14550", LinkSpec(LinkMode.LISTEN, "127.0.0.1", 14550)),
         ("tcp:127.0.0.1:5760", LinkSpec(LinkMode.TCP, "127.0.0.1", 5760)),
+        ("udpin:[::1]:14550", LinkSpec(LinkMode.LISTEN, "::1", 14550)),
+        ("[::]:14550", LinkSpec(LinkMode.LISTEN, "::", 14550)),
+        ("udpout:[fe80::2%eth0]:14540", LinkSpec(LinkMode.CALL, "fe80::2%eth0", 14540)),
+        ("tcp:[2001:db8::7]:5760", LinkSpec(LinkMode.TCP, "2001:db8::7", 5760)),
         ("serial:/dev/ttyUSB0:921600", LinkSpec(LinkMode.SERIAL, "/dev/ttyUSB0", 921600)),
         ("/dev/ttyACM0", LinkSpec(LinkMode.SERIAL, "/dev/ttyACM0", 57600)),
         ("/dev/by-path/pci-0:1:1.0-port0", LinkSpec(LinkMode.SERIAL, "/dev/by-path/pci-0:1:1.0-port0", 57600)),
@@ -18,12 +22,32 @@ from gcs.link.endpoints.base import LinkMode, LinkSpec, parse_link_spec
 )
 def test_links_by_name(text, spec):
     assert parse_link_spec(text) == spec
+    assert parse_link_spec(str(spec)) == spec
+
+
+@pytest.mark.parametrize("text", ["udpin:::1:14550", "udpout:2001:db8::7:14550", "tcp:fe80::1:5760"])
+def test_an_ipv6_host_without_brackets_is_told_how_to_be_written(text):
+    with pytest.raises(UsageError) as caught:
+        parse_link_spec(text)
+    assert "in brackets" in caught.value.hint
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "14550", "udpin:", "udpin:host", "udpout:h:0", "udpin:h:99999", "tcp:h:1:2", "udpin::5", "h:²"),
+        *(
+            "",
+            "14550",
+            "udpin:",
+            "udpin:host",
+            "udpout:h:0",
+            "udpin:h:99999",
+            "tcp:h:1:2",
+            "udpin::5",
+            "h:²",
+            "udpin:[::1]",
+            "[127.0.0.1]:5",
+        ),
         *("tcp:h:0", "serial:", "/dev/x:0"),
     ],
 )

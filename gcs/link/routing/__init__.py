@@ -1,0 +1,1 @@
+"""The address of each vehicle, the proof that a vehicle has moved, and the budget of strangers."""
