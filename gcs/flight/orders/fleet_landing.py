@@ -123,7 +123,10 @@ class FleetLanding:
 
     def hand_over(self) -> None:
         """Report each vehicle that is not known to have landed: from now on it is flown by others."""
+        states = self._states()
         for sysid in self._vehicles:
+            if states.get(sysid) is State.LOST:
+                continue  # its loss was reported
             heard = self.is_heard(sysid)
             if self.custody.may_be_up(sysid) and (self._vehicles[sysid].session.armed or not heard):
                 why = "still armed" if heard else SILENT_WORDS
