@@ -38,7 +38,7 @@ class NearestPair:
     unix_s: float
 
     def __str__(self) -> str:
-        return f"{self.part} {self.distance_m:.2f} m (vehicles {self.pair[0]} and {self.pair[1]})"
+        return f"{self.part} {self.distance_m:.2f} m (vehicles {self.pair[0]}, {self.pair[1]})"
 
 
 @dataclass(frozen=True)

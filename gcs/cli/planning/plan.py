@@ -95,6 +95,21 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     _show_verdict(screen, made, report)
     for check in report.failures:
         screen.say(f"  FAILED: {check}")
+    warn_of_position_errors(screen, made)
+
+
+def warn_of_position_errors(screen: Screen, made: Plan) -> None:
+    """Warn if position errors of the scenario's sensors leave less than the separation that a flight must keep."""
+    from gcs.plan.verification.position_errors import separation_left
+
+    left, required_m = separation_left(made), made.scenario.judge.separation_min_m
+    if left is not None and left.left_m < required_m:
+        first, second = left.pair
+        screen.warn(
+            f"vehicles {first} and {second} are planned {left.planned_m:.2f} m apart at t = {left.t_s:.0f} s. Position "
+            f"errors of {made.scenario.sensors.grade} sensors leave {max(left.left_m, 0.0):.2f} m; [judge] requires "
+            f"{required_m:g} m. Plan them farther apart, or fly better sensors."
+        )
 
 
 def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:

@@ -21,10 +21,11 @@ def verify(
     from rich.table import Table
 
     from gcs.cli.plan_argument import verdict_word
+    from gcs.cli.planning.plan import warn_of_position_errors
     from gcs.plan.trajectory.plan_file import load_plan
     from gcs.plan.verification.verify import refusal
 
-    _, report = load_plan(plan, screen.warn)
+    loaded, report = load_plan(plan, screen.warn)
     shown: set[str] = set()
     table = Table("criterion", "measured margin", "limit", "verdict", "where")
     for check in sorted(report.checks, key=lambda c: c.worst):
@@ -37,6 +38,7 @@ def verify(
         limit = f"≥ {-check.tolerance:g}" if check.tolerance else "≥ 0"
         table.add_row(check.name, margin, limit, verdict_word(check.ok), f"{check.phase}{when}{vehicle}")
     screen.show(table)
+    warn_of_position_errors(screen, loaded)
     screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed")
     screen.result({"ok": report.ok, "failures": [str(c) for c in report.failures], "checks": len(report.checks)})
     if report.ok:

@@ -20,7 +20,7 @@ from gcs.reading.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05
-GROUND_SEPARATION = "separation, ground phases"
+GROUND_SEPARATION = "separation near ground"
 _MOST = 2048 * MIB  # the file is not packed: it is as large as its arrays
 _TRUTH = {
     "t_s": ArrayKind("f8", 1, _MOST),
@@ -53,7 +53,7 @@ class Criterion:
         """The vehicles of the measured value in words; empty for a value of all."""
         if self.sysid is None:
             return ""
-        return f"vehicle {self.sysid}" if self.other is None else f"vehicles {self.sysid} and {self.other}"
+        return f"vehicle {self.sysid}" if self.other is None else f"vehicles {self.sysid}, {self.other}"
 
     @property
     def ok(self) -> bool:

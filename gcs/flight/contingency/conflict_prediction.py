@@ -4,8 +4,8 @@ A vehicle on the plan continues along it with its present deviation, which drift
 controller acts. A vehicle off the plan continues straight on. The relative motion of two vehicles on the plan was
 verified, so only their deviations bring them too close.
 
-Before T0 a vehicle climbs over its pad at its present rate, and what moves it sideways acts for that half second. A
-vehicle more than `COLUMN_M` to the side is off the plan.
+Before T0 a vehicle climbs on at its present rate, as far to the side of its pad as it is: gusts move it, and it comes
+back. A vehicle more than `COLUMN_M` to the side is off the plan.
 """
 
 from __future__ import annotations
@@ -115,5 +115,5 @@ class SeparationWatch:
         """Predicted positions (T, 3) of a vehicle before T0, from a report of this age."""
         seconds = np.repeat(self._ahead_s[:, None] + age_s, 3, axis=1)
         if self.off_pad_m(view) <= COLUMN_M:
-            seconds[:, :2] = FADE_S * (1.0 - np.exp(-seconds[:, :2] / FADE_S))
+            seconds[:, :2] = 0.0
         return view.place_ned_m + seconds * view.velocity_ned_mps

@@ -118,7 +118,7 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
     if rows := data.get("separation_reported"):
         lines += ["| least separation, from telemetry | m |", "| --- | --- |"]
         lines += [
-            f"| {row['part']} (vehicles {row['vehicles'][0]} and {row['vehicles'][1]}) at t = {row['t_s']:.1f} s "
+            f"| {row['part']} (vehicles {row['vehicles'][0]}, {row['vehicles'][1]}) at t = {row['t_s']:.1f} s "
             f"| {row['distance_m']:.3f} |"
             for row in rows
         ]

@@ -336,7 +336,8 @@ class SensorsTable(Part):
     """The sensors of emulated vehicles."""
 
     grade: Literal["rtk", "gnss"] = Field(
-        default="gnss", description="rtk: position errors of centimetres; gnss: of metres"
+        default="gnss",
+        description="rtk: position errors of centimetres; gnss: of 1 m north and east, 1.5 m in height (1 sigma)",
     )
 
 

@@ -76,7 +76,7 @@ def test_two_vehicles_that_touch_near_the_ground_fail_the_flight(simulation1_pla
     assert ground.limit == plan.scenario.judge.separation_min_m
     assert not ground.ok
     assert not verdict.ok
-    assert ground.vehicles == "vehicles 2 and 5"
+    assert ground.vehicles == "vehicles 2, 5"
     assert ground.t_s == pytest.approx(t_s, abs=0.3)
     assert named(verdict, "separation").ok
 
