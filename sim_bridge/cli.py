@@ -79,6 +79,7 @@ def fly(
     ] = None,
     faults: Annotated[Path | None, typer.Option(help="TOML file with faults.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Check the options, and end.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Emulate the vehicles of MISSION. They send to a ground station over UDP, each from its own port.
@@ -117,6 +118,8 @@ def fly(
         wind=parse_wind(wind, gusts),
         ideal=nav == "ideal",
     )
+    if check:
+        return
     with World(scenario, options) as fleet:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: fleet.stop())

@@ -7,6 +7,7 @@ holds this). A traceback is printed with `--debug` only.
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 import traceback
@@ -34,11 +35,18 @@ from gcs.cli.planning.replan import replan
 from gcs.cli.planning.schema import schema
 from gcs.cli.planning.show import show
 from gcs.cli.planning.verify import verify
-from gcs.errors import GcsError
+from gcs.errors import FileFormatError, GcsError, UsageError
 
 STOPPED = 130  # typer's, for every KeyboardInterrupt
 OUTPUT_LOST = 1
 BUG = 70
+OF_FILES = frozenset(  # errors of paths and disks, of which the user is told; all others are bugs
+    {
+        *(errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EFBIG, errno.EINVAL, errno.EIO, errno.EISDIR, errno.ELOOP),
+        *(errno.EBUSY, errno.ENAMETOOLONG, errno.ENODEV, errno.ENOENT, errno.ENOSPC, errno.ENOTDIR, errno.ENOTEMPTY),
+        *(errno.ENXIO, errno.EPERM, errno.EROFS, errno.EXDEV),
+    }
+)
 FOR_VEHICLES = {"fly", "attach", "tell", "upload", "restore"}  # what they did counts, not what they could print
 EXAMPLES = """Examples:
 
@@ -139,6 +147,8 @@ def _run(arguments: list[str]) -> int:
     screen, debug = Screen(json="--json" in arguments), "--debug" in arguments
     Stopped.latest = signal.SIGINT  # of this command
     try:
+        if any("\0" in argument for argument in arguments):  # no path and no name has one
+            raise UsageError("an argument has a NUL character", hint="leave it out")
         # Not standalone: typer then leaves the endings to the lines below. None is success.
         code = 0
         if arguments:
@@ -155,20 +165,47 @@ def _run(arguments: list[str]) -> int:
         code = error.exit_code
         _trace(debug)
         screen.failure(error)
+    except OSError as error:
+        code = BUG if error.errno not in OF_FILES else FileFormatError.exit_code
+        _trace(debug)
+        _say_os_error(screen, error, code)
+    except MemoryError:
+        code = OUTPUT_LOST
+        _trace(debug)
+        screen.error(
+            "the memory of this machine is used up.",
+            hint="give the command less to read, or more memory",
+            kind="MemoryError",
+            exit_code=code,
+        )
     except Exception as error:
         code = BUG
         _trace(debug)
-        screen.error(
-            f"a bug in this program: {type(error).__name__}: {error}",
-            hint="run the same command with --debug and report its output",
-            kind="Bug",
-            exit_code=code,
-        )
+        _say_bug(screen, error)
     if code == STOPPED:
         code = Stopped.exit_code()
         ignore_stops()  # a second Ctrl-C must not print a traceback
         screen.stopped(code)
     return int(code)
+
+
+def _say_os_error(screen: Screen, error: OSError, code: int) -> None:
+    """Print why a file could not be read or written; other errors of the system are bugs of this program."""
+    if code == BUG:
+        _say_bug(screen, error)
+        return
+    place = "a file" if error.filename is None else str(error.filename)
+    hint = "check the path, its permissions, and the space on its disk"
+    screen.error(f"{place}: {error.strerror}.", hint=hint, kind=FileFormatError.__name__, exit_code=code)
+
+
+def _say_bug(screen: Screen, error: Exception) -> None:
+    screen.error(
+        f"a bug in this program: {type(error).__name__}: {error}",
+        hint="run the same command with --debug and report its output",
+        kind="Bug",
+        exit_code=BUG,
+    )
 
 
 def _trace(wanted: bool) -> None:

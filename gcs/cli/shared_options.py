@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from gcs.link.connection import Connection
 
 DEFAULT_LINK = "udpin:127.0.0.1:14550"
+GATES = (0, 1000)  # least and most of --gates; the flight's time limits them further
+LISTEN_S = (0.01, 3600.0)  # least and most of --listen
 LARGEST_SYSTEM = 254  # 255 is the ground station
 
 LinkOption = Annotated[
@@ -99,6 +101,14 @@ def connection(
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
 
 
+def within(option: str, value: float, least: float, most: float, unit: str = "") -> float:
+    """The value, if it is a number from `least` to `most`; NaN is none. Raises `UsageError`."""
+    if not least <= value <= most:
+        limits = f"{least:g} to {most:g}{unit and f' {unit}'}"
+        raise UsageError(f"{option} {value:g}: not from {limits}", hint=f"give a number from {limits}")
+    return value
+
+
 def unknown_choice(option: str, value: str, known: Sequence[str]) -> UsageError:
     """The error for an option's value that is not one of `known`."""
     return UsageError(f"{option} {value}: unknown value", hint=f"give one of {', '.join(known)}")
@@ -109,7 +119,9 @@ def parse_map(text: str | None) -> dict[int, int]:
     found: dict[int, int] = {}
     for part in text.split(",") if text else ():
         vehicle, equals, system = part.strip().partition("=")
-        numbers = [n for n in (vehicle, system) if n.isascii() and n.isdigit() and 0 < int(n) <= LARGEST_SYSTEM]
+        numbers = [
+            n for n in (vehicle, system) if n.isascii() and n.isdigit() and len(n) < 9 and 0 < int(n) <= LARGEST_SYSTEM
+        ]
         if not equals or len(numbers) != 2:
             raise UsageError(f"--map {text!r}: {part!r} is not VEHICLE=SYSTEM", hint="write for example --map 1=7,2=8")
         if int(vehicle) in found:

@@ -9,6 +9,7 @@ import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
+    GATES,
     DebugOption,
     JsonOption,
     KeyOption,
@@ -19,9 +20,12 @@ from gcs.cli.shared_options import (
     UnverifiedOption,
     connection,
     unknown_choice,
+    within,
 )
 from gcs.errors import UsageError
 
+SPEEDUPS = (0.01, 10_000.0)  # least and most, in multiples of real time
+LARGEST_SEED = 2**53
 LARGEST_SYSID = 254  # 255 is the ground station
 
 
@@ -120,7 +124,7 @@ def fly(
     gcs fly missions/simulation1 --sim --mode mission --speedup max
     """
     screen = Screen(json=json)
-    _check(sim, bool(link), mode, speedup)
+    _check(sim, bool(link), mode, speedup, seed)
     _check_choices(follow, mode, on_loss, on_leader_loss)
     _check_missions(mode, nav, gates)
     share = _reserve(reserve, sim)
@@ -134,6 +138,7 @@ def fly(
     from gcs.flight.run import Emulated, FlightRun
     from gcs.flight.setup.mission_choice import TimeKeeping
     from gcs.flight.setup.preflight_check import known_checks
+    from gcs.flight.setup.simulator_process import refuse_wrong_options
 
     waived = known_checks(waive or ())
     watch = Stopwatch(BEGAN_S)
@@ -150,6 +155,8 @@ def fly(
     choices = FlightOptions(
         follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
     )
+    if sim and (fault or wind is not None or gusts is not None):
+        refuse_wrong_options(plan.scenario, tuple(fault or ()), wind, gusts)
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
@@ -157,7 +164,7 @@ def fly(
     return fly_and_judge(run, screen, watch, asks=not yes_arm)
 
 
-def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:
+def _check(sim: bool, link: bool, mode: str, speedup: str, seed: int) -> None:
     """Refuse wrong options before heavy imports. Raises `UsageError`."""
     if sim == link:
         raise UsageError(
@@ -168,11 +175,15 @@ def _check(sim: bool, link: bool, mode: str, speedup: str) -> None:
         raise unknown_choice("--mode", mode, ("stream", "mission"))
     if speedup != "max":
         try:
-            positive = float(speedup) > 0
+            rate = float(speedup)
         except ValueError:
-            positive = False
-        if not positive:
-            raise UsageError(f"--speedup {speedup}: not a speed", hint="give a number above 0, or max")
+            rate = 0.0
+        if not SPEEDUPS[0] <= rate <= SPEEDUPS[1]:
+            raise UsageError(
+                f"--speedup {speedup[:40]}: not a speed",
+                hint=f"give a number from {SPEEDUPS[0]:g} to {SPEEDUPS[1]:g}, or max",
+            )
+    within("--seed", seed, 0, LARGEST_SEED)
 
 
 def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -> None:
@@ -190,8 +201,7 @@ def _check_choices(follow: bool, mode: str, on_loss: str, on_leader_loss: str) -
 def _check_missions(mode: str, nav: str, gates: int) -> None:
     if nav not in ("auto", "own", "ideal"):
         raise unknown_choice("--nav", nav, ("auto", "own", "ideal"))
-    if gates < 0:
-        raise UsageError(f"--gates {gates}: below 0", hint="give 0 or more")
+    within("--gates", gates, *GATES)
     if gates and (mode != "mission" or nav == "ideal"):
         raise UsageError(
             "--gates needs waypoint missions and the autopilot's own navigator",

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from gcs.flight.recording.recording import Recording
 
 
+SPEEDS = (0.01, 10_000.0)  # least and most, in multiples of real time
+
+
 def replay(
     flight: Annotated[
         Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False)
@@ -97,8 +100,9 @@ def _rate(speed: str | None, to_link: str | None) -> float:
         rate = float(speed) if speed is not None else (10.0 if to_link is None else 1.0)
     except ValueError:
         rate = 0.0
-    if not 0.0 < rate < float("inf"):
-        raise UsageError(f"--speed {speed}: not a speed", hint="give a number above 0, or max")
+    if not SPEEDS[0] <= rate <= SPEEDS[1]:
+        hint = f"give a number from {SPEEDS[0]:g} to {SPEEDS[1]:g}, or max"
+        raise UsageError(f"--speed {speed}: not a speed", hint=hint)
     if to_link is not None:
         from gcs.link.endpoints.base import LinkMode, parse_link_spec
 

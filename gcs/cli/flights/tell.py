@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import BackendOption, DebugOption, JsonOption, KeyOption, LinkOption, connection
+from gcs.cli.shared_options import (
+    LISTEN_S,
+    BackendOption,
+    DebugOption,
+    JsonOption,
+    KeyOption,
+    LinkOption,
+    connection,
+    within,
+)
 from gcs.errors import PeerError, PeerTimeout, UsageError
 
 if TYPE_CHECKING:
@@ -52,8 +61,7 @@ def tell(
         raise UsageError(f"gcs tell {what}: unknown command", hint=f"give one of {', '.join(_DONE)}")
     if not link:
         raise UsageError("--link is missing", hint=f"for example gcs tell {what} --link udpin:127.0.0.1:14550")
-    if not listen > 0:
-        raise UsageError(f"--listen {listen:g}: not above 0", hint="give a number of seconds")
+    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)
@@ -75,7 +83,7 @@ _LEFT = "is not armed, no command sent"
 
 def _named(text: str | None) -> tuple[int, ...]:
     parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(part.isascii() and part.isdigit() and 0 < int(part) < 255 for part in parts):
+    if not all(part.isascii() and part.isdigit() and len(part) < 9 and 0 < int(part) < 255 for part in parts):
         raise UsageError(f"--vehicles {text}: not system ids", hint="give for example --vehicles 1,3")
     return tuple(dict.fromkeys(map(int, parts)))
 

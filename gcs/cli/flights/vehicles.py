@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import BackendOption, DebugOption, JsonOption, KeyOption, LinkOption, connection
-from gcs.errors import PeerTimeout, UsageError
+from gcs.cli.shared_options import (
+    LISTEN_S,
+    BackendOption,
+    DebugOption,
+    JsonOption,
+    KeyOption,
+    LinkOption,
+    connection,
+    within,
+)
+from gcs.errors import PeerTimeout
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -35,8 +44,7 @@ def vehicles(
     gcs vehicles --link tcp:127.0.0.1:5760 --link serial:/dev/ttyUSB0:57600 --json
     """
     screen = Screen(json=json)
-    if not listen > 0:
-        raise UsageError(f"--listen {listen:g}: not above 0", hint="give a number of seconds")
+    within("--listen", listen, *LISTEN_S, "s")
     from gcs.aio import Stoppable
 
     known = connection(link, None, signing_key_file)

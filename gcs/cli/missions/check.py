@@ -11,8 +11,7 @@ from rich.table import Table
 
 from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
-from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice
-from gcs.errors import UsageError
+from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
 from gcs.mission.formats.registry import Content, suffixes_of
 
 if TYPE_CHECKING:
@@ -80,8 +79,8 @@ def check(
     screen = Screen(json=json)
     if autopilot is not None and autopilot not in AUTOPILOTS:
         raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
-    if separation is not None and not separation > 0:
-        raise UsageError(f"--separation {separation:g}: not above 0", hint="give a distance above 0 m")
+    if separation is not None:
+        within("--separation", separation, 1e-3, 1e6, "m")
     if timing is not None and timing not in TIMINGS:
         raise unknown_choice("--timing", timing, tuple(TIMINGS))
     from gcs.autopilots.traits import Autopilot

@@ -9,6 +9,7 @@ import typer
 
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
+    LISTEN_S,
     BackendOption,
     DebugOption,
     JsonOption,
@@ -19,6 +20,7 @@ from gcs.cli.shared_options import (
     UntimedOption,
     UnverifiedOption,
     connection,
+    within,
 )
 from gcs.errors import PeerError, PeerTimeout
 
@@ -52,6 +54,7 @@ def download(
     from gcs.aio import Stoppable
 
     screen = Screen(json=json)
+    within("--listen", listen, *LISTEN_S, "s")
     known = connection(link, None, signing_key_file)
     every = Stoppable().run(_read_all(known, backend, listen))
     files = _write(to, every)

@@ -13,12 +13,14 @@ from rich.table import Table
 from gcs.autopilots.traits import Autopilot, titles
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
+    GATES,
     DebugOption,
     JsonOption,
     MissionArgument,
     UntimedOption,
     UnverifiedOption,
     unknown_choice,
+    within,
 )
 from gcs.errors import UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
@@ -94,7 +96,7 @@ def export(
     gcs export missions/field --to out --gates 3 --start 10:30:00
     """
     screen = Screen(json=json)
-    _check(autopilot, altitude, gates)
+    _check(autopilot, altitude, gates, smooth)
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.mission.export.export import export as write
@@ -222,10 +224,11 @@ def _seconds_of_day(text: str) -> int:
     return 3600 * hour + 60 * minute + second
 
 
-def _check(autopilot: str | None, altitude: str, gates: int) -> None:
+def _check(autopilot: str | None, altitude: str, gates: int, smooth: float | None) -> None:
     """Refuse wrong options before heavy imports. Raises `UsageError`."""
-    if gates < 0:
-        raise UsageError(f"--gates {gates}: below 0", hint="give 0 or more")
+    within("--gates", gates, *GATES)
+    if smooth is not None:
+        within("--smooth", smooth, 1e-3, 1e3, "m")
     if autopilot is not None and autopilot not in AUTOPILOTS:
         raise unknown_choice("--autopilot", autopilot, AUTOPILOTS)
     if altitude not in ALTITUDES:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument
+from gcs.cli.shared_options import DebugOption, JsonOption, PlanArgument, within
 
 if TYPE_CHECKING:
     from gcs.physics.quadrotor import Array
     from gcs.plan.trajectory.plan import Plan
     from gcs.scenario.schema.scenario import NoFlyZone
 
+_LATEST_S = 7200.0
+_LARGEST = 1e6  # m, m/s, degrees: larger numbers are a mistake
 _PARTS = "NORTH,EAST,HEIGHT[,VNORTH,VEAST,VUP[,ROLL,PITCH,YAW[,rates]]]"
 
 
@@ -51,6 +52,7 @@ def replan(
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
+    within("--at", at, 0.0, _LATEST_S, "s")
     from gcs.cli.plan_argument import Stopwatch, solve_line
     from gcs.cli.planning.plan import show_plan
     from gcs.plan.replanning.replanner import Replanner
@@ -128,6 +130,6 @@ def _numbers(option: str, text: str, counts: tuple[int, ...], form: str) -> list
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
+    if len(numbers) not in counts or not all(abs(n) <= _LARGEST for n in numbers):
         raise typer.BadParameter(f"{text!r} is not {form}", param_hint=option)
     return numbers

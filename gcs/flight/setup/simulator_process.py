@@ -8,13 +8,16 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
 import sys
+import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs.errors import LinkError
+from gcs.errors import LinkError, UsageError
+from gcs.scenario.schema.scenario import Scenario
 
 _START_TIMEOUT_S = 60.0  # a busy machine takes half of it; a process that fails ends at once
 _STOP_TIMEOUT_S = 10.0
@@ -34,6 +37,31 @@ class SimulatorOptions:
     navigator: str = "ideal"  # ideal: keeps arrival times; own: the autopilot's
     wind: str | None = None  # SPEED@FROM; None: the scenario's
     gusts: str | None = None
+
+
+def refuse_wrong_options(scenario: Scenario, faults: tuple[str, ...], wind: str | None, gusts: str | None) -> None:
+    """Have the simulator read its own options before anything is planned or written. Raises UsageError."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scenario.json"
+        file.write_text(scenario.model_dump_json())
+        line = _command_line(SimulatorOptions(file, 1, faults=faults, wind=wind, gusts=gusts))
+        done = subprocess.run(
+            [*line, "--check"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_START_TIMEOUT_S,
+            check=False,
+        )
+    if done.returncode != 0:
+        raise _refused(done.returncode, done.stderr.decode(errors="replace"))
+
+
+def _refused(code: int | None, said: str) -> UsageError | LinkError:
+    """The error for a simulator that ended: its own words about its options, or that it did not start."""
+    if code != UsageError.exit_code:
+        return LinkError(f"the simulator did not start: {said.strip() or f'exit code {code}, no message'}")
+    message, _, hint = said.strip().removeprefix("error: ").partition("\nnext: ")
+    return UsageError(message, hint=hint)
 
 
 @asynccontextmanager
@@ -86,7 +114,7 @@ async def _until_ready(process: asyncio.subprocess.Process, log: Path) -> None:
     if not line:
         await process.wait()
         said = log.read_text(errors="replace").strip() if log.is_file() else ""
-        raise LinkError(f"the simulator did not start: {said or f'exit code {process.returncode}, no message'}")
+        raise _refused(process.returncode, said)
 
 
 async def _stop(process: asyncio.subprocess.Process) -> None:

@@ -122,8 +122,8 @@ def is_plan_file(path: Path) -> bool:
 def load_plan(path: Path | str, say: Callable[[str], None] = warnings.warn) -> tuple[Plan, Report]:
     """The plan of a file, and the report of its verification, made now: what the file says of itself permits nothing.
 
-    `say` takes a sentence when the stored verdict is another one. Raises FileFormatError for a file that is missing, damaged, no
-    plan, or cannot be verified. The content decides, not the file's name.
+    `say` takes a sentence when the stored verdict is another one. Raises FileFormatError for a file that is missing,
+    damaged, no plan, or cannot be verified. The content decides, not the file's name.
     """
     plan, stored = read_plan(path)
     try:
