@@ -5,12 +5,15 @@ A reader is given one gigabyte of address space, in a process of its own. It ref
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
 import json
+import random
 import subprocess
 import sys
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +23,7 @@ import pytest
 from gcs.cli.main import run
 from gcs.errors import FileFormatError, VerificationError
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import load_plan, read_plan
+from gcs.plan.trajectory.plan_file import ARRAYS, load_plan, read_plan
 
 GIB = 1024**3
 LIMITED = """
@@ -28,18 +31,6 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
 from gcs.cli.main import run
 sys.exit(run(sys.argv[1:]))
-"""
-READER = """
-import resource, sys
-from pathlib import Path
-{prepare}
-resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
-from gcs.errors import GcsError
-try:
-    {call}
-except GcsError as error:
-    print(error.message)
-    sys.exit(error.exit_code)
 """
 LIMIT = 4 * GIB  # of addresses: the libraries alone take two
 
@@ -185,9 +176,241 @@ def limited(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_an_archive_of_zeros_is_no_plan(tmp_path: Path) -> None:
-    path = bomb(tmp_path / "bomb.skein", "state.npy", npy_head((GIB // 16 // 12, 12)), GIB // 2)
-    assert path.stat().st_size < 4_000_000
+def test_two_megabytes_of_packed_zeros_are_no_plan(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.skein"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, kind in ARRAYS.items():
+            archive.writestr(f"{name}.npy", npy_head((0,) * kind.dimensions, kind.dtype))
+    claimed(path, "meta.npy", 2 * GIB)
     done = limited("show", str(path))
     assert done.returncode == 6, done.stderr
-    assert "unpacks to 512 MiB; the limit is 32" in done.stderr or "has no array" in done.stderr
+    assert "unpacks to 2048 MiB; the limit is 32" in done.stderr
+
+
+def test_parquet_of_many_rows_that_packs_well_is_refused() -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from gcs.mission.formats.tables.setpoints_parquet import read_setpoints_parquet
+
+    buffer = io.BytesIO()
+    pq.write_table(pa.table({"t_s": np.zeros(5_000_000)}), buffer, compression="zstd")
+    assert len(buffer.getvalue()) < 100_000
+    with pytest.raises(FileFormatError, match=r"5,000,000 rows; the limit is 4,000,000"):
+        read_setpoints_parquet(buffer.getvalue(), "rows.parquet")
+
+
+def claimed(path: Path, name: str, size: int) -> None:
+    """Make the directory of an archive say that a member unpacks to `size`, as that of a real bomb does."""
+    data = bytearray(path.read_bytes())
+    at = data.rindex(name.encode()) - 46
+    assert data[at : at + 4] == b"PK\x01\x02"
+    data[at + 24 : at + 28] = size.to_bytes(4, "little")
+    path.write_bytes(bytes(data))
+
+
+@pytest.mark.slow
+def test_an_archive_that_unpacks_to_gigabytes_is_refused_at_once(tmp_path: Path) -> None:
+    path = bomb(tmp_path / "bomb.skein", "state.npy", npy_head((GIB // 4 // 12, 1, 12)), 2 * GIB)
+    assert path.stat().st_size < 10_000_000
+    assert limited("show", str(path)).returncode == 6
+
+
+def test_an_array_whose_header_promises_more_than_is_there_is_refused(hop_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "header.skein"
+    with zipfile.ZipFile(hop_file) as old, zipfile.ZipFile(path, "w") as new:
+        for info in old.infolist():
+            data = old.read(info)
+            new.writestr(info.filename, npy_head((2**30, 1, 12)) if info.filename == "state.npy" else data)
+    with pytest.raises(FileFormatError, match=r"needs 9\.83e\+04 MiB, and 0 bytes are there"):
+        read_plan(path)
+
+
+def test_an_archive_of_many_members_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "many.skein"
+    with zipfile.ZipFile(path, "w") as archive:
+        for n in range(3000):
+            archive.writestr(f"{n}.npy", b"")
+    with pytest.raises(FileFormatError, match="announces 3000 members; the limit is 64"):
+        read_plan(path)
+
+
+def test_an_array_of_python_objects_is_not_unpickled(hop_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "objects.skein"
+    path.write_bytes(hop_file.read_bytes())
+    resealed(path, state=np.zeros((6, 3, 12), dtype=np.float32))
+    with pytest.raises(FileFormatError, match="state is float32 with 3 dimensions, not float64"):
+        read_plan(path)
+
+
+def test_relief_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, hop: Plan) -> None:
+    from gcs.scenario.environment.heightmap import Relief
+
+    heights = base64.b64encode(zlib.compress(bytes(100_000_000), 9)).decode()
+    polynomial = (0.0,) * 10
+    known: dict[str, Any] = {
+        "centre_m": (0.0, 0.0),
+        "reach_m": 1.0,
+        "row": polynomial,
+        "column": polynomial,
+        "spacing_m": 1.0,
+        "north_m": (0.0, 1.0),
+        "east_m": (0.0, 1.0),
+        "heights": heights,
+    }
+    with pytest.raises(ValueError, match="more than 40,000 bytes"):
+        Relief(rows=100, columns=100, **known)
+    with pytest.raises(ValueError, match="the limit is 4,000,000"):
+        Relief(rows=100_000, columns=100_000, **known)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "command", "code"),
+    [
+        ("a.toml", "a = " + "[" * 5000, "show", 3),
+        ("b.toml", "a = " + "9" * 5000, "show", 3),
+        ("c.toml", ".".join("a" * 200_000) + " = 1", "show", 3),
+        ("d.toml", "#" * 2_000_000, "show", 3),
+        ("e.json", "[" * 100_000, "show", 3),
+        ("f.json", "[1]", "show", 3),
+        ("g.json", '{"a": NaN}', "show", 3),
+        ("h.json", "9" * 5000, "show", 3),
+        ("i.plan", "[" * 100_000, "check", 6),
+        ("j.plan", "[" + "1," * 2_000_000 + "1]", "check", 6),
+        ("k.plan", '{"fileType": "Plan", "version": 1, "mission": {"items": [' + "1," * 50_000 + "1]}}", "check", 6),
+        ("l.waypoints", "QGC WPL 110\n" + "1\t" * 100_000, "check", 6),
+        ("m.plan", " " * 17_000_000, "check", 6),
+        ("n.json", '{"format": "skein-upload", "parameters": [{"type": 1e400}]}', "restore", 6),
+        ("o.tlog", "\xfe" * 2_000_000, "replay", 6),
+        ("p.tlog", "\0" * 20_000_000, "replay", 6),
+    ],
+)
+def test_text_made_to_take_memory_or_time_is_refused(
+    tmp_path: Path, name: str, text: str, command: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(text.encode("latin-1"))
+    assert run([command, str(path)]) == code
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert len(said) < 2000
+
+
+def test_a_map_of_billions_of_laughs_or_of_gigabytes_is_refused(tmp_path: Path) -> None:
+    from gcs.mission.formats.maps.kml import read_kml, read_kmz
+
+    laughs = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 20))
+    with pytest.raises(FileFormatError, match="declares entities"):
+        read_kml(f"<!DOCTYPE x [{laughs}]><x>&l19;</x>", "laughs.kml")
+    path = tmp_path / "bomb.kmz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("doc.kml", "<x/>")
+    claimed(path, "doc.kml", 2 * GIB)
+    with pytest.raises(FileFormatError, match="unpacks to 2048 MiB; the limit is 256"):
+        read_kmz(path.read_bytes(), "bomb.kmz")
+
+
+def test_true_states_are_checked_before_they_are_read(tmp_path: Path) -> None:
+    from gcs.flight.assessment.judge import load_truth
+
+    path = tmp_path / "truth.npz"
+    np.savez_compressed(path, t_s=np.zeros(3))
+    with pytest.raises(FileFormatError, match="is packed"):
+        load_truth(path)
+    np.savez(path, t_s=np.zeros(3), other=np.zeros(3))
+    with pytest.raises(FileFormatError, match="unknown member 'other"):
+        load_truth(path)
+
+
+def test_a_raster_of_one_enormous_block_is_refused(tmp_path: Path) -> None:
+    import rasterio
+    from rasterio.transform import from_origin
+
+    from gcs.frames import Origin
+    from gcs.scenario.environment.dem import DemError, read_dem
+    from gcs.scenario.environment.heightmap import Region
+
+    path = tmp_path / "huge.tif"
+    profile = {"driver": "GTiff", "height": 60_000, "width": 60_000, "count": 1, "dtype": "float64", "crs": "EPSG:4326"}
+    with rasterio.open(
+        path,
+        "w",
+        **profile,
+        transform=from_origin(8.0, 47.5, 1e-5, 1e-5),
+        tiled=True,
+        blockxsize=16_384,
+        blockysize=16_384,
+        compress="deflate",
+        sparse_ok=True,
+    ):
+        pass
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(DemError, match=r"blocks of 16,384 times 16,384 pixels, 2048 MiB each; the limit is 256 MiB"):
+        read_dem(path, Origin(47.2, 8.3, 400.0), Region((-10.0, 10.0), (-10.0, 10.0)))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_mutated_files_never_reach_a_bug(
+    hop_file: Path, tmp_path: Path, repo_root: Path, seed: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mutations(hop_file, tmp_path, repo_root, seed, 8, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2, 12))
+def test_many_mutated_files_never_reach_a_bug(
+    hop_file: Path, tmp_path: Path, repo_root: Path, seed: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mutations(hop_file, tmp_path, repo_root, seed, 150, capsys)
+
+
+def mutations(
+    hop_file: Path, folder: Path, repo_root: Path, seed: int, rounds: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every kind of file, changed at random places, given to a command that reads it."""
+    expected = repo_root / "missions" / "simulation1" / "expected"
+    good = {
+        "a.plan": (expected / "uav1.plan", ["check"]),
+        "b.waypoints": (expected / "uav1.waypoints", ["check"]),
+        "c.toml": (repo_root / "missions" / "ridge" / "scenario.toml", ["show"]),
+        "d.skein": (hop_file, ["verify"]),
+        "ridge.tif": (repo_root / "missions" / "ridge" / "ridge.tif", ["show", "c.toml"]),
+    }
+    dice = random.Random(seed)
+    for _ in range(rounds):
+        for name, (source, command) in good.items():
+            path = folder / name
+            path.write_bytes(mutated(source.read_bytes(), dice))
+            line = [*command, str(path)] if len(command) == 1 else [command[0], str(folder / command[1])]
+            if len(command) > 1:
+                (folder / command[1]).write_bytes((repo_root / "missions/ridge/scenario.toml").read_bytes())
+            code = run([*line, "--json"])
+            said = capsys.readouterr()
+            assert code in (0, 2, 3, 5, 6, 11), (seed, name, said.out[:500])
+            json.loads(said.out)
+
+
+def mutated(data: bytes, dice: random.Random) -> bytes:
+    """The data with bytes flipped, cut, inserted, swapped, or numbers made larger."""
+    changed = bytearray(data)
+    for _ in range(dice.randint(1, 4)):
+        at = dice.randrange(len(changed))
+        match dice.randrange(6):
+            case 0:
+                changed[at] ^= 1 << dice.randrange(8)
+            case 1:
+                del changed[at : at + dice.randint(1, 50)]
+            case 2:
+                changed[at:at] = dice.randbytes(dice.randint(1, 20))
+            case 3:
+                other = dice.randrange(len(changed))
+                changed[at], changed[other] = changed[other], changed[at]
+            case 4:
+                digits = [n for n, byte in enumerate(changed) if 48 <= byte <= 57]
+                changed[dice.choice(digits or [at])] = dice.choice(b"0123456789-.e")
+            case _:
+                value = dice.choice((b"nan", b"-1", b"1e308", b"1e400", b"999999999999", b"null", b"{}", b'"x"'))
+                changed[at : at + 3] = value
+        if not changed:
+            return b""
+    return bytes(changed)

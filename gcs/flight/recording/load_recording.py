@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from gcs.errors import FileFormatError
 from gcs.flight.progress import Event
@@ -25,6 +24,8 @@ from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan_file import read_plan
+from gcs.reading.bounded_file import RECORD_FILE, read_file
+from gcs.reading.bounded_parquet import open_parquet
 
 PLAN = "plan.skein"
 
@@ -116,10 +117,23 @@ def _from_record(record: pa.Table, sysids: tuple[int, ...]) -> tuple[VehicleTrac
 
 
 _FORMS = ("{}_m", "v_{}_mps")
+_COLUMNS = {form.format(axis) for form in _FORMS for axis in ("north", "east", "down")} | {
+    *("t_s", "sysid", "armed", "mode", "battery_pct"),
+}
 
 
 def _read_record(path: Path) -> pa.Table:
     try:
-        return pq.read_table(path)
-    except (OSError, pa.ArrowException) as problem:
-        raise FileFormatError(f"{path} cannot be read ({type(problem).__name__}).", hint="name a .tlog") from None
+        table = open_parquet(read_file(path, RECORD_FILE, hint="name a .tlog")).read()
+        if lacking := sorted(_COLUMNS - set(table.column_names)):
+            raise ValueError(f"no column {lacking[0]}")
+        if wrong := [name for name in _COLUMNS if not _is_number(table.schema.field(name).type)]:
+            raise ValueError(f"column {wrong[0]} holds no numbers")
+    except (OSError, ValueError, pa.ArrowException) as problem:
+        reason = str(problem).splitlines()[0][:200] if str(problem) else type(problem).__name__
+        raise FileFormatError(f"{path} cannot be read: {reason}.", hint="name a .tlog") from None
+    return table
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))

@@ -93,7 +93,7 @@ def parse_link_spec(text: str) -> LinkSpec:
             f"{text!r} does not name a link: the form is KIND:HOST:PORT, with KIND udpin, udpout or tcp.", hint=hint
         )
     least = 0 if mode is LinkMode.LISTEN else 1  # to listen on port 0 takes any free port
-    if not (port_text.isascii() and port_text.isdigit() and least <= int(port_text) < 65536):
+    if not (port_text.isascii() and port_text.isdigit() and len(port_text) < 9 and least <= int(port_text) < 65536):
         raise UsageError(f"{text!r} does not name a link: the port must be a number from 1 to 65535.", hint=hint)
     return LinkSpec(mode, host, int(port_text))
 
@@ -101,7 +101,7 @@ def parse_link_spec(text: str) -> LinkSpec:
 def _serial(text: str, rest: str, hint: str) -> LinkSpec:
     """The serial line of a name. The device path may contain colons: a number after the last one is the baud rate."""
     device, colon, baud = rest.rpartition(":")
-    if not (colon and baud.isascii() and baud.isdigit()):
+    if not (colon and baud.isascii() and baud.isdigit() and len(baud) < 9):
         device, baud = rest, str(DEFAULT_BAUD)
     if not device or not 0 < int(baud) <= 10_000_000:
         raise UsageError(f"{text!r} does not name a serial line: the form is serial:DEVICE:BAUD.", hint=hint)

@@ -17,10 +17,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gcs.errors import FileFormatError
 from gcs.frames import Origin
 from gcs.mission.formats.tables.setpoint_table import COLUMNS, StreamFile, from_table, to_table
+from gcs.reading.bounded_parquet import open_parquet
 
 _KEY = b"skein.setpoints"
 _TYPES = {name: pa.int32() if name == "sysid" else pa.float64() for name in COLUMNS}
-_LARGEST_BYTES = 1 << 32  # of columns, unpacked: a damaged length must not exhaust the memory
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -51,14 +51,12 @@ def write_setpoints_parquet(file: StreamFile) -> bytes:
 def read_setpoints_parquet(data: bytes, source: str) -> StreamFile:
     """Contents of a file; `source` names it in errors. Raises `FileFormatError` for anything else or damaged."""
     try:
-        file = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True)
+        file = open_parquet(data)
         schema = file.schema_arrow
         metadata = _Metadata.model_validate_json((schema.metadata or {}).get(_KEY, b""))
         found = dict(zip(schema.names, schema.types, strict=True))
         if found != _TYPES:
             raise ValueError(f"columns are {', '.join(schema.names)[:120]}")
-        if file.metadata.num_rows * 8 * len(COLUMNS) > _LARGEST_BYTES:
-            raise ValueError(f"{file.metadata.num_rows} rows are too many for a plan")
         stream = from_table(file.read())
     except (ValueError, OSError, pa.ArrowException, ValidationError) as error:
         reason = (
