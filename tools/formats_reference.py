@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from gcs.files import atomic_write
+from gcs.flight.recording.tlog import FRAMES_MAX
 from gcs.mission.formats.foreign.oddities import Odd
+from gcs.mission.formats.maps import geojson, kml
+from gcs.mission.formats.plan_items import ITEMS_MAX
 from gcs.mission.formats.registry import FLEET, FORMATS, Content, Format
+from gcs.plan.trajectory.plan_file import ARRAYS
+from gcs.reading.bounded_file import FILE_KINDS, in_mib
+from gcs.reading.bounded_json import JSON_VALUES_MAX
+from gcs.reading.bounded_parquet import ROWS_MAX
+from gcs.scenario.environment.heightmap import PIXELS_MAX
 from tools.reference import DOCS
 
 HEAD = """# Export formats
@@ -41,6 +49,29 @@ What could fly otherwise than it is written is refused with its line: a position
 where a number must be, a jump to a number that is not exactly one item, a fence whose last point does not repeat the
 first vertex, a rally altitude that is not above home, complex items.
 """
+LIMITS = """
+## Limits of files that are read
+
+Files of others are checked before they are read: the exit code is 6, of a scenario 3, of a key or a fault file 2. The
+error states the value and the limit. Only regular files are read, no pipes and no devices. Numbers must be finite.
+
+| file | largest size |
+| --- | --- |
+"""
+FURTHER = f"""
+- JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
+- A mission has at most {ITEMS_MAX:,} items.
+- A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
+- Parquet has at most {ROWS_MAX:,} rows.
+- An elevation model has at most {PIXELS_MAX:,} pixels where the scenario is, and blocks of at most 256 MiB.
+- `gcs replay` takes at most {FRAMES_MAX:,} frames; `gcs report` takes any number.
+
+A plan file (`.skein`) is an archive with these arrays and no other member. Its checksum shows damage. It proves nothing
+about the writer, so every command that leads to vehicles or files verifies the plan again.
+
+| array | type | dimensions | largest size |
+| --- | --- | --- | --- |
+"""
 CONTENTS = """
 ## Contents
 
@@ -53,7 +84,7 @@ The content of a format is what its writer is given and its reader returns. `RAL
 
 def formats_reference() -> str:
     """The page."""
-    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _foreign() + _contents()
+    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _foreign() + _limits() + _contents()
 
 
 def _cells(row: Format) -> tuple[str, ...]:
@@ -66,6 +97,16 @@ def _cells(row: Format) -> tuple[str, ...]:
 def _foreign() -> str:
     """What is read although other programs write it otherwise."""
     return FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
+
+
+def _limits() -> str:
+    """How large a file of others may be."""
+    sizes = "".join(f"| {kind.name} | {in_mib(kind.largest_bytes)} |\n" for kind in FILE_KINDS)
+    arrays = "".join(
+        f"| `{name}` | `{kind.dtype}` | {kind.dimensions} | {in_mib(kind.largest_bytes)} |\n"
+        for name, kind in ARRAYS.items()
+    )
+    return LIMITS + sizes + FURTHER + arrays
 
 
 def _contents() -> str:

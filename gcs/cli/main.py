@@ -40,7 +40,7 @@ from gcs.errors import FileFormatError, GcsError, UsageError
 STOPPED = 130  # typer's, for every KeyboardInterrupt
 OUTPUT_LOST = 1
 BUG = 70
-OF_FILES = frozenset(  # errors of paths and disks, of which the user is told; all others are bugs
+OF_FILES = frozenset(  # errors of paths and disks; all others are bugs of this program
     {
         *(errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EFBIG, errno.EINVAL, errno.EIO, errno.EISDIR, errno.ELOOP),
         *(errno.EBUSY, errno.ENAMETOOLONG, errno.ENODEV, errno.ENOENT, errno.ENOSPC, errno.ENOTDIR, errno.ENOTEMPTY),

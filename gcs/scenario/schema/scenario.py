@@ -81,6 +81,10 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
 Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 
 
+PhaseLength = Annotated[Number, Field(gt=0, le=3600)]
+HoverLength = Annotated[Number, Field(ge=0, le=3600)]
+
+
 class OriginTable(Part):
     """The point on Earth that is (0, 0, 0) of the local frame."""
 
@@ -314,10 +318,10 @@ class GroundPhases(Part):
     """The phases between the ground and the flight: take-off, hover, run-up, landing."""
 
     run_up_m: NonNegative = Field(default=0.0, description="distance from the first hover to the start, m")
-    run_up_s: Positive = Field(default=1.0, description="time from the first hover to the start, s")
-    takeoff_s: Positive = Field(default=20.0, description="time from the ground to the first hover, s")
-    hover_s: NonNegative = Field(default=5.0, description="hover time before the run-up and after the end, s")
-    landing_s: Positive = Field(default=30.0, description="time from the last hover to the ground, s")
+    run_up_s: PhaseLength = Field(default=1.0, description="time from the first hover to the start, s")
+    takeoff_s: PhaseLength = Field(default=20.0, description="time from the ground to the first hover, s")
+    hover_s: HoverLength = Field(default=5.0, description="hover time before the run-up and after the end, s")
+    landing_s: PhaseLength = Field(default=30.0, description="time from the last hover to the ground, s")
 
 
 class MissionOptions(Part):
