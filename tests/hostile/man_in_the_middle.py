@@ -1,6 +1,7 @@
 """A man in the middle: every datagram between vehicles and ground station passes, is changed, or is made up.
 
 Each vehicle has a socket of its own towards the ground station, so that what it is said to say comes from its address.
+It is a process of its own: beside emulated vehicles in one process it would be too slow. Enter it before they start.
 """
 
 from __future__ import annotations
@@ -8,10 +9,10 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import multiprocessing
 import random
 import select
 import socket
-import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -21,6 +22,7 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 
 LOOPBACK = "127.0.0.1"
+_FORK = multiprocessing.get_context("fork")
 # What becomes of a datagram: (delay in s, bytes) of all that arrives. `up` is towards the vehicle.
 Change = Callable[[bytes, bool], list[tuple[float, bytes]]]
 
@@ -29,7 +31,6 @@ class ManInTheMiddle:
     """Vehicles call `port`; the ground station listens on `ground_port`. `change` decides what arrives."""
 
     def __init__(self, ground_port: int, change: Change) -> None:
-        self.passed = 0
         self._change = change
         self._ground = LOOPBACK, ground_port
         self._listening = self._socket()
@@ -37,18 +38,18 @@ class ManInTheMiddle:
         self._towards: dict[tuple[str, int], socket.socket] = {}  # by the vehicle's address
         self._late: list[tuple[float, int, socket.socket, tuple[str, int], bytes]] = []
         self._order = itertools.count()
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run)
+        self._over = _FORK.Event()
+        self._process = _FORK.Process(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self._process.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over.set()
-        self._thread.join()
+        self._process.join()
         for one in (self._listening, *self._towards.values()):
             one.close()
 
@@ -87,7 +88,6 @@ class ManInTheMiddle:
             sender.sendto(data, address)
         except OSError:
             return
-        self.passed += 1
 
     def _socket(self) -> socket.socket:
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -103,15 +103,20 @@ class Damage:
     """
 
     def __init__(self, seed: int, copies: int, lost: float = 0.0) -> None:
-        self.damaged = 0
+        self._damaged = _FORK.Value("Q", 0)
         self._rng = random.Random(seed)
         self._copies, self._lost = copies, lost
         self._before = b"\xfd"
 
+    @property
+    def damaged(self) -> int:
+        """How many damaged datagrams were sent."""
+        return int(self._damaged.value)
+
     def __call__(self, data: bytes, up: bool) -> list[tuple[float, bytes]]:
         rng = self._rng
         found = [(0.0, self._broken(data)) for _ in range(self._copies)]
-        self.damaged += len(found)
+        self._damaged.value += len(found)
         if rng.random() >= self._lost:
             found.append((rng.choice([0.0, 0.0, 0.0, 0.05]), data))
             if rng.random() < 0.1:
@@ -147,10 +152,15 @@ class Lies:
     """
 
     def __init__(self, seed: int, chance: float, names: frozenset[str] | None = None) -> None:
-        self.told = 0
+        self._told = _FORK.Value("Q", 0)
         self._rng = random.Random(seed)
         self._chance, self._names = chance, names
         self._codec = Codec(1, 1)
+
+    @property
+    def told(self) -> int:
+        """How many lies were sent."""
+        return int(self._told.value)
 
     def __call__(self, data: bytes, up: bool) -> list[tuple[float, bytes]]:
         if up or self._rng.random() >= self._chance:
@@ -168,7 +178,7 @@ class Lies:
             lie = self._codec.encode(Message(message.name, fields, message.sysid, message.compid))
         except Exception:  # a value outside its field: another one
             return message.raw
-        self.told += lie != message.raw
+        self._told.value += lie != message.raw
         return lie
 
     def _wild(self, value: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -89,7 +89,7 @@ def test_a_vehicle_that_is_not_heard_does_not_keep_the_others_up(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", ["take-off", "landing"])
+@pytest.mark.parametrize("moment", ["take-off", "landing: t = "])
 def test_it_lands_after_a_kill_in_every_phase(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, moment: str
 ) -> None:
@@ -101,13 +101,14 @@ def test_it_lands_after_a_kill_in_every_phase(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("during", [lies])
-def test_it_lands_after_a_kill_under_attack(
-    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, during: Callable[..., object]
-) -> None:
+def test_it_lands_after_a_kill_under_attack(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
-    with lies(world, port):
-        killed(world, port, hop_file, tmp_path)
+    with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+        ground.until("flying: t = ")
+        with lies(world, port):
+            ground.until("flying: t = ")
+            ground.signal(signal.SIGKILL)
+            ground.ended()
     done = attach(tmp_path, "--land")
     assert done.code == 0, done.output
     assert all_down(world)

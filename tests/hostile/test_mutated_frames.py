@@ -43,7 +43,7 @@ def flown_through(
 
 def test_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     damage = Damage(SEED, copies=3)
-    done, world = flown_through(vehicles, hop_file, tmp_path, damage)
+    done, world = flown_through(vehicles, hop_file, tmp_path, damage, speedup=4.0)
     assert done.code == 0, done.output
     assert all_down(world)  # type: ignore[arg-type]
     assert damage.damaged > 10_000

@@ -72,7 +72,6 @@ class ContingencyExecutor:
             Choices(options.on_loss, options.on_leader_loss, options.follow),
         )
         self.over = asyncio.Event()
-        self.events: list[Event] = []
         self._plan = plan
         self._vehicles = vehicles
         self._monitor = monitor
@@ -303,9 +302,7 @@ class ContingencyExecutor:
     def _note(
         self, unix_s: float, t_s: float, sysid: int, what: str, rule: str, data: Mapping[str, Any] | None = None
     ) -> None:
-        event = Event(unix_s, t_s, sysid, what, rule, data)
-        self.events.append(event)
-        self._on_event(event)
+        self._on_event(Event(unix_s, t_s, sysid, what, rule, data))
 
     def _carry_out(self, order: Order, t_s: float) -> None:
         self._note(self._time.sure_s(), t_s, order.sysid, _event_words(order.action), order.rule)

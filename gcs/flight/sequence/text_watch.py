@@ -20,6 +20,7 @@ from gcs.link.session.vehicle_texts import is_critical
 from gcs.mavlink_names import severity_name
 
 REPEAT_S = 30.0  # vehicle time
+_TOLD_MAX = 256  # texts
 
 
 class TextWatch:
@@ -66,7 +67,10 @@ class TextWatch:
         if now_s - told_s < REPEAT_S:
             self._told[sysid, said.text] = told_s, times + 1
             return
+        self._told.pop((sysid, said.text), None)
         self._told[sysid, said.text] = now_s, 0
+        if len(self._told) > _TOLD_MAX:  # a vehicle that says something new each time
+            del self._told[next(iter(self._told))]
         t0_s = self._monitor.t0_unix_s
         t_s = math.nan if unix_s is None or t0_s is None else unix_s - t0_s
         again = f" ({times + 1} times since)" if times else ""
