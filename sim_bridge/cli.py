@@ -78,6 +78,10 @@ def fly(
         typer.Option(help="SYSID:[up.|down.]KIND[=VALUE][@FROM..UNTIL], e.g. 3:loss=0.2@10..30; repeatable."),
     ] = None,
     faults: Annotated[Path | None, typer.Option(help="TOML file with faults.")] = None,
+    signing_key_file: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The vehicles sign with the key in this file, and accept nothing else."),
+    ] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
     check: Annotated[bool, typer.Option("--check", help="Check the options, and end.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
@@ -98,6 +102,7 @@ def fly(
             f"--truth: the folder {str(truth.parent)!r} for {truth.name} does not exist.",
             hint="create the folder first",
         )
+    from gcs.link.wire.signing_keys import load_key  # noqa: PLC0415
     from gcs.scenario.load import load_scenario  # noqa: PLC0415
     from gcs.scenario.si import sysids  # noqa: PLC0415
     from sim_bridge.dynamics.body.wind_field import parse_wind  # noqa: PLC0415
@@ -117,6 +122,7 @@ def fly(
         personality=None if autopilot is None else by_name(autopilot),
         wind=parse_wind(wind, gusts),
         ideal=nav == "ideal",
+        signing_key=load_key(signing_key_file, {}),
     )
     if check:
         return

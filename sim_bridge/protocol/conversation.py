@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from gcs.errors import UsageError
 from gcs.link.ftp.payload import NAME as FTP
 from gcs.link.microservices.command import command_ack
 from gcs.link.wire.message import Message, Station
@@ -111,6 +112,15 @@ class Conversation:
         self._signing_state.remember(earlier._signing_state)
         self._dead = earlier._dead
         self._apply_params()
+
+    def sign(self, key: bytes, ticks: int, now_s: float) -> None:
+        """Sign with `key`, and accept nothing else. Raises `UsageError` if its autopilot does not sign."""
+        if not self._signing_state.known:
+            raise UsageError(
+                f"vehicle {self.station.sysid} cannot have a signing key: this autopilot does not check signatures.",
+                hint="leave --signing-key-file out, or emulate ArduPilot",
+            )
+        self._signing_state.begin(key, ticks, now_s)
 
     def simulated_s(self, boot_ms: int) -> float:
         """Return the simulated time of a time of the vehicle's boot clock."""

@@ -45,6 +45,15 @@ class SigningState:
         """Take over the key from before a restart."""
         self._signing = earlier._signing
 
+    @property
+    def known(self) -> bool:
+        """Whether the original can sign."""
+        return self._traits.signs
+
+    def begin(self, key: bytes, ticks: int, now_s: float) -> None:
+        """Sign with `key` from the start, as a vehicle that was given its key before."""
+        self._signing.set_up(key, ticks, now_s)
+
     def believes(self, message: Message, now_s: float) -> bool:
         """Whether the signature of the frame permits this message."""
         return self._signing.accepts(message.raw, now_s)

@@ -20,6 +20,7 @@ from typing import Self
 
 import numpy as np
 
+from gcs.link.wire.signing_keys import signing_ticks
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.autopilot.guidance.piece import PieceBatch
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
@@ -54,6 +55,7 @@ class WorldOptions:
     personality: Personality | None = None  # of all vehicles; None: those of the scenario
     ideal: bool = False  # fly missions on time, as no real autopilot does
     wind: Wind = CALM
+    signing_key: bytes | None = field(default=None, repr=False)  # of all vehicles
 
 
 class World:
@@ -72,6 +74,9 @@ class World:
         self.sysids = factory.sysids
         self.airframes = factory.airframes
         self.vehicles = [factory.vehicle(row) for row in range(len(self.sysids))]
+        if options.signing_key is not None:
+            for vehicle in self.vehicles:
+                vehicle.sign(options.signing_key, signing_ticks(), time.monotonic())
         self._steps = 0
         self._stopped = False
         self._calls: deque[Callable[[], None]] = deque()

@@ -44,10 +44,14 @@ def signing_with(key: bytes | None, now_s: float, unix_s: float | None = None) -
     """Return the signing state at `now_s` of the clock it is used with; None without a key."""
     if key is None:
         return None
-    unix_s = time.time() if unix_s is None else unix_s
     signing = Signing()
-    signing.set_up(key, round((unix_s - EPOCH_UNIX_S) * TICKS_PER_S), now_s)
+    signing.set_up(key, signing_ticks(unix_s), now_s)
     return signing
+
+
+def signing_ticks(unix_s: float | None = None) -> int:
+    """Return the signing time at `unix_s`, now by default."""
+    return round(((time.time() if unix_s is None else unix_s) - EPOCH_UNIX_S) * TICKS_PER_S)
 
 
 def _key(data: bytes, source: str) -> bytes:
