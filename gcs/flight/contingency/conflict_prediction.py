@@ -4,8 +4,8 @@ A vehicle on the plan continues along it with its present deviation, which drift
 controller acts. A vehicle off the plan continues straight on. The relative motion of two vehicles on the plan was
 verified, so only their deviations bring them too close.
 
-Before T0 a vehicle climbs on at its present rate, as far to the side of its pad as it is: gusts move it, and it comes
-back. A vehicle more than `COLUMN_M` to the side is off the plan.
+Before T0 a vehicle climbs on at its present rate up to its hover, as far to the side of its pad as it is: gusts move
+it, and it comes back. A vehicle more than `COLUMN_M` to the side is off the plan.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ class SeparationWatch:
     def __init__(self, plan: Plan, limit_m: float) -> None:
         self._plan = plan
         self._limit_m = limit_m
+        self._hover_down_m = plan.states(np.array([plan.airborne_s]))[:, 0, POSITION][:, 2]
         self._seen: dict[tuple[int, int], int] = {}
         self._ahead_s = np.arange(0.0, HORIZON_S + STEP_S / 2, STEP_S)
 
@@ -116,4 +117,7 @@ class SeparationWatch:
         seconds = np.repeat(self._ahead_s[:, None] + age_s, 3, axis=1)
         if self.off_pad_m(view) <= COLUMN_M:
             seconds[:, :2] = 0.0
-        return view.place_ned_m + seconds * view.velocity_ned_mps
+        path = view.place_ned_m + seconds * view.velocity_ned_mps
+        hover_down_m = self._hover_down_m[self._plan.sysids.index(view.sysid)]
+        path[:, 2] = np.maximum(path[:, 2], min(view.place_ned_m[2], hover_down_m))
+        return np.asarray(path)

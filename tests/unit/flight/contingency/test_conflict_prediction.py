@@ -107,6 +107,18 @@ def test_vehicles_that_climb_over_their_pads_have_no_conflict(hop_plan: Plan) ->
     assert looked(hop_plan, climb, error_m=4.0) == []
 
 
+def test_a_climb_ends_at_the_hover(hop_plan: Plan) -> None:
+    height_m = float(hop_plan.pads_ned_m[1, 2] - hop_plan.states(np.array([hop_plan.airborne_s]))[1, 0, 2])
+
+    def passing(views: dict[int, VehicleView]) -> None:
+        """Vehicle 2 nears its hover beneath vehicle 3, which was blown over it."""
+        views[2].position_ned_m = views[2].position_ned_m + np.array([0.0, 0.0, 0.2 - height_m])
+        views[2].velocity_ned_mps = np.array([0.0, 0.0, -2.5])
+        views[3].position_ned_m = views[2].position_ned_m + np.array([0.0, 0.3, -2.0])
+
+    assert looked(hop_plan, passing) == []
+
+
 def drift(speed_mps: float, off_m: float) -> Callable[[dict[int, VehicleView]], None]:
     """Vehicle 2 is so far from its pad towards vehicle 3, and moves on."""
 
