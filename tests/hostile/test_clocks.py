@@ -1,9 +1,10 @@
-"""Clocks under attack: a stranger's SYSTEM_TIME, and GNSS times on board that jump in flight, alone and together."""
+"""Clocks under attack: a stranger's, the host's, and GNSS times on board that jump in flight, alone and together."""
 
 from __future__ import annotations
 
 import queue
 import re
+import signal
 import time
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from tests.hostile.attacker import Attacker
 from tests.hostile.conftest import MakeVehicles, all_down
 from tests.hostile.ground import Ground, fly_arguments
 
+SET_CLOCK = Path(__file__).parent / "wall_clock"
 LATEST = 2**64 - 1
 NEAR_M = 1.5  # of the plan, at ten times real time on a busy machine; a clock that is 20 s off is 40 m off
 NO_GO = 9
@@ -65,12 +67,18 @@ def test_jumps_of_gnss_time_are_told_and_not_followed(
     assert furthest_m(world, hop, t0_unix_s) < NEAR_M
 
 
-def test_a_strangers_time_and_a_jump_of_all_vehicles_change_nothing(
+def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing(
     vehicles: MakeVehicles, hop: Plan, hop_file: Path, tmp_path: Path
 ) -> None:
     world, port = vehicles(faults=parse_faults(["all:clock-jump=3600@12"], hop.sysids), record_truth=True)
-    with Attacker(port) as stranger, Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
+    with (
+        Attacker(port) as stranger,
+        Ground(*fly_arguments(hop_file, port, tmp_path), env={"PYTHONPATH": str(SET_CLOCK)}) as ground,
+    ):
         ground.until("flying: t = ")
+        ground.signal(signal.SIGUSR1)
+        ground.until("flying: t = ")
+        ground.signal(signal.SIGUSR2)
         while ground.running:
             stranger.heartbeat(200)
             stranger.say("SYSTEM_TIME", 200, time_unix_usec=LATEST, time_boot_ms=2**32 - 1)

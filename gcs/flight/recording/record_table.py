@@ -70,8 +70,14 @@ def build_record(
 
 
 def telemetry_logs(folder: Path) -> list[Path]:
-    """Return the logs of a flight's folder, oldest first: its own, and one of every `gcs attach`."""
-    return sorted(folder.glob("telemetry*.tlog"), key=lambda path: path.stat().st_mtime)
+    """Return the logs of a flight's folder, oldest first by the vehicles' time: its own, and one of every `attach`."""
+    logs = sorted(folder.glob("telemetry*.tlog"), key=lambda path: (len(path.name), path.name))
+    return sorted(logs, key=_began_us)
+
+
+def _began_us(log: Path) -> int:
+    """The first time that a log knows; 0 for none."""
+    return next((one.stamp_us for one in scan(log) if isinstance(one, LoggedFrame) and one.stamp_us), 0)
 
 
 def write_record(folder: Path, plan: Plan, t0_unix_s: float, systems: Mapping[int, int] | None = None) -> pa.Table:
