@@ -45,6 +45,10 @@ def only_folder(flights: Path) -> Path:
     return folder
 
 
+def clock_events(folder: Path) -> set[tuple[int, str]]:
+    return {(one.sysid, one.what) for one in read_events(folder / "events.jsonl") if "clock" in one.what}
+
+
 @pytest.mark.parametrize("jumps", [("1:clock-jump=20@10..22", "2:clock-jump=3600@20", "3:clock-jump=-20@15")])
 def test_jumps_of_gnss_time_are_told_and_not_followed(
     vehicles: MakeVehicles, hop: Plan, hop_file: Path, tmp_path: Path, jumps: tuple[str, ...]
@@ -55,8 +59,7 @@ def test_jumps_of_gnss_time_are_told_and_not_followed(
     assert done.code == 0, done.output
     assert all_down(world)
     folder = only_folder(tmp_path)
-    said = {(event.sysid, event.what) for event in read_events(folder / "events.jsonl")}
-    assert said == {
+    assert clock_events(folder) == {
         (1, "its GNSS time is off by +20.0 s: it flies by its boot clock"),
         (1, "its GNSS time agrees with its boot clock again"),
         (2, "its GNSS time is off by +3600.0 s: it flies by its boot clock"),
@@ -87,7 +90,9 @@ def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_noth
     assert done.code == 0, done.output
     assert all_down(world)
     folder = only_folder(tmp_path)
-    assert {event.sysid for event in read_events(folder / "events.jsonl")} == {1, 2, 3}
+    assert clock_events(folder) == {
+        (sysid, "its GNSS time is off by +3600.0 s: it flies by its boot clock") for sysid in hop.sysids
+    }
     t0_unix_s = read_flight_state(folder).t0_unix_s
     assert t0_unix_s is not None
     assert furthest_m(world, hop, t0_unix_s) < NEAR_M
