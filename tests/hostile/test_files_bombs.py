@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import random
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -414,3 +415,39 @@ def mutated(data: bytes, dice: random.Random) -> bytes:
         if not changed:
             return b""
     return bytes(changed)
+
+
+def test_attach_resumes_no_changed_plan_and_still_brings_its_vehicles_down(
+    forged: Path, hop: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from gcs.cli.console import Screen
+    from gcs.cli.flights.attach_view import AttachRequest, _plan_of
+    from gcs.errors import FlightError
+    from gcs.flight.recording.flight_state import read_flight_state
+    from gcs.flight.sequence.resume import Resume
+
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    link = "udpin:127.0.0.1:14550"
+    state = {"format": "skein-flight-1", "mission": "hop", "plan_hash": read_plan(forged)[0].hash, "links": [link]}
+    state |= {"systems": {}, "mode": "stream", "follow": False, "step": "flying", "t0_unix_s": 1e9, "pid": 4}
+    (folder / "flight.json").write_text(json.dumps(state))
+    shutil.copy(forged, folder / "plan.skein")
+
+    def plan_to(what: Resume) -> Plan:
+        return _plan_of(AttachRequest(folder, what, (), None, Screen()), read_flight_state(folder), [link])
+
+    with pytest.raises(VerificationError, match="separation"):
+        plan_to(Resume.RESUME)
+    assert plan_to(Resume.RETURN).sysids == hop.sysids
+    assert "WARNING: the plan failed verification" in capsys.readouterr().out
+    assert plan_to(Resume.LAND).sysids == hop.sysids
+    (folder / "flight.json").write_text(json.dumps(state | {"plan_hash": hop.hash}))
+    assert plan_to(Resume.LAND).sysids == hop.sysids
+    assert "is not the plan of this flight" in capsys.readouterr().out
+    with pytest.raises(FlightError, match="is not the plan of this flight"):
+        plan_to(Resume.RESUME)
+    (folder / "plan.skein").write_bytes(b"damaged")
+    with pytest.raises(FileFormatError) as caught:
+        plan_to(Resume.LAND)
+    assert f"gcs tell land --link {link}" in caught.value.hint
