@@ -13,6 +13,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from gcs.link.wire.codec import Codec
 from gcs.mavlink import MavCommand
 from sim_bridge.protocol.endpoints.address import call
@@ -45,10 +47,14 @@ def sent(flights: Path) -> Counter[str]:
     return found
 
 
+@pytest.mark.parametrize("to_its_end", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_further_flights_of_vehicles_that_fly_leave_them_alone(
-    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
+    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, *, to_its_end: bool
 ) -> None:
-    """Each has a link of its own: one is refused at pre-flight, one waives all checks that fail, one is stopped."""
+    """Each has a link of its own: one is refused at pre-flight, one waives all checks that fail, one is stopped.
+
+    The flight goes on in real time: it is flown to its end, or stopped to save time.
+    """
     own, *others = (free_port() for _ in range(4))
     world, _ = vehicles(links=tuple(call(port) for port in (own, *others)), speedup=1.0)
     with Ground(*fly_arguments(hop_file, own, tmp_path / "own")) as ground:
@@ -62,8 +68,15 @@ def test_further_flights_of_vehicles_that_fly_leave_them_alone(
             stopped.signal(signal.SIGINT)
             ended = [one.ended() for one in (refused, waived, stopped)]
         assert ground.running, ground.output
-        world.options = replace(world.options, speedup=SPEEDUP)
+        modes = [vehicle.autopilot.mode.number for vehicle in world.vehicles]
+        armed = [vehicle.autopilot.armed for vehicle in world.vehicles]
+        if not to_its_end:
+            ground.signal(signal.SIGINT)
+            wait_until(lambda: all(one.autopilot.mode.number != GUIDED for one in world.vehicles), PATIENCE_S)
+            world.options = replace(world.options, speedup=SPEEDUP)
         done = ground.ended()
+    assert modes == [GUIDED] * 3
+    assert all(armed)
     assert [one.code for one in ended[:2]] == [9, 9], ended
     assert ended[2].code in (128 + signal.SIGINT, 9), ended[2]  # it may have been refused before
     assert "disarmed: armed (required: disarmed)" in ended[0].output
@@ -71,7 +84,7 @@ def test_further_flights_of_vehicles_that_fly_leave_them_alone(
     for port in others:
         assert not sent(tmp_path / str(port))
     assert sent(tmp_path / "own")["COMMAND_LONG 400"] >= 3  # the log has what is sent
-    assert done.code == 0, done.output
+    assert done.code == (0 if to_its_end else 128 + signal.SIGINT), done.output
     assert all_down(world)
 
 

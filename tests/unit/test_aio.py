@@ -77,7 +77,8 @@ def test_an_exception_that_ends_the_event_loop_is_a_stop_and_no_more(stop: type[
             await asyncio.sleep(1000.0)
         finally:
             await insisted(land())
-            del tasks
+            for task in tasks:
+                task.exception()  # the event loop would report it otherwise
 
     with pytest.raises(KeyboardInterrupt):
         Stoppable().run(fly())

@@ -58,7 +58,7 @@ class FlightGuard:
             raise
         finally:
             self._landing.custody.close()
-            watch.cancel()
+            await ended(watch)
             await self._landing.orders.close()
         return result
 

@@ -81,7 +81,9 @@ class OrderCarrier:
     def _carry(self, order: StandingOrder, work: Callable[[], Awaitable[object]], on_failure: OnFailure) -> None:
         task = self._tasks[order.sysid] = asyncio.ensure_future(self._insist(order, work, on_failure))
 
-        def again(_: asyncio.Future[None]) -> None:
+        def again(done: asyncio.Future[None]) -> None:
+            if not done.cancelled():
+                done.exception()
             if self._book.stands(order):  # nothing that happens to the task ends the order
                 order.failed(asyncio.get_running_loop().time(), "its task ended")
                 self._carry(order, work, on_failure)
