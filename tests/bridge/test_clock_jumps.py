@@ -10,7 +10,7 @@ from sim_bridge.sim.world import World
 from tests.bridge.flying import fly
 
 SPEEDUP = 10.0
-JUMPED = "its GNSS time is off by +20.0 s: it flies by its boot clock"
+JUMPED = "has a GNSS time that is off by +20.0 s: it flies by its boot clock"
 
 
 def test_a_jump_before_the_common_start_lands_all_and_names_the_vehicle(hop: Plan) -> None:

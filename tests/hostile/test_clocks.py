@@ -60,10 +60,10 @@ def test_jumps_of_gnss_time_are_told_and_not_followed(
     assert all_down(world)
     folder = only_folder(tmp_path)
     assert clock_events(folder) == {
-        (1, "its GNSS time is off by +20.0 s: it flies by its boot clock"),
-        (1, "its GNSS time agrees with its boot clock again"),
-        (2, "its GNSS time is off by +3600.0 s: it flies by its boot clock"),
-        (3, "its GNSS time is off by -20.0 s: it flies by its boot clock"),
+        (1, "has a GNSS time that is off by +20.0 s: it flies by its boot clock"),
+        (1, "has a GNSS time that agrees with its boot clock again"),
+        (2, "has a GNSS time that is off by +3600.0 s: it flies by its boot clock"),
+        (3, "has a GNSS time that is off by -20.0 s: it flies by its boot clock"),
     }
     t0_unix_s = read_flight_state(folder).t0_unix_s
     assert t0_unix_s is not None
@@ -80,7 +80,7 @@ def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_noth
     ):
         ground.until("flying: t = ")
         ground.signal(signal.SIGUSR1)
-        ground.until("flying: t = ")
+        ground.until("GNSS time that is off")
         ground.signal(signal.SIGUSR2)
         while ground.running:
             stranger.heartbeat(200)
@@ -91,7 +91,7 @@ def test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_noth
     assert all_down(world)
     folder = only_folder(tmp_path)
     assert clock_events(folder) == {
-        (sysid, "its GNSS time is off by +3600.0 s: it flies by its boot clock") for sysid in hop.sysids
+        (sysid, "has a GNSS time that is off by +3600.0 s: it flies by its boot clock") for sysid in hop.sysids
     }
     t0_unix_s = read_flight_state(folder).t0_unix_s
     assert t0_unix_s is not None

@@ -139,15 +139,15 @@ def differences_s(clocks: Mapping[int, VehicleClock], now_s: float) -> dict[int,
 
 
 def _gnss_jump(sysid: int, off_s: float) -> ClockChange:
-    what = f"its GNSS time is off by {off_s:+.1f} s: it flies by its boot clock"
+    what = f"has a GNSS time that is off by {off_s:+.1f} s: it flies by its boot clock"
     return ClockChange(sysid, what, f"GNSS time more than {JUMP_S:g} s off is not followed", off_s)
 
 
 def _gnss_back(sysid: int, clock: VehicleClock) -> ClockChange:
-    what = "its GNSS time agrees with its boot clock again"
+    what = "has a GNSS time that agrees with its boot clock again"
     return ClockChange(sysid, what, f"GNSS time within {JUMP_S:g} s is followed", clock.gnss_off_s)
 
 
 def _boot_jump(sysid: int, ahead_s: float) -> ClockChange:
-    what = f"its boot clock jumped by {ahead_s:+.1f} s: it flies by GNSS time"
+    what = f"has a boot clock that jumped by {ahead_s:+.1f} s: it flies by GNSS time"
     return ClockChange(sysid, what, "its GNSS time agrees with the other vehicles", 0.0)

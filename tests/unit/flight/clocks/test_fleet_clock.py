@@ -81,7 +81,7 @@ def held(count: int, rate: float = 1.0) -> Fleet:
 
 
 def words(ahead_s: float) -> str:
-    return f"its GNSS time is off by {ahead_s:+.1f} s: it flies by its boot clock"
+    return f"has a GNSS time that is off by {ahead_s:+.1f} s: it flies by its boot clock"
 
 
 @pytest.mark.parametrize("ahead_s", [20.0, -20.0, 3600.0, -86400.0, 0.7])
@@ -96,7 +96,7 @@ def test_a_jump_is_told_and_not_followed_and_its_end_is_told(count: int, ahead_s
     assert times[-1] == pytest.approx(fleet.true_s, abs=0.05)
     fleet.ahead_s[1] = 0.0
     fleet.run(10.0)
-    assert fleet.said[1:] == [(1, "its GNSS time agrees with its boot clock again")]
+    assert fleet.said[1:] == [(1, "has a GNSS time that agrees with its boot clock again")]
 
 
 @pytest.mark.parametrize("rate", FULL_RATES)
@@ -186,7 +186,7 @@ def test_a_boot_clock_that_jumps_is_told_and_gnss_time_is_used() -> None:
     fleet = held(3)
     fleet.boot_s[1] += 600.0
     times = fleet.run(10.0)
-    assert fleet.said == [(1, "its boot clock jumped by +600.0 s: it flies by GNSS time")]
+    assert fleet.said == [(1, "has a boot clock that jumped by +600.0 s: it flies by GNSS time")]
     assert times[-1] == pytest.approx(fleet.true_s, abs=0.05)
     assert max(map(abs, fleet.off_s().values())) < 0.05
 
