@@ -26,6 +26,7 @@ from gcs.plan.formation.error import formation_error_m
 from gcs.plan.trajectory.plan import Plan
 
 _HEARD_S = 2.0  # an older report is no position
+_AHEAD_S = 1.0  # a report is extrapolated by this much or less
 
 
 @dataclass
@@ -50,6 +51,11 @@ class VehicleView:
         """Note that the vehicle stands on its pad (3,), whatever it reports."""
         if np.isfinite(self.position_ned_m).all():
             self.standing_error_ned_m = self.position_ned_m - pad_ned_m
+
+    def predicted(self, unix_s: float) -> tuple[Array, Array]:
+        """Return position and velocity (3,) at a time soon after the report, straight on."""
+        ahead_s = min(max(unix_s - self.unix_s, 0.0), _AHEAD_S)
+        return self.position_ned_m + self.velocity_ned_mps * ahead_s, self.velocity_ned_mps
 
 
 class Monitor:
@@ -93,6 +99,12 @@ class Monitor:
         """The position error of each vehicle, by system id; NaN for one that left the plan."""
         flying = self.in_formation
         return {sysid: view.error_m if sysid in flying else math.nan for sysid, view in self.views.items()}
+
+    def move_t0(self, t0_unix_s: float) -> None:
+        """The plan goes on with this T0; delays count from now on."""
+        self.t0_unix_s = t0_unix_s
+        for view in self.views.values():
+            view.lateness = Lateness()
 
     def separation_m(self) -> float:
         """Return the least distance between two vehicles of `aloft`; NaN before all have reported."""

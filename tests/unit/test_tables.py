@@ -23,6 +23,8 @@ STREAM = "tests/unit/flight/offboard/test_setpoint_messages.py"
 RULES = "tests/unit/flight/contingency/test_policy.py"
 ENERGY = "tests/unit/flight/energy/test_energy_choice.py"
 FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
+REJOIN = "tests/unit/flight/contingency/standstill/test_common_rejoin.py"
+STALLS = "tests/hostile/test_stalls.py"
 YIELDING = (NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")
 
 # Each rule of the contingency policy, and the flight or test that proves it.
@@ -60,6 +62,17 @@ POLICY_PROOFS = {
     ],
     "A vehicle with a critical battery lands at once": [(MISHAPS, "test_a_critical_battery_lands_at_once")],
     "A vehicle outside the fence returns": [(NEAR, "test_a_vehicle_blown_over_the_fence_returns")],
+    "A vehicle that left its mode for a standstill of this program follows setpoints again": [
+        (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
+        (RULES, "test_a_failsafe_that_this_program_caused_by_its_standstill_ends_no_flight"),
+    ],
+    "After a standstill of this program all vehicles are led back to the plan together": [
+        (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan")
+    ],
+    "Without a safe way back to the plan after a standstill of this program, vehicles return": [
+        (RULES, "test_stranded_vehicles_are_led_back_or_return"),
+        (REJOIN, "test_vehicles_far_from_the_plan_have_no_way_back"),
+    ],
     "A vehicle in its failsafe's mode is taken over again and returns": [
         (FAILSAFES, "test_none_of_six_in_their_failsafes_hold_is_left_alone"),
         (NEAR, "test_a_vehicle_blown_over_the_fence_returns"),
@@ -94,6 +107,11 @@ FLOWN = {
     "ground station stopped (Ctrl-C, at any step, once or often)": [
         ("tests/bridge/test_stopped.py", "test_a_flight_may_be_stopped_at_any_time"),
         ("tests/bridge/test_fly.py", "test_ctrl_c_lands_vehicles_that_are_not_ours"),
+    ],
+    "ground station stood still (stopped, suspended, swapped out, busy) for more than 1 s": [
+        (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
+        (STALLS, "test_stopped_on_the_ground_or_in_a_landing_it_goes_on"),
+        ("tests/unit/test_steady_loop.py", "test_a_stopped_program_reads_its_answers_before_its_timeouts"),
     ],
     "ground station killed": [
         ("tests/bridge/test_attach.py", "test_it_is_found_shown_and_flown_to_its_end"),

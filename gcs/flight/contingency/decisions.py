@@ -69,7 +69,7 @@ class ContingencyPolicy:
         before = self.states[sysid]
         orders = self._apply(row, ordered, incident.unix_s, because)
         left = before in IN_FORMATION and self.states[sysid] not in IN_FORMATION
-        if incident.kind is IncidentKind.FAILSAFE and orders:
+        if incident.kind is IncidentKind.FAILSAFE and orders and not incident.ours:
             self._take_overs[sysid] = self._take_overs.get(sysid, 0) + 1
         if before is State.STARTING:
             if self.states[sysid] is not State.STARTING:
@@ -119,6 +119,7 @@ class ContingencyPolicy:
             in_s=incident.in_s,
             usable=incident.usable,
             outcome=incident.outcome,
+            ours=incident.ours,
             takeable=incident.takeable and self._take_overs.get(incident.sysid, 0) < TAKE_OVERS_MAX,
             first_is_upper=higher,
         )

@@ -32,6 +32,7 @@ class IncidentKind(StrEnum):
     FAILSAFE = "failsafe took over"
     MODE_LEFT = "pilot took over"
     CONFLICT = "separation in danger"
+    STRANDED = "no setpoints for some time"
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,10 @@ class Incident:
     detail: str = ""
     other: int | None = None  # of a conflict
     in_s: float = 0.0  # of a conflict
-    usable: bool = True  # of a link that is back: the vehicle is in its place, in the ordered mode
+    usable: bool = True  # of a link that is back: in its place and mode; of stranded vehicles: there is a way back
     outcome: Outcome | None = None  # of a low battery: what its energy allows; None: not known
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and does not land already
+    ours: bool = False  # of a failsafe: this program stood still, so the vehicle had no setpoints
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ DETECTED = {  # how each incident is detected, for the documents
     IncidentKind.FAILSAFE: "HEARTBEAT: a mode that was not ordered, with a failsafe's STATUSTEXT or system_status",
     IncidentKind.MODE_LEFT: f"HEARTBEAT: a mode that was not ordered, no failsafe shown for {LIMITS.mode_told_s:g} s",
     IncidentKind.CONFLICT: "separation below `[judge]` predicted within 3 s, three times in a row",
+    IncidentKind.STRANDED: "this program itself stood still for more than 1 s in a flight by setpoints",
 }
 
 
@@ -88,6 +91,7 @@ class VehicleWatch:
     ) -> None:
         self.sysid = sysid
         self.obeys = obeys
+        self.ours = False  # set from outside: whether a failsafe of now comes from a standstill of this program
         self.usable = True  # set from outside: whether it is near its planned position
         self.remaining_pct: int | None = None  # as last reported
         self._behaviour = behaviour
@@ -113,6 +117,11 @@ class VehicleWatch:
         """The vehicle was lost before this watch began: its first position is that of a link that is back."""
         self._silent = self._lost = True
         self._heard_s = self._placed_s = -math.inf
+
+    def excuse(self, seconds: float) -> None:
+        """Do not count these seconds of vehicle time as silence: nobody listened."""
+        self._heard_s += seconds
+        self._placed_s += seconds
 
     def order(self, *modes: int) -> None:
         """Count these modes as ordered too. The mode shown now is no incident until the vehicle has left it."""
@@ -180,9 +189,12 @@ class VehicleWatch:
         if taken == "pilot":
             return [Incident(IncidentKind.MODE_LEFT, self.sysid, unix_s, name)]
         cause = self._signs.cause
-        able = cause is not FailsafeCause.POSITION and mode != self._behaviour.land
+        able = cause is not FailsafeCause.POSITION and (self.ours or mode != self._behaviour.land)
         able = able and math.isnan(self._no_fix_since_s)
-        return [Incident(IncidentKind.FAILSAFE, self.sysid, unix_s, f"{name}, cause: {cause}", takeable=able)]
+        ours = self.ours and cause is not FailsafeCause.BATTERY
+        return [
+            Incident(IncidentKind.FAILSAFE, self.sysid, unix_s, f"{name}, cause: {cause}", takeable=able, ours=ours)
+        ]
 
     def _battery(self, unix_s: float) -> list[Incident]:
         left_pct, limits = self.remaining_pct, self._limits

@@ -28,6 +28,7 @@ from gcs.flight.contingency.policy import (
     Order,
     State,
 )
+from gcs.flight.contingency.standstill.standstill import Standstill
 from gcs.flight.energy.charge_watch import ChargeWatch
 from gcs.flight.energy.energy_choice import EnergyAdviser, EnergyChoice, SafePoint
 from gcs.flight.monitor import Monitor
@@ -89,6 +90,9 @@ class ContingencyExecutor:
         self._chosen: dict[int, EnergyChoice] = {}  # the last choice at a low battery
         self._tracks = OrderedTracks(plan, returns, self._chosen)
         self._heading: dict[int, SafePoint] = {}  # where returning vehicles fly to
+        self._standstill = Standstill(
+            plan, vehicles, monitor, streamer, time, self._tracks.routes, options, lambda: self.policy.states
+        )
         self._told: set[tuple[int, IncidentKind]] = set()
         self._began_s = math.nan
 
@@ -130,6 +134,8 @@ class ContingencyExecutor:
                 now_s = self._time.now_s()
                 self._now_s = self._now_s if now_s is None else now_s
                 starting = State.STARTING in self.policy.states.values()
+                if self._standstill.reads(checked_s):
+                    continue
                 if now_s is not None and now_s - checked_s >= _PERIOD_S and (starting or self._t0_known):
                     checked_s = now_s
                     self._tell_clocks(now_s)
@@ -154,8 +160,14 @@ class ContingencyExecutor:
         for order in self.policy.return_all(now_s):
             self._carry_out(order, self._plan_time_s(now_s))
 
+    @property
+    def waits(self) -> bool:
+        """Whether the plan waits: this program stood still, and the vehicles are not led back yet."""
+        return self._standstill.open
+
     def landing(self) -> None:
         """The plan is over: from now on a landing mode is an ordered one."""
+        self._standstill.lands = True
         for vehicle in self._vehicles.values():
             self._watches[vehicle.sysid].order(vehicle.behaviour.land)
 
@@ -190,7 +202,10 @@ class ContingencyExecutor:
         return receive
 
     def _check(self, now_s: float, t_s: float) -> None:
+        excused_s = self._standstill.end_reading(now_s)
         for sysid, watch in self._watches.items():
+            watch.excuse(excused_s)
+            watch.ours = self._standstill.ours(now_s)
             if not self._vehicles[sysid].session.armed:
                 continue  # no incidents on the ground
             error_m = self._monitor.views[sysid].error_m
@@ -200,7 +215,9 @@ class ContingencyExecutor:
                 self._decide(self._with_energy(incident, t_s), t_s)
         self._check_separation(now_s, t_s)
         if not self._t0_known:
+            self._standstill.close()
             return
+        t_s = self._standstill.end(now_s, t_s, self.policy, self._carrier.stands, self._note, self._carry_out)
         for order in self.policy.clear(now_s):
             self._carry_out(order, t_s)
         for sysid, way in list(self._returning.items()):
@@ -273,7 +290,7 @@ class ContingencyExecutor:
         # From the first one armed to T0 every vehicle counts: one that drifts may come down on one that stands.
         airborne = armed if not (armed and starting) else [i for i, s in states.items() if s is not State.LOST]
         self._monitor.watch_separation(airborne)
-        on_plan = [i for i in airborne if states[i] in IN_FORMATION]
+        on_plan = [i for i in airborne if states[i] in IN_FORMATION and not self._standstill.gathers]
         for conflict in self._separation.look(views, t_s, now_s, on_plan, airborne, starting):
             farther, other = sorted(conflict.pair, key=lambda i: -self._off_m(i))
             higher = bool(views[farther].position_ned_m[2] <= views[other].position_ned_m[2])
@@ -311,6 +328,11 @@ class ContingencyExecutor:
         self._returning.pop(order.sysid, None)
         begin_s = t_s + self._options.lead_s
         match order.action:
+            case Action.OBEY:
+                watch.order(m.guided)
+                if self._t0_known:
+                    self._standstill.gather()
+                self._start(order.sysid, order.action.value, partial(self._standstill.take_back, vehicle))
             case Action.LEAVE:
                 self._carrier.end(order.sysid)
                 self._streamer.leave(order.sysid)

@@ -31,6 +31,11 @@ class MotionReference:
         self._places, self._velocities = motion.places[0], motion.velocities[0]
         self._yaw_ned_rad = yaw_ned_rad
 
+    def delay(self, by_s: float) -> None:
+        """Move it in plan time."""
+        self.begin_s += by_s
+        self.end_s += by_s
+
     @property
     def end_ned_m(self) -> Array:
         """Where it ends, at rest (3,)."""

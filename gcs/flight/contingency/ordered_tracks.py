@@ -22,7 +22,6 @@ ARRIVES_S = 8.0  # at most after the end of a return's reference
 # A vehicle that a failsafe or a gust stopped does not follow the reference of its return. It gets a new one then, from
 # where it is. Ways keep 3 m from zones.
 LEFT_M, RENEWS_S, RENEWALS_MAX = 2.0, 2.0, 3
-_AHEAD_S = 1.0  # a report is extrapolated by this much or less
 
 
 class OrderedTracks:
@@ -41,7 +40,7 @@ class OrderedTracks:
 
         None: a return without a way.
         """
-        position, velocity = _predicted(view, t0_unix_s, begin_s)
+        position, velocity = view.predicted(t0_unix_s + begin_s)
         at = np.clip(np.array([begin_s]), self._plan.t_start_s, np.nextafter(self._plan.t_end_s, -np.inf))
         yaw = float(self._plan.leader_trajectory.state(at)[0, 8])
         if order.action is Action.HOLD:
@@ -79,11 +78,5 @@ class WayBack:
         """Whether a vehicle is so far from its reference that it would cut corners of the way."""
         if self.renewals >= RENEWALS_MAX or t_s < self.track.begin_s + RENEWS_S:
             return False
-        position, _ = _predicted(view, t0_unix_s, t_s)
+        position, _ = view.predicted(t0_unix_s + t_s)
         return float(np.linalg.norm(position - np.array(self.track.at(0, t_s)[:3]))) > LEFT_M
-
-
-def _predicted(view: VehicleView, t0_unix_s: float, t_s: float) -> tuple[Array, Array]:
-    """Position and velocity (3,) at plan time `t_s`."""
-    ahead_s = min(max(t_s - (view.unix_s - t0_unix_s), 0.0), _AHEAD_S)
-    return view.position_ned_m + view.velocity_ned_mps * ahead_s, view.velocity_ned_mps

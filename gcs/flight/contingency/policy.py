@@ -52,6 +52,7 @@ class Action(StrEnum):
     LEAVE = "release"
     PROMOTE = "lead"
     REJOIN = "rejoin"
+    OBEY = "follow setpoints again"
 
 
 class Trigger(StrEnum):
@@ -115,12 +116,13 @@ class Situation:
     sysid: int = 0  # of the incident
     other: int = 0  # of a conflict: its second vehicle
     in_s: float = 0.0  # time to a conflict
-    usable: bool = True  # of a link that is back: position and mode are as ordered
+    usable: bool = True  # of a link that is back: position and mode are as ordered; or a way back to the plan is safe
     first_is_upper: bool = True  # of a conflict: its first vehicle is not below the other one
     acting: frozenset[int] = frozenset()  # vehicles whose last order may still take effect
     clear: tuple[int, ...] = ()  # vehicles without a conflict for `CLEAR_S`
     outcome: Outcome | None = None  # of a low battery: what the energy allows
     takeable: bool = True  # of a failsafe: the vehicle can follow setpoints, and was not taken over too often
+    ours: bool = False  # of a failsafe: it came while this program stood still
 
 
 def reporting_vehicle(now: Situation) -> tuple[int, ...]:
@@ -177,6 +179,8 @@ class Condition:
 
 ALWAYS = Condition("", lambda now: True)
 IN_PLACE = Condition(f"{USABLE_M:g} m or less off, in the ordered mode", lambda now: now.usable)
+SAFE_WAY = Condition("a common way back to the plan was checked and keeps all limits", lambda now: now.usable)
+OWN_STANDSTILL = Condition("it has a position, and this program stood still", lambda now: now.ours and now.takeable)
 TIME_TO_BRAKE = Condition(f"{BRAKE_S:g} s ahead or more", lambda now: now.in_s >= BRAKE_S)
 ENOUGH_TO_FINISH = Condition("energy for the rest of its flight", lambda now: now.outcome is Outcome.FINISH)
 ENOUGH_TO_DIVERT = Condition("energy for the nearest safe point", lambda now: now.outcome is Outcome.NEAREST)

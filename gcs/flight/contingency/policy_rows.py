@@ -20,8 +20,10 @@ from gcs.flight.contingency.policy import (
     IN_PLACE,
     LAND_ON_LOSS,
     OURS,
+    OWN_STANDSTILL,
     PROMOTE,
     RETURN_ON_LOSS,
+    SAFE_WAY,
     SPREAD_M,
     TAKEABLE,
     TAKEABLE_NEAR,
@@ -42,6 +44,14 @@ from gcs.flight.contingency.policy import (
 KEEPS = "The vehicle keeps its order"
 _K, _S, _A, _T = IncidentKind, State, Action, Trigger
 POLICY = (
+    Row(
+        _K.FAILSAFE,
+        frozenset({_S.STARTING, _S.FLYING}),
+        OWN_STANDSTILL,
+        None,
+        _A.OBEY,
+        "A vehicle that left its mode for a standstill of this program follows setpoints again",
+    ),
     *(
         Row(
             kind,
@@ -202,6 +212,23 @@ POLICY = (
         yielding_vehicle,
     ),
     Row(_K.CONFLICT, ALL, ALWAYS, None, None, "An earlier order gets time to act, or no vehicle can yield"),
+    Row(
+        _K.STRANDED,
+        frozenset({_S.FLYING}),
+        SAFE_WAY,
+        None,
+        _A.REJOIN,
+        "After a standstill of this program all vehicles are led back to the plan together",
+    ),
+    Row(
+        _K.STRANDED,
+        IN_FORMATION,
+        ALWAYS,
+        _S.RETURNING,
+        _A.RETURN,
+        "Without a safe way back to the plan after a standstill of this program, vehicles return",
+    ),
+    Row(_K.STRANDED, ALL - IN_FORMATION, ALWAYS, None, None, KEEPS),
     Row(
         _T.CLEAR,
         YIELDED,

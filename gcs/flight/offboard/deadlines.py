@@ -88,6 +88,13 @@ class Scheduler:
         """Stream to a vehicle from number `first` on; `end` as in `StreamProgress`."""
         self.streams[sysid] = StreamProgress(first, end)
 
+    def move(self, t0_unix_s: float, unix_s: float) -> None:
+        """Move T0. Streams that are not finished go on with the first setpoint after `unix_s`."""
+        self.t0_unix_s = t0_unix_s
+        for stream in self.streams.values():
+            if not stream.finished:
+                stream.next = self.grid.ahead_of(unix_s - t0_unix_s)
+
     def stop(self, sysid: int) -> None:
         """Stop the stream to a vehicle."""
         self.streams.pop(sysid, None)

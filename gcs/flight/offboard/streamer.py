@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
 
 from gcs.aio import each, sleep_sharply
-from gcs.flight.contingency.manoeuvres import RejoinReference
+from gcs.flight.contingency.manoeuvres import MotionReference, RejoinReference
 from gcs.flight.monitor import VehicleView
 from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.leader_follower import FollowerState, FollowReference, FormationFollowing
@@ -23,7 +23,7 @@ from gcs.link.microservices.command import CommandRefused
 from gcs.link.wire.message import Message
 from gcs.mission.model import SetpointStream
 from gcs.plan.trajectory.plan import Plan
-from gcs.steady_loop import host_s
+from gcs.steady_loop import host_s, stalls_of
 
 _LONGEST_WAIT_S = 0.05
 # Emulated time at any speed may have advanced since the last report: check often, send what may still be needed.
@@ -32,6 +32,7 @@ _AHEAD_S = 0.5  # between the decision to start and the first setpoint
 _EMULATED_AHEAD_S = 3.0  # ten times as fast, and on a busy machine
 _EMULATED_SOON_S = 0.6
 _NEVER_S = 1e6
+_HUSHED_S = 3.0
 
 
 class Streamer:
@@ -50,6 +51,8 @@ class Streamer:
             for v in fleet.values()
         }
         self.scheduler: Scheduler | None = None
+        self.paused = False  # what is due meanwhile is not sent
+        self._planned = {sysid: one.reference for sysid, one in self.streamed.items()}
         self._plan = plan
         self._fleet = fleet
         self._time = time
@@ -58,6 +61,8 @@ class Streamer:
         self._following: FormationFollowing | None = None
         self._emulated = options.lead_s > 0.0
         self._loop = asyncio.get_running_loop()
+        self._stalls = stalls_of(self._loop)
+        self._stalls_seen = self._stalls.count
         self._woken = asyncio.Event()
 
     def wake(self) -> None:
@@ -68,7 +73,8 @@ class Streamer:
     async def run(self) -> None:
         """Send what is due until cancelled."""
         while True:
-            if self.scheduler is None:
+            self.hush()
+            if self.scheduler is None or self.paused:
                 await asyncio.sleep(_EMULATED_WAIT_S)
             else:
                 await self._turn(self.scheduler)
@@ -103,13 +109,27 @@ class Streamer:
 
     async def take_over(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
         """Have one vehicle fly this reference from now on. Raises as switching modes does."""
+        self.follow(vehicle, reference)
+        await self._switch(vehicle)
+
+    def hush(self) -> None:
+        """After a standstill of this program, send nothing until `paused` is reset, or `_HUSHED_S` at most.
+
+        Until what has waited is read, the vehicles' clocks and positions are old. Emulated vehicles wait themselves.
+        """
+        if self._stalls.count > self._stalls_seen:
+            self._stalls_seen = self._stalls.count
+            self.paused = not self._emulated
+            self._loop.call_later(_HUSHED_S, setattr, self, "paused", False)
+
+    def follow(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
+        """Stream this reference to a vehicle from now on, without end."""
         assert self.scheduler is not None
         self.streamed[vehicle.sysid].reference = reference
         if vehicle.sysid not in self.scheduler.streams or self.scheduler.streams[vehicle.sysid].finished:
             now_s = self._time.sure_s() - self.scheduler.t0_unix_s
             self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(now_s), None)
         self.scheduler.streams[vehicle.sysid].end = None
-        await self._switch(vehicle)
 
     def continue_plan(self, t_s: float, fade_s: float | None) -> float:
         """Continue the plan a second from now at its time `t_s`, from the vehicles' positions; return T0.
@@ -150,6 +170,32 @@ class Streamer:
                 base, off_m, view.velocity_ned_mps - np.array(values[3:6]), begin_s, fade_s
             )
 
+    def rejoin_together(
+        self, vehicles: Sequence[FlightVehicle], t0_unix_s: float, t_s: float, fade_s: float, leader: int
+    ) -> None:
+        """Lead vehicles from their positions back to the plan within `fade_s` from its time `t_s` on, with this T0.
+
+        All other references keep their times, whatever T0 becomes.
+        """
+        assert self.scheduler is not None
+        later_s = t0_unix_s - self.scheduler.t0_unix_s
+        if later_s:
+            self.scheduler.move(t0_unix_s, self._time.sure_s())
+            for streamed in self.streamed.values():
+                if isinstance(streamed.reference, MotionReference):
+                    streamed.reference.delay(-later_s)
+        if self._options.follow:
+            self._let_follow(t0_unix_s, leader)
+        for vehicle in vehicles:
+            base = self._planned[vehicle.sysid]
+            values = base.at(self.scheduler.grid.ahead_of(t_s), t_s)
+            if values is not None:
+                position, velocity = vehicle.view.predicted(t0_unix_s + t_s)
+                off_m, off_mps = position - np.array(values[:3]), velocity - np.array(values[3:6])
+                self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, t_s, fade_s)
+            end = None if vehicle.behaviour.stream_first_s else len(self._stream.t_s)
+            self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(t_s), end)
+
     def leave(self, sysid: int) -> None:
         """Stop the stream to a vehicle."""
         if self.scheduler is not None:
@@ -169,8 +215,8 @@ class Streamer:
         self.streamed[sysid].reference = RejoinReference(timed, off_m, off_mps, begin_s, fade_s)
         following.lead(self._fleet[sysid].view)
 
-    def _let_follow(self, t0_unix_s: float) -> None:
-        leader = self._plan.sysids[self._plan.leader]
+    def _let_follow(self, t0_unix_s: float, leader: int | None = None) -> None:
+        leader = self._plan.sysids[self._plan.leader] if leader is None else leader
         followers = [vehicle for vehicle in self._fleet.values() if vehicle.sysid != leader]
         states = {one.sysid: FollowerState(one.view, self.streamed[one.sysid].sent) for one in followers}
         following = self._following = FormationFollowing(self._plan, t0_unix_s, states)
@@ -179,6 +225,8 @@ class Streamer:
         for one in followers:
             timed = PlanReference(self._stream, one.row)
             self.streamed[one.sysid].reference = FollowReference(timed, following, one.sysid, last)
+            self._planned[one.sysid] = self.streamed[one.sysid].reference
+        self._planned[leader] = PlanReference(self._stream, self._fleet[leader].row)
 
     def _schedule(self, t0_unix_s: float, *, ends: bool) -> None:
         """Stream from now on; before the plan's first setpoint, that setpoint at rest."""

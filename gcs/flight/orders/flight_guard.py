@@ -40,7 +40,7 @@ class FlightGuard:
 
         What ended the flight is raised afterwards. A vehicle that is not known to have landed is handed over by name.
         """
-        watch = asyncio.ensure_future(watch_links(self._sessions, self._step, self._lost_after_s))
+        watch = asyncio.ensure_future(watch_links(self._sessions, self._step, self._lost_after_s, self._tell))
         work = asyncio.ensure_future(flying)
         try:
             await asyncio.wait({watch, work}, return_when=asyncio.FIRST_COMPLETED)

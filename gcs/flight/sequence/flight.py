@@ -53,6 +53,7 @@ from gcs.plan.trajectory.plan import Plan
 T = TypeVar("T")
 _FEW = 12  # vehicles
 _HEARD_S = 2.0  # since its last HEARTBEAT: what it reports is new
+LANDING_LOOK_S = 0.002
 
 
 class FlightSequence:
@@ -251,7 +252,7 @@ class FlightSequence:
         async with alongside(self.streamer.run()):
             t0_unix_s = await self.streamer.begin()
             await self.watch_over(t0_unix_s)
-        return t0_unix_s
+        return t0_unix_s if self.monitor.t0_unix_s is None else self.monitor.t0_unix_s
 
     async def watch_over(self, t0_unix_s: float, *, return_all: bool = False) -> None:
         """Watch the flight from T0 until all vehicles have landed; the streamer runs beside it."""
@@ -262,7 +263,7 @@ class FlightSequence:
         if return_all:
             self.contingency.return_all()
         over = asyncio.ensure_future(self.contingency.over.wait())
-        planned = asyncio.ensure_future(self.time.until(t0_unix_s + self.plan.phase("landing").start_s))
+        planned = asyncio.ensure_future(self._until_landing())
         try:
             await asyncio.wait({over, planned}, return_when=asyncio.FIRST_COMPLETED)
             for done in (over, planned):
@@ -283,6 +284,15 @@ class FlightSequence:
     def _on_plan(self) -> list[int]:
         """The vehicles that fly the plan, or flew it to its end, and are heard."""
         return [i for i, state in self.contingency.policy.states.items() if state is State.FLYING]
+
+    async def _until_landing(self) -> None:
+        """Wait until the plan's landing; T0 may move, and the plan waits while vehicles are led back to it."""
+        t0_unix_s, begin_s = self.monitor.t0_unix_s, self.plan.phase("landing").start_s
+        while self.contingency.waits or self.time.sure_s() < (self.monitor.t0_unix_s or 0.0) + begin_s:
+            if self.monitor.t0_unix_s != t0_unix_s:
+                t0_unix_s = self.monitor.t0_unix_s
+                self.enter(self.step)
+            await asyncio.sleep(LANDING_LOOK_S)
 
     def _tell_failure(self, order: StandingOrder) -> None:
         if self._contingency is not None:

@@ -28,8 +28,9 @@ _OFFSETS = 16
 _REPORTS = 3  # of a held clock: their median counts, so one wrong report changes nothing
 _REBOOT_S, _AHEAD_S = 5.0, 5.0  # a boot time that is further back, or ahead of what its rate explains, is odd
 _RATES = 3.0  # a vehicle may become so much faster between two messages
-_LATE_S = 0.15  # after a standstill of this program: so long messages may be those that waited to be read
 _CONFIRM = 3  # odd boot times in a row are a clock that began anew
+# After a standstill of this program, messages wait to be read: until one is so near its predicted time, or so long.
+_NEAR_S, _UNREAD_S = 0.25, 1.0
 
 
 class VehicleClock:
@@ -53,7 +54,7 @@ class VehicleClock:
     def _forget_samples(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (now_s, boot_s)
         self._rate_kept: float | None = None  # of before the last standstill
-        self._late_until_s = float("-inf")
+        self._resumed: tuple[float, float] | None = None  # now_s and boot_s at its end, predicted
         self._newest_boot_s = float("-inf")
         self._newest_s = float("-inf")  # local time of the newest sample
         self._odd_boot_s: list[float] = []
@@ -76,9 +77,22 @@ class VehicleClock:
 
     def stood_still(self, now_s: float) -> None:
         """This program stood still until `now_s`: messages that it reads now have waited, and measure no clock."""
-        self._rate_kept = self.rate
+        if not self._samples:
+            return
+        rate = self._rate_kept = self.rate
+        self._resumed = now_s, max(boot + rate * (now_s - then) for then, boot in self._samples)
         self._samples.clear()
-        self._late_until_s = now_s + _LATE_S
+
+    def is_behind(self, now_s: float) -> bool:
+        """Whether messages may be unread that have waited in a standstill of this program."""
+        if self._resumed is None:
+            return False
+        then_s, boot_s = self._resumed
+        rate = self.rate
+        near_s = boot_s + rate * (now_s - then_s) - _NEAR_S * max(rate, 1.0)
+        if self._newest_boot_s >= near_s or now_s - then_s > _UNREAD_S:
+            self._resumed = None
+        return self._resumed is not None
 
     @property
     def offset_s(self) -> float | None:
@@ -136,7 +150,7 @@ class VehicleClock:
         if boot_s <= self._newest_boot_s:
             return
         self._newest_boot_s, self._newest_s = boot_s, now_s
-        if now_s < self._late_until_s:
+        if self.is_behind(now_s):
             return
         if not self._samples or now_s - self._samples[-1][0] >= self._window_s / _KEPT:
             self._samples.append((now_s, boot_s))

@@ -91,6 +91,10 @@ class ReturnRoutes:
                     break
         return Ways(points, lengths)
 
+    def outside_fence_m(self, places_m: Array) -> Array:
+        """How far places (..., 2) are outside the fence; 0 inside."""
+        return np.asarray(shapely.distance(self._inclusion, shapely.points(places_m)))
+
     def depth_m(self, tracks_m: Array, t_s: Array) -> Array:
         """The length (N,) of tracks (N, P, 2) in no-fly zones and outside the fence at plan times (N,)."""
         lines, inside_m = shapely.linestrings(tracks_m), np.zeros(len(tracks_m))

@@ -54,8 +54,8 @@ def situations() -> list[Situation]:
         for mine, other in product(State, State)
         for choice, in_s, usable, acting in product(choices, (0.5, 2.5), (False, True), (False, True))
     ] + [
-        Situation({2: mine, 3: State.FLYING}, Choices(), 3, 2, 3, outcome=outcome, takeable=takeable)
-        for mine, outcome, takeable in product(State, OUTCOMES, (False, True))
+        Situation({2: mine, 3: State.FLYING}, Choices(), 3, 2, 3, outcome=outcome, takeable=takeable, ours=ours)
+        for mine, outcome, takeable, ours in product(State, OUTCOMES, (False, True), (False, True))
     ]
 
 
@@ -80,6 +80,7 @@ def test_every_row_is_reached_and_done(row: Row) -> None:
             *(row.trigger, 2, 100.0, "1 m", 3, now.in_s, now.usable),
             outcome=now.outcome,
             takeable=now.takeable,
+            ours=now.ours,
         )
         orders = ours.take(incident)
         assert ours.states[sysid] == (row.to or now.states[sysid])
@@ -241,6 +242,30 @@ def test_a_vehicle_is_taken_over_from_its_failsafe_twice_and_then_lands() -> Non
     assert ours.states[3] is State.LANDING
 
 
+@pytest.mark.parametrize("before_t0", [False, True])
+def test_a_failsafe_that_this_program_caused_by_its_standstill_ends_no_flight(before_t0: bool) -> None:
+    ours = fleet()
+    if before_t0:
+        ours.begin(starting=True)
+    before = dict(ours.states)
+    for n in range(5):  # as often as it happens
+        found = ours.take(Incident(IncidentKind.FAILSAFE, 2, 10.0 * n, ours=True))
+        assert ordered(found) == {2: Action.OBEY}
+    assert ours.states == before
+    assert not ours.troubles
+
+
+def test_stranded_vehicles_are_led_back_or_return() -> None:
+    ours = fleet()
+    for sysid in FOUR:
+        assert ordered(ours.take(Incident(IncidentKind.STRANDED, sysid, 10.0))) == {sysid: Action.REJOIN}
+    assert not ours.troubles
+    for sysid in FOUR:
+        orders = ours.take(Incident(IncidentKind.STRANDED, sysid, 20.0, "too near", usable=False))
+        assert ordered(orders) == {sysid: Action.RETURN}
+    assert [one.sysid for one in ours.troubles] == list(FOUR)
+
+
 def test_a_failsafe_without_a_position_lands() -> None:
     assert ordered(fleet().take(Incident(IncidentKind.FAILSAFE, 3, 5.0, takeable=False))) == {3: Action.LAND}
 
@@ -340,6 +365,7 @@ incidents = st.builds(
     in_s=st.floats(0.0, 3.0),
     outcome=st.sampled_from(OUTCOMES),
     takeable=st.booleans(),
+    ours=st.booleans(),
 )
 
 
@@ -363,7 +389,7 @@ def test_whatever_happens(story: list[Incident], follow: bool, loss: OnLoss, lea
                     assert order.action in (Action.LAND, Action.LEAVE)
                 elif before[order.sysid] in FINAL:
                     assert incident.kind is IncidentKind.LINK_BACK
-                if order.action not in (Action.PROMOTE, Action.REJOIN):
+                if order.action not in (Action.PROMOTE, Action.REJOIN, Action.OBEY):
                     out.add(order.sysid)
                 assert ours.states[order.sysid] is not State.LOST
                 if ours.states[order.sysid] is State.LEFT:
