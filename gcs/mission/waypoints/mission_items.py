@@ -19,6 +19,7 @@ from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
+from gcs.mission.waypoints.clear_legs import clear_legs
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs
 from gcs.physics.quadrotor import POSITION, Array
@@ -46,7 +47,8 @@ _DAY_S = 86400
 def timed_legs(plan: Plan) -> TimedLegs:
     """The times of the waypoints of all vehicles, for an autopilot that keeps the commanded speeds exactly.
 
-    The start of the run-up, T0 and the arrival are always among them. Raises `ScenarioError` for a tolerance that
+    The start of the run-up, T0 and the arrival are always among them. Every leg keeps the clearance of
+    `limits_of(scenario)` over the ground. Raises `ScenarioError` for a tolerance that
     rounding alone would violate.
     """
     tolerance_m = plan.scenario.mission.tolerance_m
@@ -63,7 +65,8 @@ def timed_legs(plan: Plan) -> TimedLegs:
         if phase.name not in ("run-up", "mission"):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
-        flown = SampledFlight(t_s, plan.motion(t_s, rows)[0][..., POSITION], SPEED_MIN_MPS)
+        everyone = plan.motion(t_s, slice(None))[0][..., POSITION]  # (V, N, 3)
+        flown = SampledFlight(t_s, everyone[rows], SPEED_MIN_MPS, clear_legs(plan.scenario, t_s, everyone))
         indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
         errors.append(deviation(flown, indices))
         kept.append(t_s[indices])

@@ -2,7 +2,8 @@
 
 A leg is flown straight at constant speed: length / time, or the lowest speed of the autopilot and then a delay. Its
 distance from every sample (3D) is at most `path_m`, and its distance from the plan *at the same time* at most `time_m`;
-so a leg along which the speed changes is split even if the path is straight. An autopilot that does not keep its speed
+so a leg along which the speed changes is split even if the path is straight. A leg that a flight does not allow, over a
+slope for example, is split too: aside by the limit may be lower by much more. An autopilot that does not keep its speed
 over short legs gets legs as long as it needs; these may exceed both limits.
 """
 
@@ -21,6 +22,7 @@ _STILL_MPS = 0.02  # a hovering vehicle needs no length
 _LENGTHS_M = np.geomspace(0.05, 300.0, 100)
 
 Sustained = Callable[[float], float]  # length of legs, m -> speed sustained over such legs, m/s
+Allowed = Callable[[int, int], bool]  # first and last sample of a leg -> whether it may be flown straight
 
 
 @dataclass(frozen=True)
@@ -33,11 +35,15 @@ class Deviation:
 
 @dataclass(frozen=True)
 class SampledFlight:
-    """Samples of a trajectory: times (N,), positions (V, N, 3) in NED of all vehicles, lowest speed of a leg."""
+    """Samples of a trajectory: times (N,), positions (V, N, 3) in NED of all vehicles, lowest speed of a leg.
+
+    `allowed` refuses legs for other reasons than their deviation.
+    """
 
     t_s: Array
     position_ned_m: Array
     speed_min_mps: float = 0.0
+    allowed: Allowed | None = None
 
     def leg_errors_m(self, i: int, j: int) -> Array:
         """The (path, time) error (2,) of the leg from sample i to j."""
@@ -127,7 +133,8 @@ def _longest_leg(flown: SampledFlight, limits: Array, start: int) -> int:
     last = len(flown.t_s) - 1
 
     def within(end: int) -> bool:
-        return bool(np.all(flown.leg_errors_m(start, end) <= limits))
+        near = bool(np.all(flown.leg_errors_m(start, end) <= limits))
+        return near and (flown.allowed is None or flown.allowed(start, end))
 
     good, step = start + 1, 1
     while good + step <= last and within(good + step):
