@@ -53,7 +53,8 @@ LIMITS = """
 ## Limits of files that are read
 
 Files of others are checked before they are read: the exit code is 6, of a scenario 3, of a key or a fault file 2. The
-error states the value and the limit. Only regular files are read, no pipes and no devices. Numbers must be finite.
+error states the value and the limit. Only regular files are read, no pipes and no devices; a signing key may come from
+a pipe. Numbers must be finite.
 
 | file | largest size |
 | --- | --- |

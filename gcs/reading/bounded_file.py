@@ -65,13 +65,13 @@ def read_file(path: Path, kind: FileKind, *, error: type[GcsError] = FileFormatE
     return data
 
 
-def open_regular(path: Path, *, error: type[GcsError] = FileFormatError, hint: str = "") -> int:
-    """A handle for reading a regular file. Raises `error` for anything else."""
+def open_regular(path: Path, *, error: type[GcsError] = FileFormatError, hint: str = "", pipes: bool = False) -> int:
+    """A handle for reading a regular file, or with `pipes` a pipe. Raises `error` for anything else."""
     try:
-        _refuse_place(path, path.stat().st_mode, error)
+        _refuse_place(path, path.stat().st_mode, error, pipes)
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
-            _refuse_place(path, os.fstat(handle).st_mode, error)  # it may have been replaced meanwhile
+            _refuse_place(path, os.fstat(handle).st_mode, error, pipes)  # it may have been replaced meanwhile
         except BaseException:
             os.close(handle)
             raise
@@ -96,7 +96,7 @@ def in_mib(size: int) -> str:
     return f"{size} bytes" if size < MIB else f"{size / MIB:.4g} MiB"
 
 
-def _refuse_place(path: Path, mode: int, error: type[GcsError]) -> None:
+def _refuse_place(path: Path, mode: int, error: type[GcsError], pipes: bool) -> None:
     for is_it, words in _KINDS_OF_PLACES:
-        if is_it(mode):
+        if is_it(mode) and not (pipes and is_it is stat.S_ISFIFO):
             raise error(f"{path}: is {words}, not a file.", hint="name a regular file")

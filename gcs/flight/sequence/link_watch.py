@@ -39,5 +39,7 @@ async def watch_links(
             lost_words = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
             raise FlightError(
                 f"{lost_words} lost ({step().value}): no heartbeat for {silent[lost[0]]:.1f} s.",
-                hint="the others were ordered to land; search for it at its last reported position",
+                hint="check it and its link"
+                if step() in (Step.READY, Step.UPLOAD)
+                else "the others were ordered to land; search for it at its last reported position",
             )

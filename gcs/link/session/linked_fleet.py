@@ -348,22 +348,30 @@ class LinkedFleet:
 
     async def _send_heartbeats(self) -> None:
         while True:
-            now_s = self._loop.time()
-            known = self._routing.addresses()
-            for target in known:
-                self._send(STATION_HEARTBEAT, target.link, target.address)
-            for link in {*range(len(self._endpoints))} - {target.link for target in known}:
-                if self._endpoints[link].spec.mode.speaks_first:
-                    self._send(STATION_HEARTBEAT, link, None)
-            asked = self._routing.unidentified(now_s)
-            for system, targets in asked.items():
-                for target in targets:
-                    self._send(identity_request(self.sessions[system].station), target.link, target.address)
-            self._request_identities(asked)
-            self._tell_of_strangers(now_s)
-            for session in self.sessions.values():
-                session.tick(now_s)
-            await asyncio.sleep(_LOOK_S if asked and not self._frozen else _HEARTBEAT_S)
+            soon = False
+            try:
+                soon = self._beat(self._loop.time())
+            except Exception as error:  # one heartbeat that fails must not end them
+                self._loop.call_exception_handler({"message": "a heartbeat was not sent", "exception": error})
+            await asyncio.sleep(_LOOK_S if soon and not self._frozen else _HEARTBEAT_S)
+
+    def _beat(self, now_s: float) -> bool:
+        """Send a heartbeat to all, and ask those for their id whose address is in doubt. Return whether there are."""
+        known = self._routing.addresses()
+        for target in known:
+            self._send(STATION_HEARTBEAT, target.link, target.address)
+        for link in {*range(len(self._endpoints))} - {target.link for target in known}:
+            if self._endpoints[link].spec.mode.speaks_first:
+                self._send(STATION_HEARTBEAT, link, None)
+        asked = self._routing.unidentified(now_s)
+        for system, targets in asked.items():
+            for target in targets:
+                self._send(identity_request(self.sessions[system].station), target.link, target.address)
+        self._request_identities(asked)
+        self._tell_of_strangers(now_s)
+        for session in self.sessions.values():
+            session.tick(now_s)
+        return bool(asked)
 
     def _request_identities(self, asked: Collection[int]) -> None:
         """Request the ids of the vehicles of a flight until they are known: the proof if they move."""

@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import select
 import time
 from collections.abc import Mapping
+from io import RawIOBase
 from pathlib import Path
 
 from gcs.errors import UsageError
@@ -20,24 +22,40 @@ from gcs.reading.bounded_file import KEY_FILE, open_regular
 VARIABLE = "SKEIN_SIGNING_KEY"
 _SHORTEST = 8
 _OTHERS = 0o077
+_PATIENCE_S = 20.0  # for a program that writes the key into a pipe
 
 
 def load_key(file: Path | None, environment: Mapping[str, str] = os.environ) -> bytes | None:
     """Return the key in `file`, else that of the environment variable SKEIN_SIGNING_KEY, else None.
 
-    Raises `UsageError` if the file cannot be read, other users may read it, or it contains no key.
+    The file may be a pipe, as of a program that prints the key. Raises `UsageError` if it cannot be read, other users
+    may read it, or it contains no key.
     """
     if file is None:
         text = environment.get(VARIABLE)
         return None if text is None else _key(text.encode(), f"the variable {VARIABLE}")
     try:
-        with os.fdopen(open_regular(file, error=UsageError), "rb") as opened:
+        with os.fdopen(open_regular(file, error=UsageError, pipes=True), "rb", buffering=0) as opened:
             if os.fstat(opened.fileno()).st_mode & _OTHERS:
                 raise UsageError(f"the signing key {file} can be read by other users.", hint=f"run: chmod 600 {file}")
-            data = opened.read(KEY_FILE.largest_bytes + 1)
+            data = _read_all(opened, file)
     except OSError as error:
         raise UsageError(f"the signing key {file} cannot be read: {error.strerror}.") from None
     return _key(data, f"the file {file}")
+
+
+def _read_all(opened: RawIOBase, file: Path) -> bytes:
+    """Read to the end, a pipe too, but never wait without end."""
+    data = b""
+    end_s = time.monotonic() + _PATIENCE_S
+    while len(data) <= KEY_FILE.largest_bytes:
+        if not select.select([opened], [], [], max(end_s - time.monotonic(), 0.0))[0]:
+            raise UsageError(f"the signing key {file} did not arrive within {_PATIENCE_S:g} s.")
+        piece = opened.read(KEY_FILE.largest_bytes + 1)
+        if not piece:
+            break
+        data += piece
+    return data
 
 
 def signing_with(key: bytes | None, now_s: float, unix_s: float | None = None) -> Signing | None:

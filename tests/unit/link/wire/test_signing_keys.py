@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import threading
+from pathlib import Path
 
 import pytest
 
@@ -58,6 +61,18 @@ def test_a_key_that_others_can_read_is_refused(key_file):
         load_key(key_file(HEX.encode(), 0o644), {})
     with pytest.raises(UsageError, match="No such file"):
         load_key(key_file(HEX.encode()).with_name("nothing"), {})
+
+
+def test_a_program_may_print_the_key_into_a_pipe() -> None:
+    """As `--signing-key-file <(command)` of a shell does; it may print it in pieces, and late."""
+    reading, writing = os.pipe()
+    program = threading.Thread(target=lambda: [os.write(writing, part) for part in (b"", HEX[:20].encode())])
+    rest = threading.Timer(0.1, lambda: (os.write(writing, HEX[20:].encode()), os.close(writing)))
+    program.start()
+    rest.start()
+    assert load_key(Path(f"/dev/fd/{reading}"), {}) == bytes.fromhex(HEX)
+    rest.join()
+    os.close(reading)
 
 
 def test_no_representation_shows_the_key(key_file, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def test_a_leg_across_a_slope_is_split_where_its_deviation_alone_would_not(
     clear = waypoint_indices(SampledFlight(T, places, allowed=allowed), limits)
     assert not allowed(free[0], free[1])
     assert len(free) < len(clear) < 40
-    assert all(allowed(first, last) for first, last in zip(clear, clear[1:], strict=False))
+    assert all(allowed(first, last) for first, last in pairwise(clear))
 
 
 def test_the_legs_of_gap_keep_the_clearance(plan_of: Callable[[str], Plan]) -> None:
