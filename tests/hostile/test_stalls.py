@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 
 from sim_bridge.sim import lockstep
+from sim_bridge.sim.world import World
+from tests.fleets import wait_until
 from tests.hostile.attacker import Attacker
 from tests.hostile.conftest import MakeVehicles, all_down
 from tests.hostile.ground import Ended, Ground, fly_arguments
@@ -29,20 +31,22 @@ LANDING_POINT_M = [60.0, 20.0]
 
 
 @contextmanager
-def stopped(ground: Ground) -> Iterator[None]:
-    """Stop the ground station. Emulated vehicles would wait for its setpoints; real ones do not, nor these."""
+def stopped_in_the_air(ground: Ground, world: World) -> Iterator[None]:
+    """Stop the ground station on the first part of the plan, until it has led its vehicles back.
+
+    Emulated vehicles would wait for setpoints, up to 3 s of the clock; real ones do not, nor these meanwhile.
+    """
+    ground.until("take-off")
+    start = world.airframes.truth[0, :2].copy()
+    wait_until(lambda: float(np.linalg.norm(world.airframes.truth[0, :2] - start)) > 8.0, 120.0)
     before_s, lockstep.TIMEOUT_S = lockstep.TIMEOUT_S, 0.1
-    ground.signal(signal.SIGSTOP)
     try:
+        ground.signal(signal.SIGSTOP)
         yield
-    finally:
         ground.signal(signal.SIGCONT)
+        ground.until("are led back to the plan")
+    finally:
         lockstep.TIMEOUT_S = before_s
-
-
-def freeze(ground: Ground, seconds: float) -> None:
-    with stopped(ground):
-        time.sleep(seconds)
 
 
 def events(flights: Path) -> list[dict[str, Any]]:
@@ -56,7 +60,7 @@ def told(done: Ended, least_s: float = 0.0) -> list[str]:
     return [words for words in found if float(words.split()[-2]) > least_s - 0.15]
 
 
-def has_flown_its_plan(done: Ended, world: Any) -> None:
+def has_flown_its_plan(done: Ended, world: World) -> None:
     assert done.code == 0, done.output
     assert "ordered to land" not in done.output
     assert " lost" not in done.output
@@ -65,7 +69,7 @@ def has_flown_its_plan(done: Ended, world: Any) -> None:
     assert abs(world.airframes.truth[0, :2] - LANDING_POINT_M).max() < 1.0, "it did not land where planned"
 
 
-def least_separation_m(world: Any) -> float:
+def least_separation_m(world: World) -> float:
     places = world.airframes.truth[:, :3]
     return min(float(np.linalg.norm(a - b)) for n, a in enumerate(places) for b in places[:n])
 
@@ -75,9 +79,8 @@ def stopped_in_flight(
 ) -> Ended:
     world, port = make(autopilot, speedup=speedup)
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
-        time.sleep(0.5)
-        freeze(ground, seconds)
+        with stopped_in_the_air(ground, world):
+            time.sleep(seconds)
         nearest_m = np.inf
         while ground.running:
             if not world.airframes.landed.any():
@@ -97,8 +100,8 @@ def stopped_in_flight(
 def test_stopped_in_flight_it_leads_all_back_to_the_plan(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:
-    """12 s for the vehicles: ArduCopter has braked and hovers, PX4 has left Offboard and descends."""
-    done = stopped_in_flight(vehicles, hop_file, tmp_path, autopilot, 1.5, 8.0)
+    """10 s for the vehicles: ArduCopter has braked and hovers, PX4 has left Offboard and descends."""
+    done = stopped_in_flight(vehicles, hop_file, tmp_path, autopilot, 2.0, 5.0)
     assert "which goes on" in done.output
     if autopilot == "px4":
         assert done.output.count("ordered to follow setpoints again") >= 3
@@ -114,23 +117,23 @@ def test_stopped_on_the_ground_or_in_a_landing_it_goes_on(
         for line in ("upload and read back", "take-off", "landing"):
             ground.until(line)
             time.sleep(0.1)
-            freeze(ground, 1.5)
+            ground.freeze(1.5)
         done = ground.ended()
     has_flown_its_plan(done, world)
     assert len(told(done, 1.4)) >= 3
 
 
+@pytest.mark.slow
 def test_a_spoofer_of_a_stopped_ground_station_becomes_no_vehicle(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:
     """While the ground station stands still a stranger says a thousand times a second that it is vehicle 1."""
-    world, port = vehicles("ardupilot")
+    world, port = vehicles("ardupilot", speedup=5.0)
     with Attacker(port) as stranger, Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
         frame = stranger.frame(
             "HEARTBEAT", 1, type=2, autopilot=3, base_mode=89, custom_mode=9, system_status=3, mavlink_version=3
         )
-        with stopped(ground):
+        with stopped_in_the_air(ground, world):
             stranger.flood([frame], 1000.0, 3.3)
         done = ground.ended()
         assert not [data for data in stranger.heard() if data[7] == SETPOINT], "it is not vehicle 1"
@@ -157,7 +160,7 @@ def test_in_every_phase_for_every_time(
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
         ground.until(line)
         time.sleep(0.3)
-        freeze(ground, seconds)
+        ground.freeze(seconds)
         done = ground.ended()
     has_flown_its_plan(done, world)
     assert len(told(done, seconds)) == 1

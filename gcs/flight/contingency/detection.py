@@ -119,7 +119,7 @@ class VehicleWatch:
         self._heard_s = self._placed_s = -math.inf
 
     def excuse(self, seconds: float) -> None:
-        """Do not count these seconds of vehicle time as silence: nobody listened."""
+        """Do not count these seconds of vehicle time as silence: this program did not listen."""
         self._heard_s += seconds
         self._placed_s += seconds
 

@@ -194,7 +194,7 @@ class Streamer:
                 off_m, off_mps = position - np.array(values[:3]), velocity - np.array(values[3:6])
                 self.streamed[vehicle.sysid].reference = RejoinReference(base, off_m, off_mps, t_s, fade_s)
             end = None if vehicle.behaviour.stream_first_s else len(self._stream.t_s)
-            self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(t_s), end)
+            self.scheduler.start(vehicle.sysid, self.scheduler.grid.ahead_of(self._time.sure_s() - t0_unix_s), end)
 
     def leave(self, sysid: int) -> None:
         """Stop the stream to a vehicle."""

@@ -177,7 +177,8 @@ class VehicleClock:
         """Return the unix time at `now_s`, and whether it stands because the vehicle has not reported for so long."""
         if self._offset_s is None or not math.isfinite(self._newest_boot_s):
             return None
-        ahead_s, most_s = self._ahead_boot_s(now_s), self._newest_boot_s + (self._cap_s if self._samples else 0.0)
+        known = bool(self._samples) or (self._rate_kept is not None and not self.is_behind(now_s))
+        ahead_s, most_s = self._ahead_boot_s(now_s), self._newest_boot_s + (self._cap_s if known else 0.0)
         self._returned_boot_s = max(self._returned_boot_s, min(ahead_s, most_s))
         return self._returned_boot_s + self._offset_s, ahead_s >= most_s
 
@@ -188,7 +189,8 @@ class VehicleClock:
 
     def _ahead_boot_s(self, now_s: float) -> float:
         rate = self.rate
-        ahead_s = max((boot + rate * (now_s - then) for then, boot in self._samples), default=self._newest_boot_s)
+        samples = self._samples or ((self._newest_s, self._newest_boot_s),)
+        ahead_s = max(boot + rate * (now_s - then) for then, boot in samples)
         return max(ahead_s, self._newest_boot_s)
 
     def _plausible(self, boot_s: float, now_s: float) -> bool:

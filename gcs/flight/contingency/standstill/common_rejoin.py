@@ -1,7 +1,7 @@
 """How a formation that had no setpoints for a while gets back to its plan: all vehicles at once, or none.
 
 Near the plan the vehicles fade to it and keep T0. Else the plan waits for them: T0 moves, so that the plan continues
-where they are and nobody has to catch up. While a vehicle fades, its setpoint is the plan's plus its deviation, a
+where they are and no vehicle has to catch up. While a vehicle fades, its setpoint is the plan's plus its deviation, a
 quintic that ends at rest at zero. Vehicles that stand are taken along smoothly: the plan begins half a fade before
 their place in it, so that the deviation is what the plan moves meanwhile. Every candidate is checked as flown:
 separation, no-fly zones, fence, ground, height, speed and acceleration. Time is an argument.

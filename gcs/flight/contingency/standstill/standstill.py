@@ -29,11 +29,12 @@ from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.plan.trajectory.plan import Plan
 from gcs.steady_loop import host_s, stalls_of
 
-UNREAD_S = 1.2  # local time at most, until what waited has been read
+READ_S, UNREAD_S = 0.2, 1.4  # local time at least, and at most, until what waited has been read
 OURS_S = 6.0  # vehicle time after a standstill: a failsafe then is a consequence of it
-GATHER_S = 20.0  # vehicle time at most, until all vehicles stand and follow setpoints
+# Until all vehicles stand and follow setpoints: vehicle time, but local time too if that is longer.
+GATHER_S, GATHER_LOCAL_S = 20.0, 15.0
 SLOW_MPS = 0.5
-BEGIN_S = 0.15  # vehicle time from the choice of a rejoin to its first setpoint
+BEGIN_S = 0.05  # vehicle time from the choice of a rejoin to its first setpoint
 
 
 class Standstill:
@@ -65,7 +66,7 @@ class Standstill:
         self._reads = self._stranded = self.gathers = False
         self._before_s = math.nan  # fleet time of the last check before the last one
         self._excused_from_s = math.nan
-        self._until_s = -math.inf  # fleet time until which vehicles gather
+        self._until_s = self._gathers_until_s = -math.inf  # fleet and loop time until which vehicles gather
         self._ours_until_s = -math.inf
         self._held: set[int] = set()
         self.lands = False  # set from outside: the plan is over
@@ -95,7 +96,7 @@ class Standstill:
         return now_s <= self._ours_until_s
 
     def end_reading(self, now_s: float) -> float:
-        """Return the fleet time since the last check, in which nobody listened; 0 without a standstill."""
+        """Return the fleet time since the last check, in which this program did not listen; 0 without a standstill."""
         if math.isnan(self._excused_from_s):
             return 0.0
         from_s, self._excused_from_s = self._excused_from_s, math.nan
@@ -156,13 +157,14 @@ class Standstill:
         if self._stranded:
             self._stranded = False
             self.gathers = len(obey) < len(flying)
-            self._until_s = now_s + GATHER_S
+            self._until_s, self._gathers_until_s = now_s + GATHER_S, self._loop.time() + GATHER_LOCAL_S
             self._held.clear()
         if self.gathers:
             self._hold([v for v in obey if v.sysid not in self._held], now_s)
             self._streamer.paused = False
             slow = all(float(np.linalg.norm(v.view.velocity_ned_mps)) < SLOW_MPS for v in flying)
-            if not (slow and len(obey) == len(flying)) and now_s < self._until_s:
+            in_time = now_s < self._until_s or self._loop.time() < self._gathers_until_s
+            if not (slow and len(obey) == len(flying)) and in_time:
                 return None
         before_s = self._before_s - self._t0_s
         self.close()
@@ -217,9 +219,10 @@ class Standstill:
     def _is_read(self, vehicle: FlightVehicle) -> bool:
         """Whether what this vehicle sent in the standstill has been read, and its mode of now is known."""
         session, arrived_s = vehicle.session, vehicle.session.latest_s
-        if session.clock.is_behind(host_s(self._loop)) or arrived_s.get("LOCAL_POSITION_NED", 0.0) <= self._woke_s:
+        read_s = self._woke_s + READ_S
+        if session.clock.is_behind(host_s(self._loop)) or arrived_s.get("LOCAL_POSITION_NED", 0.0) <= read_s:
             return False
-        return not vehicle.behaviour.stream_first_s or arrived_s["HEARTBEAT"] > self._woke_s
+        return not vehicle.behaviour.stream_first_s or arrived_s["HEARTBEAT"] > read_s
 
     def _hold(self, vehicles: list[FlightVehicle], now_s: float) -> None:
         for vehicle in vehicles:
