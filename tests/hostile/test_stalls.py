@@ -164,3 +164,16 @@ def test_in_every_phase_for_every_time(
         done = ground.ended()
     has_flown_its_plan(done, world)
     assert len(told(done, seconds)) == 1
+
+
+def test_emulated_vehicles_that_wait_meanwhile_notice_nothing(hop_file: Path, tmp_path: Path) -> None:
+    """As fast as the machine can, emulated time waits for setpoints: the plan and T0 stay."""
+    with Ground("fly", hop_file, "--sim", "--speedup", "max", "--to", tmp_path) as ground:
+        ground.until("flying")
+        for _ in range(2):
+            ground.freeze(1.3)
+            time.sleep(0.3)
+        done = ground.ended()
+    assert done.code == 0, done.output
+    assert told(done, 1.3)
+    assert "stayed without setpoints" not in done.output

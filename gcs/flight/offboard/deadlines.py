@@ -111,6 +111,11 @@ class Scheduler:
             return math.inf
         return self._deadline_s(sysid, stream.next)
 
+    def missing_s(self, unix_s: float) -> float:
+        """Return how much older than `unix_s` the newest setpoint of any unfinished stream is; 0 if none is older."""
+        newest = [self.grid.at(one.next - 1) for one in self.streams.values() if not one.finished]
+        return max(unix_s - self.t0_unix_s - min(newest), 0.0) if newest else 0.0
+
     def due(self, sysid: int, vehicle_unix_s: float) -> list[int]:
         """Return the numbers to send now, oldest first; each is due once."""
         stream = self.streams.get(sysid)

@@ -115,12 +115,19 @@ class Streamer:
     def hush(self) -> None:
         """After a standstill of this program, send nothing until `paused` is reset, or `_HUSHED_S` at most.
 
-        Until what has waited is read, the vehicles' clocks and positions are old. Emulated vehicles wait themselves.
+        Until what has waited is read, the vehicles' clocks and positions are old.
         """
         if self._stalls.count > self._stalls_seen:
             self._stalls_seen = self._stalls.count
-            self.paused = not self._emulated
+            self.paused = True
             self._loop.call_later(_HUSHED_S, setattr, self, "paused", False)
+
+    def missing_s(self, now_s: float) -> float:
+        """Return for how long the vehicles have flown past their newest setpoint, at fleet time `now_s`.
+
+        Emulated vehicles faster than real time wait for setpoints: they have not.
+        """
+        return 0.0 if self.scheduler is None else self.scheduler.missing_s(now_s)
 
     def follow(self, vehicle: FlightVehicle, reference: ReferenceTrajectory) -> None:
         """Stream this reference to a vehicle from now on, without end."""

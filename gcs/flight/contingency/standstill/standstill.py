@@ -30,6 +30,8 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.steady_loop import host_s, stalls_of
 
 READ_S, UNREAD_S = 0.2, 1.4  # local time at least, and at most, until what waited has been read
+EMULATED_UNREAD_S = 0.4  # ... by emulated vehicles that wait for setpoints: they send nothing new before
+MISSING_S = 0.5  # vehicle time without setpoints that vehicles do not leave the plan in
 OURS_S = 6.0  # vehicle time after a standstill: a failsafe then is a consequence of it
 # Until all vehicles stand and follow setpoints: vehicle time, but local time too if that is longer.
 GATHER_S, GATHER_LOCAL_S = 20.0, 15.0
@@ -85,9 +87,11 @@ class Standstill:
                 self._before_s = checked_s
             self._reads = True
             self._streamer.hush()
-        if self._reads and (self._loop.time() - self._woke_s > UNREAD_S or all(map(self._is_read, self._heard()))):
+        unread_s = EMULATED_UNREAD_S if self._options.lead_s > 0.0 else UNREAD_S
+        if self._reads and (self._loop.time() - self._woke_s > unread_s or all(map(self._is_read, self._heard()))):
             self._reads = False
-            self._stranded = True
+            self._stranded = self._streamer.missing_s(self._time.sure_s()) > MISSING_S
+            self._streamer.paused = self._streamer.paused and self._stranded
             self._excused_from_s = checked_s
         return self._reads
 
