@@ -24,6 +24,8 @@ RULES = "tests/unit/flight/contingency/test_policy.py"
 ENERGY = "tests/unit/flight/energy/test_energy_choice.py"
 FAILSAFES = "tests/unit/flight/contingency/test_recorded_failsafe.py"
 REJOIN = "tests/unit/flight/contingency/standstill/test_common_rejoin.py"
+HOSTILE = "tests/hostile/test_"
+RECORDS = "tests/unit/flight/recording/writing/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
 YIELDING = (NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")
 
@@ -104,18 +106,133 @@ POLICY_PROOFS = {
 # Each row of docs/flying.md on the ground station itself.
 FLOWN = {
     "all vehicles silent": [(NEAR, "test_all_fall_silent_and_land")],
-    "ground station stopped (Ctrl-C, at any step, once or often)": [
+    "ground station stopped (Ctrl-C, SIGTERM, or SIGHUP because its terminal was closed; at any step, once or often)": [
         ("tests/bridge/test_stopped.py", "test_a_flight_may_be_stopped_at_any_time"),
         ("tests/bridge/test_fly.py", "test_ctrl_c_lands_vehicles_that_are_not_ours"),
+        (HOSTILE + "signals.py", "test_a_signal_lands_what_is_in_the_air"),
+        (HOSTILE + "signals.py", "test_under_nohup_the_flight_outlives_its_terminal"),
+        (HOSTILE + "signals.py", "test_an_upload_is_rolled_back"),
+    ],
+    "output fails (terminal closed, reader of a pipe gone, disk full, character not in the encoding)": [
+        (HOSTILE + "outputs.py", "test_a_terminal_that_is_closed_in_flight"),
+        (HOSTILE + "outputs.py", "test_a_reader_that_leaves_in_flight"),
+    ],
+    "the terminal stands still (Ctrl-S, a stalled connection)": [
+        (HOSTILE + "outputs.py", "test_a_terminal_that_stands_still_does_not_stop_the_stream")
+    ],
+    "the disk is full, or fails": [(HOSTILE + "disks.py", "test_a_disk_that_is_full_in_flight_and_has_room_again")],
+    "the disk stands still": [(RECORDS, "test_a_disk_that_stands_still_keeps_no_frame_waiting")],
+    "the flight's folder is deleted": [(HOSTILE + "disks.py", "test_a_flight_whose_folder_is_deleted")],
+    "no room for the record, before the flight": [
+        (HOSTILE + "disks.py", "test_without_room_nothing_is_uploaded"),
+        (HOSTILE + "disks.py", "test_a_folder_that_cannot_be_written_is_a_refusal"),
+    ],
+    "flight refused, not confirmed, or stopped before it arms": [
+        (HOSTILE + "custody.py", "test_further_flights_of_vehicles_that_fly_leave_them_alone"),
+        (HOSTILE + "custody.py", "test_a_flight_that_is_not_confirmed_sends_nothing"),
+    ],
+    "vehicle armed by a pilot or another ground station": [
+        (HOSTILE + "custody.py", "test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot")
+    ],
+    "any exception in flight": [
+        (HOSTILE + "every_await.py", "test_whatever_fails_while_vehicles_fly_they_land"),
+        (HOSTILE + "every_await.py", "test_whatever_fails_anywhere_all_vehicles_land"),
+    ],
+    "an exception in the landing": [(HOSTILE + "every_await.py", "test_a_landing_that_fails_itself_is_begun_again")],
+    "an exception in a log, screen or hook": [
+        (HOSTILE + "every_await.py", "test_reports_that_fail_do_not_reach_the_flight")
+    ],
+    "vehicles came down before the plan's landing, without any incident": [
+        (HOSTILE + "ended_early.py", "test_a_vehicle_that_is_disarmed_in_the_air_by_another_station"),
+        (HOSTILE + "ended_early.py", "test_a_common_time_that_is_wrong_does_not_end_a_flight_as_if_it_were_flown"),
+    ],
+    "a plan file was changed, its checksum and stored verdict made anew": [
+        (
+            HOSTILE + "files_bombs.py",
+            "test_a_plan_with_changed_tracks_and_a_new_checksum_reaches_no_file_and_no_vehicle",
+        ),
+        (HOSTILE + "files_bombs.py", "test_attach_resumes_no_changed_plan_and_still_brings_its_vehicles_down"),
+    ],
+    "a file of others: huge, packed zeros, damaged, a pipe or a device": [
+        (HOSTILE + "files_bombs.py", "test_two_megabytes_of_packed_zeros_are_no_plan"),
+        (HOSTILE + "files_bombs.py", "test_mutated_files_never_reach_a_bug"),
+    ],
+    "an argument that is no number, no path or no fault (`--fault 99:die`, `--speedup inf`)": [
+        (HOSTILE + "arguments.py", "test_no_argument_reaches_a_bug"),
+        (HOSTILE + "arguments.py", "test_what_is_wrong_is_said_in_a_sentence"),
+    ],
+    "bytes that are no frames, up to any rate": [
+        (HOSTILE + "floods.py", "test_bytes_that_are_no_frames_hold_nothing_up")
+    ],
+    "systems that are not in the plan": [
+        (HOSTILE + "floods.py", "test_the_heartbeats_of_all_other_systems_are_counted_and_told_once")
+    ],
+    "another address claims a vehicle": [
+        (HOSTILE + "spoofing.py", "test_a_vehicle_keeps_its_address_while_the_ground_station_stands_still"),
+        (HOSTILE + "lies.py", "test_lies_from_another_port_change_nothing"),
+    ],
+    "a vehicle is at a new address": [
+        (HOSTILE + "spoofing.py", "test_a_vehicle_that_restarts_at_another_port_proves_who_it_is"),
+        ("tests/unit/link/routing/test_routing_table.py", "test_in_a_flight_a_vehicle_that_reports_no_id_never_moves"),
+    ],
+    "two claims of one system id before the flight": [
+        (HOSTILE + "spoofing.py", "test_who_claims_a_vehicle_before_it_is_heard_stops_the_flight_and_gets_nothing")
+    ],
+    "no route, interface down, a firewall on this machine": [
+        ("tests/bridge/test_endpoint_udp.py", "test_what_the_operating_system_refuses_is_a_lost_frame")
     ],
     "ground station stood still (stopped, suspended, swapped out, busy) for more than 1 s": [
         (STALLS, "test_stopped_in_flight_it_leads_all_back_to_the_plan"),
         (STALLS, "test_stopped_on_the_ground_or_in_a_landing_it_goes_on"),
+        (STALLS, "test_emulated_vehicles_that_wait_meanwhile_notice_nothing"),
         ("tests/unit/test_steady_loop.py", "test_a_stopped_program_reads_its_answers_before_its_timeouts"),
     ],
     "ground station killed": [
         ("tests/bridge/test_attach.py", "test_it_is_found_shown_and_flown_to_its_end"),
         ("tests/bridge/test_attach.py", "test_it_lands"),
+        (HOSTILE + "attach_after.py", "test_it_lands_after_a_kill_in_every_phase"),
+    ],
+    "`gcs attach`, and a vehicle is not heard": [
+        (HOSTILE + "attach_after.py", "test_a_vehicle_that_is_not_heard_does_not_keep_the_others_up")
+    ],
+    "`gcs attach` twice, or while `gcs fly` runs": [
+        (HOSTILE + "attach_after.py", "test_two_ground_stations_do_not_fly_one_flight"),
+        (HOSTILE + "attach_after.py", "test_a_second_attach_is_refused"),
+    ],
+    "`flight.json` is damaged, missing, or of another version": [
+        (HOSTILE + "attach_after.py", "test_a_flight_without_its_state_lands_by_its_links")
+    ],
+    "the network interface goes down and comes up": [
+        (HOSTILE + "interface_down.py", "test_an_interface_that_goes_down_and_up")
+    ],
+    "frames are damaged, cut, doubled, late": [(HOSTILE + "mutated_frames.py", "test_damaged_frames_change_nothing")],
+    "a vehicle reports false values with a valid checksum": [
+        (HOSTILE + "mutated_frames.py", "test_whatever_vehicles_say_the_flight_ends_by_a_rule")
+    ],
+    "a vehicle answers MAVLink FTP without giving new bytes": [
+        (
+            "tests/property/link/test_forged_answers.py",
+            "test_forged_answers_end_in_time_and_nothing_unequal_is_accepted",
+        )
+    ],
+    "one vehicle's GNSS time jumps in flight": [
+        (HOSTILE + "clocks.py", "test_jumps_of_gnss_time_are_told_and_not_followed")
+    ],
+    "all vehicles' GNSS times jump (a leap second, a false constellation)": [
+        (HOSTILE + "clocks.py", "test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing")
+    ],
+    "a GNSS time more than 1 s from the other vehicles' before arming": [
+        (HOSTILE + "clocks.py", "test_a_vehicle_with_another_time_is_named_before_anything_is_armed")
+    ],
+    "a jump between take-off and the common start of missions on board": [
+        ("tests/bridge/test_clock_jumps.py", "test_a_jump_before_the_common_start_lands_all_and_names_the_vehicle")
+    ],
+    "a time of a stranger, or one that no flight has (before 2010, after 2099)": [
+        (HOSTILE + "clocks.py", "test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing")
+    ],
+    "the computer's clock is set in flight": [
+        ("tests/unit/test_wall_clock.py", "test_no_flight_reads_the_wall_clock"),
+        (HOSTILE + "clocks.py", "test_a_strangers_time_the_hosts_clock_and_a_jump_of_all_vehicles_change_nothing"),
     ],
 }
 
