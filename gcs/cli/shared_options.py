@@ -104,7 +104,7 @@ def connection(
 def within(option: str, value: float, least: float, most: float, unit: str = "") -> float:
     """The value, if it is a number from `least` to `most`; NaN is none. Raises `UsageError`."""
     if not least <= value <= most:
-        limits = f"{least:g} to {most:g}{unit and f' {unit}'}"
+        limits = f"{least:.12g} to {most:.12g}{unit and f' {unit}'}"
         raise UsageError(f"{option} {value:g}: not from {limits}", hint=f"give a number from {limits}")
     return value
 

@@ -222,7 +222,7 @@ def test_no_argument_reaches_a_bug(place: Path, capsys: pytest.CaptureFixture[st
         (["check", "/dev/zero"], 6, "/dev/zero: is a device, not a file"),
         (["verify", "folder"], 6, "folder: is a folder, not a file"),
         (["vehicles", "--listen", "inf"], 2, "--listen inf: not from 0.01 to 3600 s"),
-        (["check", "a.waypoints", "--separation", "inf"], 2, "--separation inf: not from 0.001 to 1e+06 m"),
+        (["check", "a.waypoints", "--separation", "inf"], 2, "--separation inf: not from 0.001 to 1000000 m"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(
