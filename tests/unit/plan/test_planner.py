@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.physics.quadrotor import derivative
-from gcs.plan import planner
 from gcs.plan.planner import make_plan
-from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.plan import Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory, joined
 from gcs.plan.verification.verify import verify
 from gcs.scenario.environment.terrain import ground_height_m
@@ -31,7 +30,7 @@ def test_phases_meet_to_the_last_bit_whatever_their_lengths(
 ) -> None:
     ground = {"takeoff_s": takeoff, "hover_s": hover, "run_up_s": run_up, "landing_s": landing}
     scenario = changed(simulation1, ground_phases=ground, time={"flight_s": flight})
-    phases = planner._phases(scenario)
+    phases = phases_of(scenario)
     for before, after in itertools.pairwise(phases):
         assert before.end_s == after.start_s
     names = [phase.name for phase in phases]

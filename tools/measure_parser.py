@@ -1,6 +1,6 @@
 """What does a byte cost the parser? Lawful frames, noise, and bytes made to keep it busy, in ns per byte.
 
-./tools/run python tools/bench_parser.py [--json FILE]
+./tools/run python tools/measure_parser.py [--json FILE]
 
 `work` is the number of checksum bytes (and 32 for each failed header) per byte, the measure that tests bound;
 `dropped` the share that was left unread.
