@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,19 +18,26 @@ LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py"
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Progress by area, where people read it: the process that prints, not its workers."""
+    """Progress by area, where people read it: the process that prints, not its workers.
+
+    A background job has SIGINT ignored, and `nohup` SIGHUP; programs under test inherit it. Tests are the same there.
+    """
+    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None and config.get_verbosity() <= 0:
         config.pluginmanager.register(AreaProgress(reporter), "area-progress")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """What takes minutes runs only when it is asked for, by `-m slow`; files that take long begin early."""
+    """What takes minutes or hours runs only when it is asked for, by `-m slow` and `-m long`; the longest begin."""
     items.sort(key=lambda item: item.path.name not in LONG)
     if not config.option.markexpr:
         for item in items:
-            if "slow" in item.keywords:
-                item.add_marker(pytest.mark.skip(reason="takes minutes: run with -m slow"))
+            for mark in ("slow", "long"):
+                if item.get_closest_marker(mark) is not None:
+                    item.add_marker(pytest.mark.skip(reason=f"takes long: run with -m {mark}"))
 
 
 @pytest.fixture(scope="session")

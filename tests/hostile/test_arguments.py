@@ -233,7 +233,7 @@ def test_what_is_wrong_is_said_in_a_sentence(
     assert not (place / "flights").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_no_argument_at_all_reaches_a_bug(place: Path, seed: int, capsys: pytest.CaptureFixture[str]) -> None:
     for line, as_json in chosen(iter([*quick(), *thorough()]), None if seed == 0 else 300, seed):

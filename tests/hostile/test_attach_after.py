@@ -72,7 +72,7 @@ def killed(world: World, port: int, plan: Path, flights: Path, moment: str = "fl
         assert ground.ended().code == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("order", ["--land", pytest.param("--return", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("order", ["--land", pytest.param("--return", marks=pytest.mark.long)])
 def test_a_vehicle_that_is_not_heard_does_not_keep_the_others_up(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, order: str
 ) -> None:
@@ -88,7 +88,7 @@ def test_a_vehicle_that_is_not_heard_does_not_keep_the_others_up(
     assert all_down(world)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("moment", ["take-off", "landing: t = "])
 def test_it_lands_after_a_kill_in_every_phase(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, moment: str
@@ -100,7 +100,7 @@ def test_it_lands_after_a_kill_in_every_phase(
     assert all_down(world)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_lands_after_a_kill_under_attack(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
@@ -114,7 +114,7 @@ def test_it_lands_after_a_kill_under_attack(vehicles: MakeVehicles, hop_file: Pa
     assert all_down(world)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_lands_after_a_stop_and_a_kill(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
@@ -127,7 +127,7 @@ def test_it_lands_after_a_stop_and_a_kill(vehicles: MakeVehicles, hop_file: Path
     assert all_down(world)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_flight_without_its_state_lands_by_its_links(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     killed(world, port, hop_file, tmp_path)
@@ -142,7 +142,7 @@ def test_a_flight_without_its_state_lands_by_its_links(vehicles: MakeVehicles, h
     assert all_down(world)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ground_stations_do_not_fly_one_flight(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:

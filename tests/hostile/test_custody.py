@@ -47,7 +47,7 @@ def sent(flights: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("to_its_end", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("to_its_end", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_further_flights_of_vehicles_that_fly_leave_them_alone(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, *, to_its_end: bool
 ) -> None:

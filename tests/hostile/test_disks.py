@@ -56,7 +56,7 @@ def test_a_disk_that_is_full_in_flight_and_has_room_again(
         assert "telemetry.tlog lacks" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("what_is_there_now", ["nothing", "a file"])
 def test_a_flight_whose_folder_is_deleted(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, what_is_there_now: str
@@ -84,7 +84,7 @@ def test_a_flight_whose_folder_is_deleted(
         assert "telemetry.tlog" not in last
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_attach_lands_a_flight_whose_folder_was_deleted_and_whose_disk_is_full(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:

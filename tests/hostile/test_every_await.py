@@ -152,7 +152,7 @@ def test_whatever_fails_while_vehicles_fly_they_land(step_aside: Plan, undisturb
         survives(step_aside, place, nth, list(FAILURES)[number % len(FAILURES)])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", FAILURES)
 def test_whatever_fails_anywhere_all_vehicles_land(step_aside: Plan, undisturbed: Flight, kind: str) -> None:
     for place, nth in points(undisturbed):

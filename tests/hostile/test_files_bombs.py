@@ -210,7 +210,7 @@ def claimed(path: Path, name: str, size: int) -> None:
     path.write_bytes(bytes(data))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_archive_that_unpacks_to_gigabytes_is_refused_at_once(tmp_path: Path) -> None:
     path = bomb(tmp_path / "bomb.skein", "state.npy", npy_head((GIB // 4 // 12, 1, 12)), 2 * GIB)
     assert path.stat().st_size < 10_000_000
@@ -357,7 +357,7 @@ def test_mutated_files_never_reach_a_bug(
     mutations(hop_file, tmp_path, repo_root, seed, 8, capsys)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2, 12))
 def test_many_mutated_files_never_reach_a_bug(
     hop_file: Path, tmp_path: Path, repo_root: Path, seed: int, capsys: pytest.CaptureFixture[str]

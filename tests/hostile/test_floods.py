@@ -35,7 +35,7 @@ def events(flights: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in file.read_text().splitlines()]
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
 def test_bytes_that_are_no_frames_hold_nothing_up(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:
@@ -43,7 +43,7 @@ def test_bytes_that_are_no_frames_hold_nothing_up(
     with Attacker(port) as stranger, Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
         done = flown(ground, lambda: stranger.flood(GARBAGE, 300.0, 0.5))
     assert done.code == 0, done.output
-    assert "no heartbeat" not in done.output
+    assert " lost" not in done.output
     assert "dropped unread" in done.output
     assert stranger.sent > 100
     assert all_down(world)
@@ -82,7 +82,7 @@ def test_the_heartbeats_of_all_other_systems_are_counted_and_told_once(
     assert log.stat().st_size < 5_000_000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_flood_from_many_ports_and_every_system_at_once(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str

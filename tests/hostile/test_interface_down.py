@@ -56,7 +56,12 @@ def interface(state: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "down_s", [pytest.param(1.0, marks=pytest.mark.slow), 2.0, pytest.param(8.0, marks=pytest.mark.slow)]
+    "down_s",
+    [
+        pytest.param(1.0, marks=pytest.mark.long),
+        pytest.param(2.0, marks=pytest.mark.slow),
+        pytest.param(8.0, marks=pytest.mark.long),
+    ],
 )
 def test_an_interface_that_goes_down_and_up(
     request: pytest.FixtureRequest, vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, down_s: float

@@ -41,6 +41,7 @@ def flown_through(
             return ground.ended(), world
 
 
+@pytest.mark.slow
 def test_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     damage = Damage(SEED, copies=3)
     done, world = flown_through(vehicles, hop_file, tmp_path, damage, speedup=4.0)
@@ -49,7 +50,7 @@ def test_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_file: Path, t
     assert damage.damaged > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_million_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     damaged, seed = 0, SEED
     while damaged < 1_000_000:
@@ -60,7 +61,7 @@ def test_a_million_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_fil
         damaged, seed = damaged + damage.damaged, seed + 1
 
 
-SLOW = pytest.mark.slow
+SLOW = pytest.mark.long
 
 
 @pytest.mark.parametrize(

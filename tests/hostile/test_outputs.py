@@ -15,7 +15,7 @@ import pytest
 from tests.hostile.conftest import MakeVehicles, all_down
 from tests.hostile.ground import GCS, Ground, fly_arguments
 
-SLOW = pytest.mark.slow
+SLOW = pytest.mark.long
 KEEPS_ON = 'trap "" HUP; exec "$@"'
 AS_IT_IS = 'exec "$@"'
 

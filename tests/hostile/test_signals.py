@@ -16,7 +16,7 @@ from tests.hostile.ground import Ground, fly_arguments
 
 HUP, INT, TERM = signal.SIGHUP, signal.SIGINT, signal.SIGTERM
 IN_BACKGROUND = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")  # as `&` in a script starts it
-SLOW = pytest.mark.slow
+SLOW = pytest.mark.long
 
 
 def processes_with(words: str) -> list[str]:

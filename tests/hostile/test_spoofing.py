@@ -49,6 +49,7 @@ def names(datagrams: list[bytes], stranger: Attacker) -> list[str]:
     return [message.name for data in datagrams for message in stranger.codec.decode(data)]
 
 
+@pytest.mark.slow
 def test_a_vehicle_keeps_its_address_while_the_ground_station_stands_still(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:
@@ -134,7 +135,7 @@ def test_a_vehicle_that_restarts_at_another_port_proves_who_it_is(vehicles: Make
     assert "it reports the same id" in moved[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_every_vehicle_spoofed_from_the_first_second_of_the_flight(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str

@@ -58,7 +58,7 @@ class FleetLanding:
         """Whether a vehicle is within reach."""
         if self._states().get(sysid) is State.LOST:
             return False
-        return self._vehicles[sysid].session.heartbeat_age_s() <= self._options.limits.vehicle_lost_s
+        return self._vehicles[sysid].session.silent_s() <= self._options.limits.vehicle_lost_s
 
     def not_landed(self) -> list[int]:
         """Return the vehicles that do not report themselves disarmed: those in the air, and those not heard."""

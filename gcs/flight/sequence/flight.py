@@ -137,7 +137,7 @@ class FlightSequence:
             1.0 if self.step is Step.DONE else progress,
             t_s,
             self.monitor.errors_m,
-            {sysid: s.heartbeat_age_s() for sysid, s in self.sessions.items()},
+            {sysid: s.silent_s() for sysid, s in self.sessions.items()},
             {sysid: s.armed for sysid, s in self.sessions.items()},
             self.monitor.separation_m(),
             self.monitor.formation_error_m(),
@@ -272,7 +272,7 @@ class FlightSequence:
             self.completion.broke_off = not planned.done()
         finally:
             await ended(over, planned)
-        self.completion.lands([i for i in self._on_plan() if self.sessions[i].heartbeat_age_s() < _HEARD_S])
+        self.completion.lands([i for i in self._on_plan() if self.sessions[i].silent_s() < _HEARD_S])
         self.enter(Step.LAND)
         self.contingency.landing()
         if self.options.mode is FlightMode.STREAM:

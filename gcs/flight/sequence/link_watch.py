@@ -31,14 +31,14 @@ async def watch_links(
         if stalls.count > told:
             told = stalls.count
             tell(OURSELVES, f"stood still for {stalls.last_s:.1f} s", STOOD_RULE)
-        silent = {s.sysid: s.heartbeat_age_s() for s in sessions.values()}
+        silent = {s.sysid: s.silent_s() for s in sessions.values()}
         lost = [sysid for sysid, silent_s in silent.items() if silent_s > lost_after_s]
         if step() in (Step.FLY, Step.LAND) and len(lost) < len(silent):
             continue  # the contingency policy handles this
         if lost:
             lost_words = f"vehicle {lost[0]} was" if len(lost) == 1 else f"vehicles {', '.join(map(str, lost))} were"
             raise FlightError(
-                f"{lost_words} lost ({step().value}): no heartbeat for {silent[lost[0]]:.1f} s.",
+                f"{lost_words} lost ({step().value}): no message for {silent[lost[0]]:.1f} s.",
                 hint="check it and its link"
                 if step() in (Step.READY, Step.UPLOAD)
                 else "the others were ordered to land; search for it at its last reported position",

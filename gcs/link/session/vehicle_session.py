@@ -117,6 +117,10 @@ class VehicleSession:
         """Return the local time since its last heartbeat, s."""
         return self._loop.time() - self.latest_s["HEARTBEAT"]
 
+    def silent_s(self) -> float:
+        """Return the local time since its last message of any kind, s."""
+        return self._loop.time() - max(self.latest_s.values())
+
     def fresh(self, name: str, at_most_s: float) -> Message | None:
         """Return the last message of this name if it is at most so old, local time."""
         arrived_s = self.latest_s.get(name)

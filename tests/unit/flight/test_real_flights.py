@@ -48,6 +48,9 @@ SEEN = {
     "px4-1.17dev-stream": ((0.43, 0.52), (-0.017, -0.010), 0.81),
 }
 
+# In flight each clock follows GNSS time slowly; a report knows the whole flight.
+LINKED_S = 0.01
+
 # Every two seconds while these flights had rally points in frame 6: shown, and no incident.
 OLD_RALLY_FRAME = "RTL: unsupported MAV_FRAME"
 
@@ -80,7 +83,7 @@ def test_the_report_has_the_figures_that_were_seen(
 def test_a_replay_names_every_mode_and_every_vehicle(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["replay", str(unpacked(name, tmp_path))]) == 0
+    assert run(["replay", str(unpacked(name, tmp_path)), "--speed", "1000"]) == 0
     said = capsys.readouterr()
     assert "6 of 6 vehicles heard" in said.out + said.err
     assert not re.search(r"is in mode \d", said.out + said.err)
@@ -154,7 +157,8 @@ def test_a_whole_flight_passes_without_an_incident(
     assert not any("formation error" in line for line in lines[1:])  # the first one is of the last moment before
     assert [event for event in events if OLD_RALLY_FRAME not in event.what] == []
     first_s, last_s = SEEN[name][1]
-    assert all(first_s <= late_s <= last_s for late_s in heard.monitor.late_s.values())
+    late = heard.monitor.late_s
+    assert all(first_s - LINKED_S <= late_s <= last_s + LINKED_S for late_s in late.values()), late
 
 
 def test_each_vehicle_of_a_mixed_fleet_gets_what_its_own_autopilot_needs(
