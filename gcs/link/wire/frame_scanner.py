@@ -19,7 +19,7 @@ _AROUND_V1, _AROUND_V2 = HEADER_V1 + CHECKSUM, HEADER_V2 + CHECKSUM
 _SIGNED = 0x01  # the only flag of MAVLink 2 that there is
 _CRC_START = 0xFFFF
 _ENDS = (b"", b"\xfe", b"\xfd")  # the next byte after a frame of an unknown message, whose checksum cannot be verified
-_CANDIDATE = re.compile(rb"\xfe|\xfd(?:.[\x00\x01]|.?\Z)", re.DOTALL)
+_CANDIDATE = re.compile(rb"\xfe|\xfd(?=.[\x00\x01]|.?\Z)", re.DOTALL)  # looks ahead: markers may follow each other
 _LONG = 256  # bytes from which on all candidates are found at once
 # The work for one chunk, in bytes of checksum. A failed header costs as much as _ATTEMPT bytes.
 _PER_BYTE, _FREE, _ATTEMPT = 4, 2048, 32
