@@ -41,7 +41,7 @@ def flown_through(
             return ground.ended(), world
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_damaged_frames_change_nothing(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     damage = Damage(SEED, copies=3)
     done, world = flown_through(vehicles, hop_file, tmp_path, damage, speedup=4.0)

@@ -49,7 +49,7 @@ SEEN = {
 }
 
 # In flight each clock follows GNSS time slowly; a report knows the whole flight.
-LINKED_S = 0.01
+LINKED_S = 0.02
 
 # Every two seconds while these flights had rally points in frame 6: shown, and no incident.
 OLD_RALLY_FRAME = "RTL: unsupported MAV_FRAME"
