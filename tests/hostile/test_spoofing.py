@@ -59,8 +59,11 @@ def test_a_vehicle_keeps_its_address_while_the_ground_station_stands_still(
         with spoofed(stranger, 1, 1_000.0):
             time.sleep(0.5)
             ground.freeze(STOOD_S)
-            done = ground.ended()
+            ground.until("is claimed from")
+            for _ in range(2):
+                ground.until("flying: t = ")
         heard = names(stranger.heard(), stranger)
+        done = ground.ended()
     assert done.code == 0, done.output
     assert set(heard) <= {"COMMAND_LONG"}, "it is asked who it is, nothing else"
     assert len(heard) < 200
