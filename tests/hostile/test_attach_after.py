@@ -63,7 +63,7 @@ def lies(world: World, port: int) -> Iterator[None]:
             thread.join()
 
 
-def killed(world: World, port: int, plan: Path, flights: Path, moment: str = "flying: t = ") -> None:
+def killed(world: World, port: int, plan: Path, flights: Path, moment: str = "flying") -> None:
     """A flight whose ground station is killed when it says `moment`; the vehicles are in the air then."""
     with Ground(*fly_arguments(plan, port, flights)) as ground:
         ground.until(moment)
@@ -104,9 +104,9 @@ def test_it_lands_after_a_kill_in_every_phase(
 def test_it_lands_after_a_kill_under_attack(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         with lies(world, port):
-            ground.until("flying: t = ")
+            ground.until("flying")
             ground.signal(signal.SIGKILL)
             ground.ended()
     done = attach(tmp_path, "--land")
@@ -118,7 +118,7 @@ def test_it_lands_after_a_kill_under_attack(vehicles: MakeVehicles, hop_file: Pa
 def test_it_lands_after_a_stop_and_a_kill(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         ground.freeze(2.0)
         ground.signal(signal.SIGKILL)
         ground.ended()
@@ -146,7 +146,7 @@ def test_a_flight_without_its_state_lands_by_its_links(vehicles: MakeVehicles, h
 def test_two_ground_stations_do_not_fly_one_flight(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         second = attach(tmp_path, "--land")
         assert second.code == USAGE, second.output
         assert f"still flown by process {ground.process.pid}" in second.output

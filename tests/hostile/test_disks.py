@@ -34,7 +34,7 @@ def test_a_disk_that_is_full_in_flight_and_has_room_again(
 ) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         limit_file_size(ground, 4096)
         told = ground.until("telemetry.tlog cannot be written")
         ground.until("landing: t = ")
@@ -63,7 +63,7 @@ def test_a_flight_whose_folder_is_deleted(
 ) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         (folder,) = tmp_path.iterdir()
         shutil.rmtree(folder)
         if what_is_there_now == "a file":
@@ -90,7 +90,7 @@ def test_attach_lands_a_flight_whose_folder_was_deleted_and_whose_disk_is_full(
 ) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         (folder,) = tmp_path.iterdir()
         shutil.rmtree(folder)
         ground.until("telemetry.tlog is written again")

@@ -22,7 +22,7 @@ def test_a_vehicle_that_is_disarmed_in_the_air_by_another_station(
 ) -> None:
     world, port = vehicles()
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         wait_until(lambda: world.airframes.truth[1, 0] > 0.0)
         off = {"param1": 0.0, "param2": FORCED} | {f"param{n}": 0.0 for n in range(3, 8)}
         say(world, 2, "COMMAND_LONG", command=int(MavCommand.COMPONENT_ARM_DISARM), confirmation=0, **off)

@@ -24,7 +24,7 @@ GARBAGE = (
 
 def flown(ground: Ground, attack: Callable[[], object]) -> Ended:
     """The flight to its end, attacked from the first second of its plan on."""
-    ground.until("flying: t = ")
+    ground.until("flying")
     while ground.running:
         attack()
     return ground.ended()
@@ -90,7 +90,7 @@ def test_a_flood_from_many_ports_and_every_system_at_once(
     world, port = vehicles(autopilot, speedup=2.0)
     crowd = [Attacker(port) for _ in range(40)]
     with Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         while ground.running:
             for n, one in enumerate(crowd):
                 for sysid in range(1, 255, 5):

@@ -20,7 +20,7 @@ def test_lies_from_another_port_change_nothing(
 ) -> None:
     world, port = vehicles(autopilot)
     with Attacker(port) as stranger, Ground(*fly_arguments(hop_file, port, tmp_path)) as ground:
-        ground.until("flying: t = ")
+        ground.until("flying")
         while ground.running:
             for sysid in world.sysids:
                 stranger.heartbeat(sysid, mode=LAND, armed=DISARMED)
