@@ -156,7 +156,11 @@ class RoutingTable:
                     continue
                 if now_s - candidate.heard_s > SILENT_S:
                     del route.candidates[address]
-                elif age_s <= IDENTIFY_S or (first_is_gone and (self._frozen or age_s <= PROVE_S)):
+                elif (
+                    age_s <= IDENTIFY_S
+                    or candidate.heard_s == candidate.since_s  # one frame: a checksum may be right by chance
+                    or (first_is_gone and (self._frozen or age_s <= PROVE_S))
+                ):
                     requests[sysid] = (*requests.get(sysid, (route.address,)), address)
                 else:
                     self._conflict(sysid, route.address, address)

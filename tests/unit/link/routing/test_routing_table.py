@@ -171,3 +171,15 @@ def test_what_a_crowd_of_addresses_may_fill_is_bounded_and_the_vehicle_finds_roo
         table.accept(1, SECOND, tick / 100)
         table.identify(version(7), SECOND)
     assert table.address(1) == SECOND
+
+
+def test_a_single_frame_with_another_system_id_is_no_second_vehicle():
+    """A damaged frame may have a right checksum by chance: it is asked for its id, and forgotten."""
+    table = met_twice()
+    table.identify(version(7), FIRST)
+    for tenths in range(11, 60):
+        now_s = tenths / 10
+        table.accept(1, FIRST, now_s)
+        table.unidentified(now_s)
+    assert table.conflicts == {}
+    assert table.unidentified(6.0) == {}
