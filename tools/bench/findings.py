@@ -13,11 +13,11 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION
+from gcs.plan.nlp import margins
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification import margins
 from gcs.plan.verification.reintegration import window_errors
 from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
 

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from gcs.errors import UsageError, VerificationError
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
-from gcs.plan.verification import margins
+from gcs.plan.nlp import margins
 from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:

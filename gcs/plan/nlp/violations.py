@@ -14,10 +14,10 @@ import numpy as np
 from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Rows, Shape
+from gcs.plan.nlp import margins
+from gcs.plan.nlp.margins import Margin
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification import margins
-from gcs.plan.verification.margins import Margin
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 CHECK_EVERY_S = 0.05  # no coarser than the verifier: a peak of yaw rate can last less than 0.1 s

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
+from gcs.plan.nlp.margins import REST_SPEED_MPS
 from gcs.plan.nlp.variables import NU, NX
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
 from gcs.plan.ocp.objective_sum import cost_rate
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
-from gcs.plan.verification.margins import REST_SPEED_MPS
 from gcs.scenario.environment.no_fly import Disk, Piece, pieces
 from gcs.scenario.environment.terrain import ground_envelope_m
 

@@ -16,6 +16,7 @@ import numpy as np
 from gcs.errors import Infeasible, PlanningError, UsageError
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.nlp.ipopt import Solution, run
+from gcs.plan.nlp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
 from gcs.plan.nlp.transcription import Program
@@ -33,7 +34,6 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.margins import box, clearance, height, no_fly, state_limits
 from gcs.scenario.schema.scenario import NoFlyZone
 
 SPARE_DISKS = 2

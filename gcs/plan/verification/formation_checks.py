@@ -18,9 +18,9 @@ from gcs.plan.formation.changes.reshape import reshape
 from gcs.plan.formation.changes.timeline import gate_crossing_s
 from gcs.plan.formation.coordinates import Name, bent, target_ned_m
 from gcs.plan.formation.shape import Rows, Shape
+from gcs.plan.nlp import margins
+from gcs.plan.nlp.margins import Margin
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification import margins
-from gcs.plan.verification.margins import Margin
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 

@@ -12,10 +12,10 @@ import numpy as np
 from gcs.errors import VerificationError
 from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.formation.shape import Rows
+from gcs.plan.nlp import margins
+from gcs.plan.nlp.margins import Margin
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification import margins
 from gcs.plan.verification.formation_checks import course, landing_points, late_s, least_separation, place_in_formation
-from gcs.plan.verification.margins import Margin
 from gcs.plan.verification.position_errors import climb_separation_m
 from gcs.plan.verification.reintegration import WINDOW_S, window_errors
 from gcs.scenario.si import boundary_state

@@ -17,8 +17,8 @@ import numpy as np
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import ACCEL_MPS2
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
+from gcs.plan.nlp.margins import clearance, height, no_fly
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.margins import clearance, height, no_fly
 
 NEAR_M = 3.0  # off the plan's present instant: T0 stays
 THERE_M = 0.5  # ... where the landing begins before a fade would end

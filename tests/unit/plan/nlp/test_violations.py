@@ -13,10 +13,10 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.transforms import straight as straight_leg
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
+from gcs.plan.nlp import margins
 from gcs.plan.nlp.violations import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, check_between_nodes
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification import margins
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
 from tests.unit.plan.problems import straight

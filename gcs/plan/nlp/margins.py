@@ -1,6 +1,6 @@
 """The margin of every constraint at any instants: Eqs. 17-25 and 51 on plain arrays, over the exact ground.
 
-The verifier judges by these margins, and the mesh is refined where they are negative.
+The mesh is refined where they are negative. The replanner and the common return judge their motions by them.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.nlp import margins
 from gcs.plan.ocp.bounds import leader_state_bounds
 from gcs.plan.ocp.problem import control_bounds, flight_problem, run_up_problem
-from gcs.plan.verification import margins
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.problems import changed, meadow
