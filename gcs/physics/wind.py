@@ -43,14 +43,15 @@ class SteadyWind:
             return 1.0
         return (_rounded(height_m, xp) / self.reference_m) ** self.exponent
 
-    def shares(self, height_m: Any) -> tuple[Any, Any, Any]:
+    def shares(self, height_m: Any, xp: Any = np) -> tuple[Any, Any, Any]:
         """The share and its first two derivatives with respect to height, 1/m and 1/m^2."""
         if not self.has_shear:
             return 1.0, 0.0, 0.0
-        root = np.sqrt(height_m**2 + _FLOOR_M**2)
-        s, slope, bend = _rounded(height_m, np), 0.5 * (1.0 + height_m / root), 0.5 * _FLOOR_M**2 / root**3
-        k, value = self.exponent, (_rounded(height_m, np) / self.reference_m) ** self.exponent
-        return value, k * value * slope / s, k * value * ((k - 1.0) * (slope / s) ** 2 + bend / s)
+        root = xp.sqrt(height_m * height_m + _FLOOR_M**2)
+        s, slope, bend = 0.5 * (height_m + root), 0.5 * (1.0 + height_m / root), 0.5 * _FLOOR_M**2 / root**3
+        k, value = self.exponent, (s / self.reference_m) ** self.exponent
+        steep = slope / s
+        return value, k * value * steep, k * value * ((k - 1.0) * (steep * steep) + bend / s)
 
     def at(self, height_m: Any, xp: Any = np) -> tuple[Any, Any, Any]:
         """The air velocity (north, east, down) at a height above height 0, m/s."""
@@ -60,7 +61,7 @@ class SteadyWind:
 
 def _rounded(height_m: Any, xp: Any) -> Any:
     """The height, smoothed so that it stays above 0 at the ground."""
-    return 0.5 * (height_m + xp.sqrt(height_m**2 + _FLOOR_M**2))
+    return 0.5 * (height_m + xp.sqrt(height_m * height_m + _FLOOR_M**2))
 
 
 STILL = SteadyWind()

@@ -1,0 +1,147 @@
+"""Eq. 1 inverted for a vehicle that moves within the formation, as plain arithmetic on components.
+
+`xp` supplies sin, cos, sqrt and arctan2: NumPy for values, Taylor models for bounds over an interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gcs.physics.quadrotor import Quadrotor, equations_of_motion
+
+Jet = tuple[Any, Any, Any]  # a value and its first two derivatives
+
+
+def follower_state_and_control(
+    x: Sequence[Any], u: Sequence[Any], thrust: Jet, offsets: Sequence[Sequence[Any]], q: Quadrotor, xp: Any = np
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return the 12 state and 4 control components of a vehicle at an offset from the leader.
+
+    `x` (12) and `u` (4) are the leader's, `thrust` is the thrust by which followers tilt, `offsets` (5 of 3) are the
+    offset and its first four derivatives. Where that thrust is the leader's, Eq. 1 holds for the result as exactly as
+    for the leader.
+    """
+    place, speed, acceleration, jerk, snap = offsets
+    angular = equations_of_motion(x, u, q, xp=xp)
+    # What thrust does, in NED and turned over: f = U1 * e(attitude) with e = (0, 0, 1) when level.
+    force = _thrust_vector(x, angular[9:12], thrust, xp)
+    lift = u[0] * xp.cos(x[6]) * xp.cos(x[7]) - q.mass_kg * acceleration[2] - q.drag_Nspm[2] * speed[2]
+    moved: list[Jet] = []
+    for axis in range(3):
+        m, k = q.mass_kg, q.drag_Nspm[axis]
+        f0, f1, f2 = force[axis]
+        moved.append(
+            (
+                f0 - m * acceleration[axis] - k * speed[axis],
+                f1 - m * jerk[axis] - k * acceleration[axis],
+                f2 - m * snap[axis] - k * jerk[axis],
+            )
+        )
+    if q.wind.has_shear:
+        for axis, toward in enumerate((q.wind.north_mps, q.wind.east_mps)):
+            more = _more_wind(x[2], x[5], angular[5], offsets, q, xp)
+            moved[axis] = _added(moved[axis], more, q.drag_Nspm[axis] * toward)
+    ahead, left = _turned(moved[0], moved[1], x[8], x[11], angular[11], xp)
+    down = moved[2]
+    pitch = _angle(ahead, down, xp)
+    roll = _angle(left, _length(ahead, down, xp), xp)
+    state = (
+        *(x[i] + place[i] for i in range(3)),
+        *(x[3 + i] + speed[i] for i in range(3)),
+        *(roll[0], pitch[0], x[8] + 0.0 * roll[0]),
+        *(roll[1], pitch[1], x[11] + 0.0 * roll[0]),
+    )
+    # What Eq. 1 gives without moments is what they have to make up for.
+    idle = equations_of_motion(state, (0.0 * lift, 0.0, 0.0, 0.0), q, xp=xp)
+    ix, iy, iz = q.inertia_kgm2
+    control = (
+        lift / (xp.cos(roll[0]) * xp.cos(pitch[0])),
+        (roll[2] - idle[9]) * (ix / q.arm_m),
+        (pitch[2] - idle[10]) * (iy / q.arm_m),
+        (angular[11] - idle[11]) * iz,
+    )
+    return state, control
+
+
+def _added(force: Jet, more: Jet, factor: float) -> Jet:
+    f0, f1, f2 = force
+    return f0 + factor * more[0], f1 + factor * more[1], f2 + factor * more[2]
+
+
+def _more_wind(down: Any, sinking: Any, down_acceleration: Any, offsets: Any, q: Quadrotor, xp: Any) -> Jet:
+    """The share of the wind at the vehicle minus that at the leader, with two derivatives."""
+    place, speed, acceleration = offsets[:3]
+    here = _wind_share(-down, -sinking, -down_acceleration, q, xp)
+    there = _wind_share(-(down + place[2]), -(sinking + speed[2]), -(down_acceleration + acceleration[2]), q, xp)
+    return there[0] - here[0], there[1] - here[1], there[2] - here[2]
+
+
+def _wind_share(height: Any, climb: Any, climb_rate: Any, q: Quadrotor, xp: Any) -> Jet:
+    share, slope, bend = q.wind.shares(height, xp)
+    return share, slope * climb, bend * (climb * climb) + slope * climb_rate
+
+
+def _thrust_vector(x: Sequence[Any], angular: Sequence[Any], thrust: Jet, xp: Any) -> tuple[Jet, Jet, Jet]:
+    """U1 * e with its first two derivatives, for each axis.
+
+    e = Rz(yaw) (sin pitch cos roll, -sin roll, cos pitch cos roll).
+    """
+    p, q, r = x[9:12]
+    pp, qq, rr = angular
+    sr, cr = xp.sin(x[6]), xp.cos(x[6])
+    sp, cp = xp.sin(x[7]), xp.cos(x[7])
+    sy, cy = xp.sin(x[8]), xp.cos(x[8])
+    spcr, cpcr, spsr, cpsr = sp * cr, cp * cr, sp * sr, cp * sr
+    a0, b0, c0 = spcr, -sr, cpcr
+    a1 = q * cpcr - p * spsr
+    b1 = -(p * cr)
+    c1 = -(q * spcr) - p * cpsr
+    squares, both = q * q + p * p, 2.0 * (p * q)
+    a2 = qq * cpcr - pp * spsr - squares * spcr - both * cpsr
+    b2 = -(pp * cr) + p * p * sr
+    c2 = -(qq * spcr) - pp * cpsr - squares * cpcr + both * spsr
+    # Turned by the yaw: (a + i b) exp(i yaw), whose derivative adds i r times itself.
+    a1t, b1t = a1 - r * b0, b1 + r * a0
+    a2t = a2 - 2.0 * (r * b1) - rr * b0 - r * r * a0
+    b2t = b2 + 2.0 * (r * a1) + rr * a0 - r * r * b0
+    u0, u1, u2 = thrust
+
+    def along(e0: Any, e1: Any, e2: Any) -> Jet:
+        return u0 * e0, u1 * e0 + u0 * e1, u2 * e0 + 2.0 * (u1 * e1) + u0 * e2
+
+    north = along(a0 * cy - b0 * sy, a1t * cy - b1t * sy, a2t * cy - b2t * sy)
+    east = along(a0 * sy + b0 * cy, a1t * sy + b1t * cy, a2t * sy + b2t * cy)
+    return north, east, along(c0, c1, c2)
+
+
+def _turned(north: Jet, east: Jet, yaw: Any, rate: Any, acceleration: Any, xp: Any) -> tuple[Jet, Jet]:
+    """The force seen along the heading: ahead, and to the left; (n + i e) exp(-i yaw) = ahead - i left."""
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    n0, n1, n2 = north
+    e0, e1, e2 = east
+    n1t, e1t = n1 + rate * e0, e1 - rate * n0
+    n2t = n2 + 2.0 * (rate * e1) + acceleration * e0 - rate * rate * n0
+    e2t = e2 - 2.0 * (rate * n1) - acceleration * n0 - rate * rate * e0
+    ahead = (n0 * c + e0 * s, n1t * c + e1t * s, n2t * c + e2t * s)
+    left = (n0 * s - e0 * c, n1t * s - e1t * c, n2t * s - e2t * c)
+    return ahead, left
+
+
+def _length(a: Jet, c: Jet, xp: Any) -> Jet:
+    """sqrt(a^2 + c^2)."""
+    h0 = xp.sqrt(a[0] * a[0] + c[0] * c[0])
+    h1 = (a[0] * a[1] + c[0] * c[1]) / h0
+    h2 = (a[1] * a[1] + a[0] * a[2] + c[1] * c[1] + c[0] * c[2] - h1 * h1) / h0
+    return h0, h1, h2
+
+
+def _angle(y: Jet, x: Jet, xp: Any) -> Jet:
+    """atan2(y, x)."""
+    square = y[0] * y[0] + x[0] * x[0]
+    cross = y[1] * x[0] - y[0] * x[1]
+    cross_rate = y[2] * x[0] - y[0] * x[2]
+    square_rate = 2.0 * (y[0] * y[1] + x[0] * x[1])
+    return xp.arctan2(y[0], x[0]), cross / square, (cross_rate - cross * square_rate / square) / square
