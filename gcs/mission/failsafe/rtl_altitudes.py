@@ -1,12 +1,14 @@
 """Staggered return (RTL) altitudes, with which the whole fleet can return at once from any instant of a plan.
 
-Altitudes start above the highest ground under all return tracks and are one step apart. The order of vehicles in the
-stagger is searched: all orders of up to 8 vehicles, exchanges of two in fleets of up to 12. Larger fleets return at one
-altitude, in formation. Vehicles return to their homes, or to the nearest of home and rally points
-(`rally_choice`).
+Altitudes start above the highest ground under all return tracks and are one step apart. `stagger_order` searches the
+order of vehicles. Fleets of more than 12 return at one altitude, in formation. Vehicles return to their homes, or to
+the nearest of home and rally points (`rally_choice`).
 
 If no order keeps the separation, the whole fleet returns more slowly. A vehicle with a low return altitude may pass
 under climbing ones; at a lower speed it passes later, when they are higher.
+
+Nothing here depends on the last bits of a plan. The lowest altitude is rounded up to `BASE_GRID_M`; the separation
+counts as kept within `KEPT_M`; a slower return must be better by `BETTER_M`.
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
@@ -34,14 +35,18 @@ from gcs.mission.failsafe.routed.routed_returns import (
 )
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
+from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 STEP_MIN_M = 2.0
+BASE_GRID_M = 0.5  # the lowest return altitude above the origin is a multiple of it
+BETTER_M = 0.05  # of the least distance: a slower return that gains less is not taken
+KEPT_M = 5e-4  # a length that misses its limit by less keeps it: a plan may lie on the limit, but for its last bits
+_LEVEL_M = 0.02  # so much above its return altitude a vehicle returns at its own height
 _STEP_SHARE = 1.25  # of the plan's separation
-_ALL_ORDERS, _SEARCHED = 8, 12  # vehicles
 _COARSE_S, _FINE_S, _FINEST_S, _GROUND_S, _ROUTED_S = 8.0, 0.5, 0.05, 2.0, 1.0
 _IN_FORMATION_INSTANTS, _IN_FORMATION_LOOKS = 40, 60
 _CM = 100.0
@@ -96,16 +101,17 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
         if best is None:
             straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally))
             ground_m = max(straight_m, highest_under_ways_m(plan, routed))
-        base_m = max(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
+        base_m = _base_m(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
         vehicles = len(plan.sysids)
         # A large fleet returns at one level: there, rounding would make vehicles climb for different times.
-        quantum_m = np.array([row.rally_step_m if vehicles <= _SEARCHED else 1.0 / _CM for row in rows])
+        quantum_m = np.array([row.rally_step_m if vehicles <= SEARCHED_MAX else 1.0 / _CM for row in rows])
         # Rounding brings two neighbours closer by less than one quantum.
         step_m = max(
             STEP_MIN_M, _STEP_SHARE * limits.separation_min_m, limits.separation_min_m + float(quantum_m.max())
         )
         homes_m = -plan.pads_ned_m[:, 2]
-        order = _stagger_order(coarse, _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m))
+        levels_m = _rounded(base_m + step_m * np.arange(vehicles)[:, None] - homes_m, quantum_m)
+        order = stagger_order(coarse, levels_m, limits.separation_min_m)
         altitudes_m = _rounded(base_m + step_m * order - homes_m, quantum_m)
         worst = _worst(plan, firmware, speeds, altitudes_m, rally) if vehicles > 1 else None
         fine = return_cases(plan, firmware, speeds, _FINE_S, rally_ned_m=rally)
@@ -119,13 +125,14 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
             tuple(crossing for case in fine for crossing in crossings(plan, case)),
             rally_ned_m=tuple(tuple(map(tuple, points)) for points in rally.tolist()),
         )
-        if worst is None or worst.distance_m >= limits.separation_min_m:
+        required_m = limits.separation_min_m - KEPT_M
+        if worst is None or worst.distance_m >= required_m:
             found = _with_routed(plan, routes, routed, found)
-            if found.routed is None or found.routed.distance_m >= limits.separation_min_m:
+            if found.routed is None or found.routed.distance_m >= required_m:
                 return found
-        if best is None or _least_m(found) > _least_m(best):
+        if best is None or _least_m(found) >= _least_m(best) + BETTER_M:
             best = found
-        if vehicles > _SEARCHED:
+        if vehicles > SEARCHED_MAX:
             break
     assert best is not None
     return best if best.routed is not None else _with_routed(plan, routes, routed, best)
@@ -155,7 +162,7 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
 
 def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array, rally: Array) -> WorstReturn:
     """The nearest two vehicles of all returns, to homes and to the nearest of home and rally points."""
-    if len(altitudes_m) > _SEARCHED:
+    if len(altitudes_m) > SEARCHED_MAX:
         period_s = (plan.t_end_s - plan.t_start_s) / _IN_FORMATION_INSTANTS
         cases = return_cases(plan, firmware, speeds, period_s, rally_ned_m=rally)
         return min((_nearest_in_formation(plan, case, altitudes_m) for case in cases), key=_distance)
@@ -176,6 +183,12 @@ def _distance(worst: WorstReturn) -> float:
     return worst.distance_m
 
 
+def _base_m(clear_m: float, highest_m: float) -> float:
+    """The lowest return altitude above the origin: clear of the ground, and not below the plan's own heights."""
+    least_m = max(clear_m - KEPT_M, highest_m - _LEVEL_M)
+    return math.ceil(least_m / BASE_GRID_M) * BASE_GRID_M
+
+
 def _rounded(altitudes_m: Array, quantum_m: Array) -> Array:
     """Altitudes (..., V) rounded up to multiples of each vehicle's `quantum_m` (V,)."""
     per_m = np.round(1.0 / quantum_m)
@@ -188,45 +201,6 @@ def _speeds(plan: Plan, firmware: FleetFirmware, share: float) -> ReturnSpeeds:
     north, east, vertical = plan.scenario.limits.speed_ned_mps
     cruise_mps = math.floor(share * min(north, east) * _CM) / _CM
     return ReturnSpeeds(vertical, cruise_mps, vertical, max(known.traits.returns.wait_s for known in every))
-
-
-def _stagger_order(cases: list[Returning], altitudes_m: Array) -> NDArray[np.intp]:
-    """Place of each vehicle in the stagger (V,): the order with the largest least distance.
-
-    `altitudes_m` (L, V) are the altitudes that each vehicle would have at each place.
-    """
-    vehicles = len(cases[0].from_ned_m)
-    if vehicles == 1:
-        return np.zeros(1, dtype=np.intp)
-    if vehicles > _SEARCHED:
-        return np.zeros(vehicles, dtype=np.intp)
-    pairs = list(itertools.combinations(range(vehicles), 2))
-    gaps = np.full((vehicles, vehicles, vehicles, vehicles), np.inf)  # by pair, then by their places in the stagger
-    for case in cases:
-        motions = [case.motion(row, altitudes_m[:, row, None]) for row in range(vehicles)]
-        for i, j in pairs:
-            (times_i, places_i), (times_j, places_j) = motions[i], motions[j]
-            distance = pair_distances((times_i[:, None], places_i[:, None]), (times_j[None], places_j[None]))
-            gaps[i, j] = np.minimum(gaps[i, j], distance.min(axis=-1))
-    first, second = np.array(pairs).T
-
-    def gap(orders: NDArray[np.intp]) -> Array:
-        """Least distance (O,) of orders (O, V)."""
-        return np.asarray(gaps[first, second, orders[:, first], orders[:, second]].min(axis=1))
-
-    if vehicles <= _ALL_ORDERS:
-        orders = np.array(list(itertools.permutations(range(vehicles))))
-        best: NDArray[np.intp] = orders[np.argmax(gap(orders))]
-        return best
-    order = np.arange(vehicles)
-    while True:
-        swapped = np.repeat(order[None], len(pairs), axis=0)
-        rows = np.arange(len(pairs))
-        swapped[rows, first], swapped[rows, second] = order[second], order[first]
-        found = gap(swapped)
-        if found.max() <= gap(order[None])[0] + 1e-9:
-            return order
-        order = swapped[np.argmax(found)]
 
 
 def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstReturn:

@@ -11,6 +11,8 @@ from gcs.autopilots.columns import ReturnParameters, ReturnSettings
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 
+_ROUND_OFF_M = 0.01  # heights are sums that end on whole metres; their last bits shall not raise the fence
+_TAKEOFF_DECIMALS = 3
 FENCE_ABOVE_M = 10.0  # above the highest return: ArduPilot returns no higher than FENCE_MARGIN (2 m) below its fence
 
 
@@ -28,7 +30,7 @@ def return_parameters(
         climb_mps=speeds.climb_mps,
         sink_mps=speeds.sink_mps,
         wait_s=firmware.traits.returns.wait_s,
-        fence_top_m=float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M)),
-        takeoff_m=takeoff_m,
+        fence_top_m=float(math.ceil(returns.top_m - home_m + FENCE_ABOVE_M - _ROUND_OFF_M)),
+        takeoff_m=round(takeoff_m, _TAKEOFF_DECIMALS),
     )
     return firmware.traits.returns.parameters(settings)

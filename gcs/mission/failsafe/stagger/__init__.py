@@ -1,0 +1,1 @@
+"""The order of vehicles in the stagger of return altitudes."""
