@@ -35,9 +35,7 @@ def formation_motion(
     states[..., POSITION] += place
     states[..., VELOCITY] += speed
     controls = np.repeat(u[None], len(place), axis=0)
-    moving = shape.is_moving(t_s)
-    if q.wind.has_shear and np.any(place[..., 2]):
-        moving = np.ones_like(moving)  # higher vehicles meet more wind and lean more
+    moving = shape.moves_apart(t_s, q.wind)
     if moving.any():
         t = t_s[moving]
         states[:, moving], controls[:, moving] = follower_states_and_controls(

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
+from gcs.physics.wind import SteadyWind
 
 Rows = NDArray[np.intp]
 EVERYONE = slice(None)
+_LEVEL_M = 1e-9  # rounding, not a difference in height
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,19 @@ class Shape:
 
     def is_moving(self, t_s: Array) -> NDArray[np.bool_]:
         """Whether the shape changes at these instants (N,)."""
-        piece = np.clip(np.searchsorted(self.joints_s, t_s, side="right") - 1, 0, len(self._moves) - 1)
-        return np.asarray(self._moves[piece])
+        return np.asarray(self._moves[self._piece(t_s)])
+
+    def moves_apart(self, t_s: Array, wind: SteadyWind) -> NDArray[np.bool_]:
+        """Whether some vehicle's velocity, attitude or control differs from the leader's, at these instants (N,).
+
+        They differ where the shape changes, and where vehicles fly at different heights in a wind that grows with
+        height. Elsewhere the leader stands for all.
+        """
+        return np.asarray(self._differs(wind)[self._piece(t_s)])
+
+    def apart_s(self, wind: SteadyWind) -> tuple[tuple[float, float], ...]:
+        """Spans (start, end) in which vehicles move apart, as `moves_apart` has it."""
+        return self._spans(self._differs(wind))
 
     def at(self, t_s: float, order: int = 0) -> Array:
         """Offsets (V, 3) at one instant, or their `order`-th derivative."""
@@ -65,14 +78,30 @@ class Shape:
     @cached_property
     def moving_s(self) -> tuple[tuple[float, float], ...]:
         """Spans (start, end) over which the offsets change; outside them the formation is rigid."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], self._moves, [False]]).astype(int)))
+        return self._spans(self._moves)
+
+    def _piece(self, t_s: Array) -> Rows:
+        """The polynomial (N,) that each instant belongs to."""
+        return np.clip(np.searchsorted(self.joints_s, t_s, side="right") - 1, 0, len(self._moves) - 1)
+
+    def _spans(self, pieces: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+        """Spans (start, end) of consecutive pieces that are marked."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], pieces, [False]]).astype(int)))
         return tuple(
             (float(self.joints_s[a]), float(self.joints_s[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)
         )
 
+    def _differs(self, wind: SteadyWind) -> NDArray[np.bool_]:
+        return self._moves | self._uneven if wind.has_shear else self._moves
+
     @cached_property
     def _moves(self) -> NDArray[np.bool_]:
         return np.asarray(np.any(np.abs(self.functions.c[:-1]) > 0.0, axis=(0, 2)))
+
+    @cached_property
+    def _uneven(self) -> NDArray[np.bool_]:
+        """Whether some vehicle is higher or lower than the leader in each polynomial."""
+        return np.asarray(np.any(np.abs(self.functions.c @ self.basis_ned_m[..., 2]) > _LEVEL_M, axis=(0, 2)))
 
 
 def rigid(offsets_ned_m: Array, start_s: float, end_s: float) -> Shape:

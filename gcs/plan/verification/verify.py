@@ -129,10 +129,10 @@ def _phase_checks(plan: Plan, phase: str, start_s: float, end_s: float) -> list[
 
 def _block_checks(plan: Plan, phase: str, times: Array) -> list[Check]:
     scenario = plan.scenario
-    moving = plan.shape.is_moving(times)
+    moving = plan.shape.moves_apart(times, plan.quadrotor.wind)
     checks: list[Check] = []
     fleet = np.arange(len(plan.sysids))
-    # In a rigid formation all vehicles have the leader's velocity, attitude and control: one row stands for all.
+    # Where the leader's velocity, attitude and control are those of all vehicles, one row stands for all.
     for rows, part in ((np.array([plan.leader]), times[~moving]), (fleet, times[moving])):
         if not len(part):
             continue
@@ -182,7 +182,7 @@ def _window_check(plan: Plan) -> Check:
     """Eq. 1 re-integrated: the leader's whole flight, and all vehicles where the shape moves."""
     worst = (0.0, plan.sysids[plan.leader], plan.t_start_s)
     spans: list[tuple[Rows, float, float]] = [(np.array([plan.leader]), plan.t_start_s, plan.t_end_s)]
-    for start_s, end_s in plan.shape.moving_s:
+    for start_s, end_s in plan.shape.apart_s(plan.quadrotor.wind):
         for rows in np.array_split(np.arange(len(plan.sysids)), int(np.ceil(len(plan.sysids) / _WINDOWED))):
             spans.append((rows, max(start_s - WINDOW_S, plan.t_start_s), min(end_s + WINDOW_S, plan.t_end_s)))
     for rows, start_s, end_s in spans:

@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
+from gcs.physics.wind import SteadyWind
 from gcs.plan.formation.changes.transforms import rotation, shrinking, straight
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 
@@ -121,3 +122,20 @@ def test_tables_and_functions_that_do_not_match_are_refused() -> None:
         Shape(functions, PLACES[None])
     with pytest.raises(ValueError, match=r"basis needs \(K, V, 3\)"):
         Shape(functions, PLACES)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 2.0])
+@pytest.mark.parametrize("exponent", [0.0, 0.4])
+def test_vehicles_move_apart_where_the_shape_changes_or_heights_differ_in_shear(
+    height_m: float, exponent: float
+) -> None:
+    """A flat, a stepped and a changing part: the last one always, the second only in a wind that grows with height."""
+    flat = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    stepped = flat - [[0.0, 0.0, 0.0], [0.0, 0.0, height_m]]
+    change = Shape(PPoly(np.array([[[0.0, 1.0]], [[1.0, 0.0]]]), [4.0, 6.0]), np.stack([stepped, flat]))
+    shape = joined([rigid(flat, 0.0, 2.0), rigid(stepped, 2.0, 4.0), change])
+    wind = SteadyWind(8.0, 0.0, 10.0, exponent)
+    in_shear = exponent > 0.0 and height_m > 0.0
+    expected = [False, in_shear, in_shear, True, True]
+    assert shape.moves_apart(np.array([1.0, 2.0, 3.0, 4.0, 5.9]), wind).tolist() == expected
+    assert shape.apart_s(wind) == (((2.0, 6.0),) if in_shear else ((4.0, 6.0),))
