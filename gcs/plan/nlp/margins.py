@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, control_from_rotors, derivative, rotors_from_control
+from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
@@ -19,6 +20,7 @@ from gcs.scenario.si import quadrotor
 REST_SPEED_MPS = 0.1
 # A formation that turns with its course must face where it flies above this speed.
 COURSE_SPEED_MPS = 1.0
+_NEAR_M = 1.0  # a vehicle that is farther from its least clearance needs no exact distance
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,15 @@ class Margin:
 
 
 def clearance(scenario: Scenario, states: Array) -> Margin:
-    """Height above the exact ground (Eqs. 20, 23, 52, 53) minus h_min; states or positions (V, N, 3 or more)."""
-    height = -states[..., 2] - ground_height_m(scenario.terrain, states[..., 0], states[..., 1])
+    """Distance to the exact ground (Eqs. 20, 23, 52, 53) minus h_min; states or positions (V, N, 3 or more).
+
+    The distance is that in any direction. Margins that cannot be the least one and are above 1 m count as 1 m or more.
+    """
+    north, east, up = states[..., 0], states[..., 1], -states[..., 2]
     least = scenario.limits.clearance_min_m
-    return Margin("clearance above ground", "m", height - least, least)
+    lowest = float((up - ground_height_m(scenario.terrain, north, east)).min())
+    away = ground_distance_m(scenario.terrain, north, east, up, max(least + _NEAR_M, lowest))
+    return Margin("clearance above ground", "m", away - least, least)
 
 
 def box(scenario: Scenario, states: Array) -> list[Margin]:

@@ -95,6 +95,41 @@ class Relief(Part):
         place = np.stack([np.tensordot(np.array(p), terms, axes=1) for p in (self.row, self.column)])
         return _interpolated(self.pixels_m, place, order=1)
 
+    def local_grid(self, north_m: Array, east_m: Array) -> tuple[Array, Array, Array]:
+        """Row and column (N,) of places (N,), and what one of each is there in m north and east (N, 2, 2)."""
+        x, y = (north_m - self.centre_m[0]) / self.reach_m, (east_m - self.centre_m[1]) / self.reach_m
+        one, none = np.ones_like(x), np.zeros_like(x)
+        terms = terms_of(x, y)
+        by_x = np.stack([none, one, none, 2 * x, y, none, 3 * x * x, 2 * x * y, y * y, none])
+        by_y = np.stack([none, none, one, none, x, 2 * y, none, x * x, 2 * x * y, 3 * y * y])
+        polynomials = np.array([self.row, self.column])
+        row, column = (np.asarray(part @ terms) for part in polynomials)
+        slopes = np.stack([polynomials @ by_x, polynomials @ by_y], axis=1) / self.reach_m  # (place, axis, N)
+        return row, column, np.asarray(np.linalg.inv(np.moveaxis(slopes, 2, 0)), dtype=np.float64)
+
+    @cached_property
+    def least_step_m(self) -> float:
+        """A length in m that one pixel measures at least, in any direction."""
+        _, _, to_metres = self.local_grid(*(np.array([0.5 * sum(axis)]) for axis in (self.north_m, self.east_m)))
+        return 0.999 * float(np.linalg.svd(to_metres[0], compute_uv=False)[-1])
+
+    @cached_property
+    def steepness(self) -> float:
+        """A slope (rise over run) that the ground nowhere exceeds."""
+        steps = (np.abs(np.diff(self.pixels_m, axis=axis)).max() for axis in (0, 1))
+        return float(np.hypot(*steps)) / self.least_step_m
+
+    def highest_around_m(self, cells: int) -> Array:
+        """The highest pixel (rows, columns) within so many cells of each."""
+        known = self._highest
+        if cells not in known:
+            known[cells] = ndimage.maximum_filter(self.pixels_m, 2 * cells + 1, mode="nearest")
+        return known[cells]
+
+    @cached_property
+    def _highest(self) -> dict[int, Array]:
+        return {}
+
     @cached_property
     def envelope(self) -> Envelope:
         """The smooth surface over it."""

@@ -70,14 +70,19 @@ def test_the_run_up_may_leave_the_box_and_nothing_else(simulation1: Scenario) ->
 def test_clearance_is_measured_to_the_higher_ground(simulation1: Scenario) -> None:
     hill = {"north_m": [0.0], "east_m": [0.0], "height_m": [20.0], "spread_north_m": [10.0], "spread_east_m": [5.0]}
     scenario = changed(simulation1, terrain={"ripple": None, "mountains": hill})
-    for state, height in (
-        (states(z=-21), 1.0),
-        (states(x=10, z=-9), 9 - 20 / np.e),
-        (states(y=10, z=-9), 9 - 20 / np.e**4),
-    ):
-        assert margins.clearance(scenario, state).value[0, 0] == pytest.approx(height - 0.5)
-    # On Simulation 1 at the origin: |sin 10 + 0.1 + 1| of Eq. 52 against mountains hundreds of metres away.
-    assert margins.clearance(simulation1, states(z=-3)).value[0, 0] == pytest.approx(3 - abs(np.sin(10) + 1.1) - 0.5)
+    assert margins.clearance(scenario, states(z=-21)).value[0, 0] == pytest.approx(1.0 - 0.5)
+    # Beside the summit the slope is nearer than the ground below; by symmetry its nearest point is on the same axis.
+    for state, spread_m in ((states(x=10, z=-9), 10.0), (states(y=10, z=-9), 5.0)):
+        axis = np.linspace(0.0, 20.0, 2_000_001)
+        away = np.hypot(axis - 10.0, 20.0 * np.exp(-((axis / spread_m) ** 2)) - 9.0).min()
+        assert away < 9.0 - 20.0 * np.exp(-((10.0 / spread_m) ** 2))
+        assert margins.clearance(scenario, state).value[0, 0] == pytest.approx(away - 0.5, abs=1e-6)
+    # On Simulation 1 at the origin: Eq. 52 on a grid of 4 mm; mountains are hundreds of metres away.
+    north, east = np.meshgrid(*[np.linspace(-2.0, 2.0, 1001)] * 2)
+    r = np.hypot(north, east)
+    waves = np.sin(east + 10.0) + 0.2 * np.sin(north) + 0.1 * np.cos(0.6 * r) + np.cos(east) + 0.1 * np.sin(0.1 * r)
+    away = np.sqrt(r**2 + (3.0 - np.abs(waves)) ** 2).min()
+    assert margins.clearance(simulation1, states(z=-3)).value[0, 0] == pytest.approx(away - 0.5, abs=1e-5)
 
 
 def test_box_and_state_limits(simulation1: Scenario) -> None:

@@ -1,0 +1,195 @@
+"""The distance from places to the ground in any direction: beside a cliff it is less than the height above the ground.
+
+The ground is the union of solids with a smooth top each: the mountains, both signs of the ripple, or the cells of a
+relief. The distance to a union is the least of the distances, so kinks of the ground need no special care.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.relief_distance import distance_to_relief_m
+from gcs.scenario.environment.terrain import ground_height_m, ripple_peak_m
+from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
+
+Highest = Callable[[Array, Array, Array], Array]  # north, east, distance
+Surface = Callable[[Array, Array], tuple[Array, Array, Array]]  # north, east -> height and its slopes north and east
+
+_STEPS = 30  # of Newton's method, at most
+_SETTLED_M = 1e-5  # a foot so near to the true one leaves an error far below 0.1 mm
+_STARTS = 3
+_RINGS = (2, 12)  # least and most rings of trial places around a place
+_BLOCK = 400_000  # trial places at once
+
+
+def ground_distance_m(terrain: Terrain, north_m: Array, east_m: Array, up_m: Array, reach_m: float) -> Array:
+    """Least distance (...) from places to the ground, in any direction; `reach_m` where it is larger than that.
+
+    Below the ground it is the height above the ground, which is negative.
+    """
+    north, east, up = (np.asarray(part, dtype=np.float64) for part in np.broadcast_arrays(north_m, east_m, up_m))
+    shape = north.shape
+    north, east, up = north.ravel(), east.ravel(), up.ravel()
+    above = up - ground_height_m(terrain, north, east)
+    # No ground within the horizontal distance `d` is higher than the ground below plus `steepness * d`.
+    least = above / np.hypot(1.0, steepness(terrain))
+    found = np.minimum(above, reach_m)
+    near = np.flatnonzero((above > 0.0) & (least < reach_m))
+    if len(near):
+        at = north[near], east[near], up[near]
+        if terrain.relief is not None:
+            found[near] = distance_to_relief_m(terrain.relief, *at, found[near])
+        else:
+            for surface, feature_m, highest_m in _surfaces(terrain):
+                # A top that is lower than this everywhere around cannot be nearer.
+                rows = near[at[2] - highest_m(at[0], at[1], found[near]) < found[near]]
+                if len(rows):
+                    away = _distance_to_surface(surface, feature_m, north[rows], east[rows], up[rows], found[rows])
+                    found[rows] = np.minimum(found[rows], away)
+    return found.reshape(shape)
+
+
+def steepness(terrain: Terrain) -> float:
+    """A slope (rise over run) that the ground nowhere exceeds."""
+    if terrain.relief is not None:
+        return terrain.relief.steepness
+    mountains = _mountain_steepness(terrain.mountains)
+    if terrain.ripple is None:
+        return mountains
+    r = terrain.ripple
+    along_east = 1.0 + abs(r.e)
+    return max(mountains, float(np.hypot(along_east, r.b)) + abs(r.c * r.d) + abs(r.f * r.g))
+
+
+def _mountain_steepness(mountains: Mountains) -> float:
+    # exp(-r^2) is steepest at r = sqrt(1/2), by sqrt(2/e).
+    spread = np.minimum(mountains.spread_north_m, mountains.spread_east_m)
+    return float(np.sqrt(2.0 / np.e) * np.sum(np.abs(mountains.height_m) / spread))
+
+
+def _surfaces(terrain: Terrain) -> list[tuple[Surface, float, Highest]]:
+    """The smooth tops whose largest is the ground; of each the size of its smallest feature in m, and how high it is
+    at most within a distance of places."""
+    mountains, ripple = terrain.mountains, terrain.ripple
+    spread = min((*mountains.spread_north_m, *mountains.spread_east_m), default=np.inf)
+    surfaces: list[tuple[Surface, float, Highest]] = [
+        (partial(_mountains, mountains), 0.5 * float(spread), partial(_highest, mountains))
+    ]
+    if ripple is not None:
+        feature_m, peak_m = 1.0 / max(1.0, abs(ripple.d), abs(ripple.g)), ripple_peak_m(ripple)
+        for sign in (1.0, -1.0):
+            top: Surface = partial(_ripple, ripple, sign)
+            surfaces.append((top, feature_m, lambda n, _e, _d: np.full_like(n, peak_m)))
+    return surfaces
+
+
+def _mountains(mountains: Mountains, north: Array, east: Array) -> tuple[Array, Array, Array]:
+    height, slope_north, slope_east = (np.zeros_like(north) for _ in range(3))
+    for top, n, e, spread_n, spread_e in _each(mountains):
+        x, y = (north - n) / spread_n, (east - e) / spread_e
+        part = top * np.exp(-x * x - y * y)
+        height += part
+        slope_north -= 2.0 * x / spread_n * part
+        slope_east -= 2.0 * y / spread_e * part
+    return height, slope_north, slope_east
+
+
+def _highest(mountains: Mountains, north: Array, east: Array, distance_m: Array) -> Array:
+    """A height (N,) that mountains nowhere exceed within a distance (N,) of places."""
+    height = np.zeros_like(north)
+    for top, n, e, spread_n, spread_e in _each(mountains):
+        x = np.maximum(np.abs(north - n) - distance_m, 0.0) / spread_n
+        y = np.maximum(np.abs(east - e) - distance_m, 0.0) / spread_e
+        height += max(top, 0.0) * np.exp(-x * x - y * y)
+    return height
+
+
+def _each(mountains: Mountains) -> Iterator[tuple[float, float, float, float, float]]:
+    """Height, north, east and both spreads of each mountain."""
+    yield from zip(
+        mountains.height_m,
+        mountains.north_m,
+        mountains.east_m,
+        mountains.spread_north_m,
+        mountains.spread_east_m,
+        strict=True,
+    )
+
+
+def _ripple(ripple: Ripple, sign: float, north: Array, east: Array) -> tuple[Array, Array, Array]:
+    """Eq. 52 without its absolute value, times `sign`."""
+    r = np.hypot(north, east)
+    outward = ripple.f * ripple.g * np.cos(ripple.g * r) - ripple.c * ripple.d * np.sin(ripple.d * r)
+    outward = outward / np.maximum(r, 1e-9)
+    height = (
+        np.sin(east + ripple.a)
+        + ripple.b * np.sin(north)
+        + ripple.c * np.cos(ripple.d * r)
+        + ripple.e * np.cos(east)
+        + ripple.f * np.sin(ripple.g * r)
+    )
+    slope_north = ripple.b * np.cos(north) + outward * north
+    slope_east = np.cos(east + ripple.a) - ripple.e * np.sin(east) + outward * east
+    return sign * height, sign * slope_north, sign * slope_east
+
+
+def _distance_to_surface(
+    surface: Surface, feature_m: float, north: Array, east: Array, up: Array, known: Array
+) -> Array:
+    """Distance (N,) to one smooth surface where that is less than what is `known` (N,); else something larger."""
+    radius = float(known.max())
+    rings = int(np.clip(np.ceil(radius / feature_m), *_RINGS))
+    trial = _trial_places(rings)
+    found = np.full(len(north), np.inf)
+    for part in np.array_split(np.arange(len(north)), int(np.ceil(len(north) * len(trial) / _BLOCK))):
+        n, e, u = north[part], east[part], up[part]
+        size = known[part, None]
+        squared = _squared(surface, n[:, None], e[:, None], u[:, None], *(size * trial[:, axis] for axis in (0, 1)))
+        starts = np.argpartition(squared, _STARTS, axis=1)[:, :_STARTS]
+        for start in starts.T:
+            away = size * trial[start]
+            found[part] = np.minimum(found[part], _descended(surface, n, e, u, away[:, 0], away[:, 1]))
+    return found
+
+
+def _trial_places(rings: int) -> Array:
+    """Places (K, 2) on the unit disk."""
+    places = [np.zeros((1, 2))]
+    for ring in range(1, rings + 1):
+        angle = 2.0 * np.pi * (np.arange(6 * ring) + 0.5 * (ring % 2)) / (6 * ring)
+        places.append(ring / rings * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return np.concatenate(places)
+
+
+def _squared(surface: Surface, north: Array, east: Array, up: Array, a: Array, b: Array) -> Array:
+    return np.asarray(a * a + b * b + (up - surface(north + a, east + b)[0]) ** 2)
+
+
+def _descended(surface: Surface, north: Array, east: Array, up: Array, a: Array, b: Array) -> Array:
+    """Distance (N,) from places to the surface by the Gauss-Newton method, from feet (a, b) beside the places."""
+    best = _squared(surface, north, east, up, a, b)
+    share = np.ones_like(best)
+    open_ = np.arange(len(best))
+    a, b = a.copy(), b.copy()
+    for _ in range(_STEPS):
+        n, e, u, x, y = north[open_], east[open_], up[open_], a[open_], b[open_]
+        height, p, q = surface(n + x, e + y)
+        lack = u - height
+        pull_a, pull_b = x - lack * p, y - lack * q  # half of the gradient
+        # (I + g g') inverted.
+        along = (p * pull_a + q * pull_b) / (1.0 + p * p + q * q)
+        step_a, step_b = share[open_] * (p * along - pull_a), share[open_] * (q * along - pull_b)
+        value = _squared(surface, n, e, u, x + step_a, y + step_b)
+        better = value <= best[open_]
+        a[open_] = np.where(better, x + step_a, x)
+        b[open_] = np.where(better, y + step_b, y)
+        best[open_] = np.where(better, value, best[open_])
+        share[open_] = np.where(better, np.minimum(1.5 * share[open_], 1.0), 0.3 * share[open_])
+        open_ = open_[np.hypot(step_a, step_b) > _SETTLED_M]
+        if not len(open_):
+            break
+    return np.sqrt(best)
