@@ -11,7 +11,7 @@ from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.heightmap import Region
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.formations import places_up_m
-from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Scenario
+from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Performance, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
@@ -25,6 +25,18 @@ def local_origin(scenario: Scenario) -> Origin:
 def quadrotor(scenario: Scenario) -> Quadrotor:
     """The physical constants of the scenario's vehicle."""
     return Quadrotor(**scenario.vehicle.model_dump(exclude={"name", "power"}), wind=steady_wind(scenario))
+
+
+def torque_limits(limits: Performance, arm_m: float) -> tuple[float, float, float]:
+    """Largest |U_2|, |U_3|, N, and |U_4|, N m, as Eqs. 1 and 2 have them, whichever way the scenario gives them."""
+    if limits.torque is not None:
+        return limits.torque
+    assert limits.yaw_moment_Nm is not None
+    if limits.roll_pitch_force_N is not None:
+        return (*limits.roll_pitch_force_N, limits.yaw_moment_Nm)
+    assert limits.roll_pitch_moment_Nm is not None
+    roll_Nm, pitch_Nm = limits.roll_pitch_moment_Nm
+    return roll_Nm / arm_m, pitch_Nm / arm_m, limits.yaw_moment_Nm
 
 
 def steady_wind(scenario: Scenario) -> SteadyWind:

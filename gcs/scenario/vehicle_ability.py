@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gcs.autopilots.navigation.navigator import Ability
 from gcs.physics.quadrotor import Quadrotor
 from gcs.scenario.schema.scenario import LimitsTable
+from gcs.scenario.si import torque_limits
 
 _SHARE = 0.6  # of what physics allows: feedback needs the rest
 
@@ -30,14 +31,15 @@ def physical_limits(vehicle: Quadrotor, limits: LimitsTable) -> PhysicalLimits:
     g = vehicle.gravity_mps2
     surplus = limits.thrust_N[1] / vehicle.weight_N
     sideways = g * math.sqrt(max(surplus * surplus - 1.0, 0.01))
+    torque = torque_limits(limits, vehicle.arm_m)
     tilt = g * math.tan(math.radians(min(limits.roll_pitch_yaw_deg[:2])))
     return PhysicalLimits(
         sideways_mps2=min(sideways, tilt),
         upwards_mps2=g * (surplus - 1.0),
         tilt_rate_radps=math.radians(min(limits.rates_degps[:2])),
         tilt_accel_radps2=min(
-            vehicle.arm_m * limits.torque[0] / vehicle.inertia_kgm2[0],
-            vehicle.arm_m * limits.torque[1] / vehicle.inertia_kgm2[1],
+            vehicle.arm_m * torque[0] / vehicle.inertia_kgm2[0],
+            vehicle.arm_m * torque[1] / vehicle.inertia_kgm2[1],
         ),
     )
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.schema.fields import Part
-from gcs.scenario.schema.scenario import Performance, VehicleTable
+from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, VehicleTable
 
 KEY = "vehicle_type"
 _PRESETS = files("gcs.scenario") / "presets"
@@ -43,10 +43,24 @@ def vehicle_file(wanted: str, folder: Path) -> Path:
     return preset_file(wanted) if wanted in presets() else folder / wanted
 
 
+def _beside(given: dict[str, Any], own: Any) -> dict[str, Any]:
+    """A type's limits without those of U_2..U_4 that the scenario's own replace, which may have another unit."""
+    kept = dict(given)
+    if old := kept.pop("torque", None):
+        kept |= {"roll_pitch_force_N": old[:2], "yaw_moment_Nm": old[2]}
+    own_keys = set(own) if isinstance(own, dict) else set()
+    if own_keys & set(ROLL_PITCH_KEYS):
+        kept = {key: value for key, value in kept.items() if key not in ROLL_PITCH_KEYS}
+    if "torque" in own_keys:
+        kept.pop("yaw_moment_Nm", None)
+    return kept
+
+
 def with_vehicle(data: dict[str, Any], kind: VehicleFile) -> dict[str, Any]:
     """A scenario's tables, completed by those of its vehicle type."""
     found = {name: value for name, value in data.items() if name != KEY}
     given = kind.model_dump(mode="json", exclude_none=True)
+    given["limits"] = _beside(given["limits"], found.get("limits"))
     for table in ("vehicle", "limits"):
         if isinstance(found.get(table, {}), dict):
             found[table] = {**given[table], **found.get(table, {})}

@@ -68,7 +68,7 @@ class VehicleFactory:
             np.full(len(self.sysids), self._yaw_rad),
             GRADES[scenario.sensors.grade],
             seed=seed,
-            limits=ControlLimits(scenario.limits.thrust_N[1], scenario.limits.torque),
+            limits=ControlLimits(scenario.limits.thrust_N[1], si.torque_limits(scenario.limits, quadrotor.arm_m)),
             power=power_train_of(quadrotor).described(scenario.vehicle.power),
             wind=wind.over(si.steady_wind(scenario)),
         )

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.si import torque_limits
 from tools.paper.track import ENDS_S
 from tools.pictures.scenery import LIMIT, colour
 
@@ -35,6 +36,7 @@ def draw(plan: Plan, what: str) -> Figure:
     t_s = np.append(np.arange(0.0, plan.flight_s, _STEP_S), np.nextafter(plan.flight_s, 0.0))
     states, controls = plan.motion(t_s)
     limits = plan.scenario.limits
+    torque = torque_limits(limits, plan.quadrotor.arm_m)
     roll, pitch, _ = limits.roll_pitch_yaw_deg
     curves = {
         "attitude": [
@@ -43,7 +45,7 @@ def draw(plan: Plan, what: str) -> Figure:
         ],
         "thrust": [Curve("U1", "N", controls[..., 0], *limits.thrust_N)],
         "moments": [
-            Curve(f"U{i + 1}", unit, controls[..., i], -limits.torque[i - 1], limits.torque[i - 1])
+            Curve(f"U{i + 1}", unit, controls[..., i], -torque[i - 1], torque[i - 1])
             for i, unit in ((1, "N"), (2, "N"), (3, "N m"))
         ],
         "velocity": [

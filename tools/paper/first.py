@@ -9,6 +9,7 @@ import numpy as np
 
 from gcs.plan.verification.verify import Report
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.si import torque_limits
 from tools.paper.claims import Claim
 from tools.paper.track import SETTLED_S, Track, rms
 
@@ -208,12 +209,13 @@ def _attitude(track: Track) -> list[Claim]:
 
 def _controls(track: Track) -> list[Claim]:
     limits = track.plan.scenario.limits
+    torque = torque_limits(limits, track.plan.quadrotor.arm_m)
     u = track.controls
-    span = np.array([limits.thrust_N[1] - limits.thrust_N[0], *(2.0 * t for t in limits.torque)])
+    span = np.array([limits.thrust_N[1] - limits.thrust_N[0], *(2.0 * t for t in torque)])
     every = max(1, round(_STEP / (track.t_s[1] - track.t_s[0])))
     jump = 100.0 * np.abs(u[every:] - u[:-every]).max(axis=0) / span
-    share = 100.0 * np.abs(u[:, 1:]).max(axis=0) / np.array(limits.torque)
-    typical = 100.0 * np.sqrt((u[track.cruise, 1:] ** 2).mean(axis=0)) / np.array(limits.torque)
+    share = 100.0 * np.abs(u[:, 1:]).max(axis=0) / np.array(torque)
+    typical = 100.0 * np.sqrt((u[track.cruise, 1:] ** 2).mean(axis=0)) / np.array(torque)
     return [
         _claim(
             (10, 12, 13),

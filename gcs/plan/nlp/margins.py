@@ -14,7 +14,7 @@ from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import quadrotor
+from gcs.scenario.si import quadrotor, torque_limits
 
 # Below this speed the direction of flight, and with it the turning radius of Eq. 18, loses its meaning.
 REST_SPEED_MPS = 0.1
@@ -83,16 +83,16 @@ def state_limits(scenario: Scenario, states: Array) -> list[Margin]:
 
 def control_limits(scenario: Scenario, controls: Array) -> list[Margin]:
     """Margins of U1..U4 (Eq. 51), and whether rotors reach the speeds that Eq. 2 requires."""
-    limits = scenario.limits
+    limits, torque = scenario.limits, torque_limits(scenario.limits, scenario.vehicle.arm_m)
     margins = [_between("thrust U1", "N", controls[..., 0], *limits.thrust_N)]
     margins += [
         Margin(f"control U{i + 2}", "N" if i < 2 else "N m", bound - np.abs(controls[..., i + 1]), bound)
-        for i, bound in enumerate(limits.torque)
+        for i, bound in enumerate(torque)
     ]
     vehicle = quadrotor(scenario)
     reached = control_from_rotors(rotors_from_control(controls, vehicle), vehicle)
     # Each control against its own limit: a yaw moment is hundreds of times smaller than a thrust.
-    shortfall = np.max(np.abs(reached - controls) / [limits.thrust_N[1], *limits.torque], axis=-1)
+    shortfall = np.max(np.abs(reached - controls) / [limits.thrust_N[1], *torque], axis=-1)
     return [*margins, Margin("rotor speed", "of a control's limit", -shortfall, 1.0)]
 
 

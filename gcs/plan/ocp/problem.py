@@ -13,7 +13,7 @@ from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.ocp.objectives import FreeTime, Objective, ObjectiveTerm, references
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor
+from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor, torque_limits
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def control_bounds(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Arra
     """Eq. 51's control limits (4,), (4,), moved towards hover by `margin` of their distance to it."""
     limits = scenario.limits
     hover = np.array([quadrotor(scenario).weight_N, 0.0, 0.0, 0.0])
-    torque = np.array(limits.torque)
+    torque = np.array(torque_limits(limits, scenario.vehicle.arm_m))
     low = np.concatenate([[limits.thrust_N[0]], -torque])
     high = np.concatenate([[limits.thrust_N[1]], torque])
     return hover + (1.0 - margin) * (low - hover), hover + (1.0 - margin) * (high - hover)

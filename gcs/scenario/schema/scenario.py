@@ -10,7 +10,7 @@ import itertools
 from typing import Annotated, Literal
 
 import shapely
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.environment.heightmap import Relief
@@ -23,7 +23,6 @@ from gcs.scenario.schema.fields import (
     Point,
     Positive,
     PositiveVector,
-    Share,
     Truth,
     Vector,
 )
@@ -35,9 +34,11 @@ from gcs.scenario.schema.formation_table import (
     Generator,
     ShapeTable,
 )
+from gcs.scenario.schema.limits_table import ROLL_PITCH_KEYS, LimitsTable, Performance, Range
 from gcs.scenario.schema.preflight_table import PreflightTable
 
 __all__ = [
+    "ROLL_PITCH_KEYS",
     "START_SHAPE",
     "Boundary",
     "ChangeTable",
@@ -70,15 +71,6 @@ __all__ = [
 ]
 
 TerminalWeight = Literal["1", "t^2", "1/(tf-t+0.5)", "1/(tf-t+0.5)^2"]
-
-
-def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    if pair[0] >= pair[1]:
-        raise ValueError("must be [low, high] with low < high")
-    return pair
-
-
-Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 
 
 PhaseLength = Annotated[Number, Field(gt=0, le=3600)]
@@ -144,37 +136,6 @@ class VehicleTable(Part):
         description="battery and propellers; without them the battery's need is estimated from the flight time",
         exclude_if=lambda power: power is None,
     )
-
-
-class Performance(Part):
-    """The limits that a type of vehicle has by itself."""
-
-    speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
-    roll_pitch_yaw_deg: tuple[
-        Annotated[Number, Field(gt=0, le=180)],
-        Annotated[Number, Field(gt=0, lt=90)],
-        Annotated[Number, Field(gt=0, le=360)],
-    ] = Field(description="largest |roll|, |pitch|, |yaw|, degrees")
-    rates_degps: PositiveVector = Field(description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s")
-    thrust_N: Annotated[tuple[NonNegative, Positive], AfterValidator(_ordered)] = Field(
-        description="U_1, [low, high], N"
-    )
-    torque: PositiveVector = Field(description="largest |U_2|, |U_3| (N, on the arm) and |U_4| (N m)")
-    load_factor_max: Positive = Field(
-        description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
-    )
-    accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
-    control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
-
-
-class LimitsTable(Performance):
-    """The limits of every vehicle: Eq. 51, and those that the paper names without a value."""
-
-    north_m: Range = Field(description="[low, high], m north of the origin")
-    east_m: Range = Field(description="[low, high], m east of the origin")
-    height_m: Range = Field(description="[low, high], m above height 0")
-    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
-    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
 
 
 class Ripple(Part):

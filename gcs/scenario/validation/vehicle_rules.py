@@ -8,14 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.physics.quadrotor import Quadrotor, control_from_rotors, hover_trim, rotors_from_control
-from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import quadrotor
+from gcs.scenario.schema.scenario import ROLL_PITCH_KEYS, Performance, Scenario
+from gcs.scenario.si import quadrotor, torque_limits
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.toml_lines import Key
 
 _REACHED = 1.0 - 1e-6
 SPEED_OF_SOUND_MPS = 340.0
 BEST_CELLS_WHPKG = 300.0
+_YAW = 2  # row of U_4 among U_2..U_4
 _TORQUES = ("U2, rolling", "U3, pitching", "U4, yawing")
 
 RULES = Rules()
@@ -68,16 +70,25 @@ def _rotors_give_the_torques(scenario: Scenario) -> Mistakes:
     model = quadrotor(scenario)
     if hover_share(model) >= 1.0:
         return  # another rule reports it
-    for axis, most in enumerate(scenario.limits.torque):
+    for axis, most in enumerate(torque_limits(scenario.limits, model.arm_m)):
         wanted = np.array([model.weight_N, 0.0, 0.0, 0.0])
         wanted[axis + 1] = most
         got = float(control_from_rotors(rotors_from_control(wanted, model), model)[axis + 1])
         if got < _REACHED * most:
+            key, value = _torque_key(scenario.limits, axis)
             text = (
-                f"more than the rotors give: while they carry the weight, {_TORQUES[axis]}, reaches {got:.3g} "
-                f"(Eq. 2, rotor_max_radps = {model.rotor_max_radps:g})"
+                f"more than the rotors give: while they carry the weight, {_TORQUES[axis]}, reaches "
+                f"{got * value / most:.3g} (Eq. 2, rotor_max_radps = {model.rotor_max_radps:g})"
             )
-            yield Mistake(("limits", "torque", axis), text, most)
+            yield Mistake(("limits", *key), text, value)
+
+
+def _torque_key(limits: Performance, axis: int) -> tuple[Key, float]:
+    """The key that limits U_2, U_3 or U_4 in this scenario, and its value in its own unit."""
+    name = next(key for key in ROLL_PITCH_KEYS if getattr(limits, key) is not None)
+    if axis == _YAW and limits.yaw_moment_Nm is not None:
+        return ("yaw_moment_Nm",), limits.yaw_moment_Nm
+    return (name, axis), getattr(limits, name)[axis]
 
 
 @RULES.needs("vehicle")

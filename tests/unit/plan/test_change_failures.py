@@ -121,7 +121,8 @@ def test_a_change_that_lifts_more_than_a_vehicle_can_is_a_matter_of_its_speed(si
     wild = {
         "accel_max_mps2": None,
         "rates_degps": [4e3, 4e3, 30.0],
-        "torque": [90.0, 90.0, 0.08],
+        "roll_pitch_force_N": [90.0, 90.0],
+        "yaw_moment_Nm": 0.08,
         "speed_ned_mps": [50.0, 50.0, 50.0],
     }
     error = refusal(fleet(simulation1, 3, "a", (at(SWAP, 2.0),), SWAPPED, formation=fast, limits=wild))

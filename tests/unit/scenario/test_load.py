@@ -37,7 +37,8 @@ def test_simulation1_is_the_papers(simulation1: Scenario) -> None:
     assert s.time.flight_s == 275.0
     assert (s.vehicle.mass_kg, s.vehicle.arm_m, s.vehicle.inertia_kgm2) == (0.5, 0.075, (0.0219, 0.0219, 0.0366))
     assert (s.vehicle.thrust_coeff_Ns2, s.vehicle.moment_coeff_Nms2) == (1.105e-5, 1.779e-7)
-    assert (s.limits.thrust_N, s.limits.torque) == ((0.0, 5.2), (0.0501, 0.0501, 0.0209))
+    assert (s.limits.thrust_N, s.limits.roll_pitch_force_N) == ((0.0, 5.2), (0.0501, 0.0501))
+    assert s.limits.yaw_moment_Nm == 0.0209
     assert s.objective.weights == (0.8, 0.1, 0.1)
     assert s.end.position_m == (1200.0, 1000.0, 2.0)
     assert len(s.formation.vehicle) == 6
@@ -64,7 +65,7 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         ("e = 1.0\n", "e = nan\n"),
         ("velocity_mps = [0.0, 0.0, 0.0]", "velocity_mps = [0.0, 0.0]"),
         ("mass_kg = 0.5", "# mass_kg = 0.5"),
-        ("height_ref_m = 10.0", "gravity_mps2 = 9.8"),
+        ("height_ref_m = 20.0", "gravity_mps2 = 9.8"),
         # Tables that are right in themselves are still compared with each other.
         ("\nseparation_min_m = 0.3", "\nseparation_min_m = 0.3\nsurprise = 1"),
         ("run_up_m = 25.0", "run_up_m = 100.0"),
@@ -76,8 +77,8 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         "scenario.toml:17: vehicle.mass_kg: missing; it must be a number > 0 (m, kg)",
         "scenario.toml:34: limits.clearance_min_m: missing; it must be a number >= 0",
         "scenario.toml:35: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
-        "scenario.toml:43: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
-        "scenario.toml:53: terrain.ripple.e = nan: must be a number",
+        "scenario.toml:46: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
+        "scenario.toml:56: terrain.ripple.e = nan: must be a number",
         "end.velocity_mps[2]: missing; it must be a number",
         "objective.gravity_mps2: unknown key here; it belongs to [vehicle]",
         'formation.vehicle[3].position_m[0] = "a": must be a number',
@@ -111,9 +112,9 @@ def test_lists_of_mountains_are_equally_long(broken: Broken) -> None:
 
 def test_the_leader_is_one_of_the_vehicles(broken: Broken) -> None:
     told = broken(("leader = 1\n", "leader = 7\n"))
-    assert "scenario.toml:88: formation.leader = 7: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6" in told
+    assert "scenario.toml:91: formation.leader = 7: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6" in told
     told = broken(("sysid = 2\n", "sysid = 3\n"))
-    assert "scenario.toml:99: formation.vehicle[2].sysid = 3: is the sysid of vehicle[1] already" in told
+    assert "scenario.toml:102: formation.vehicle[2].sysid = 3: is the sysid of vehicle[1] already" in told
 
 
 @pytest.mark.parametrize(

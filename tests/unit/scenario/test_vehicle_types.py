@@ -50,9 +50,9 @@ def test_a_vehicle_of_ones_own(tmp_path: Path) -> None:
     [
         ("mass_kg = 2.0", "mass_kg = 4.5", r"big.toml:\d+: limits.thrust_N = \[4.0, 38.0\]: cannot hover"),
         (
-            "torque = [0.4, 0.4, 0.08]",
-            "torque = [0.4, 0.4, 2.0]",
-            r"big.toml:\d+: limits.torque\[2\] = 2.0: more than the rotors give: .* U4, yawing, reaches 0.313 ",
+            "yaw_moment_Nm = 0.08",
+            "yaw_moment_Nm = 2.0",
+            r"big.toml:\d+: limits.yaw_moment_Nm = 2.0: more than the rotors give: .* U4, yawing, reaches 0.313 ",
         ),
         (
             "rotor_max_radps = 1070.0",

@@ -10,6 +10,7 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.si import torque_limits
 
 # Share of a vehicle's turning authority: the leader's own motion, which every vehicle flies too, uses the rest.
 SHARE = 0.2
@@ -47,10 +48,10 @@ def budget(scenario: Scenario) -> Budget:
     angular acceleration.
     """
     limits, vehicle = scenario.limits, scenario.vehicle
+    torque = torque_limits(limits, vehicle.arm_m)
     rate_radps = np.radians(min(limits.rates_degps[:2]))
     angular_radps2 = min(
-        vehicle.arm_m * force / inertia
-        for force, inertia in zip(limits.torque[:2], vehicle.inertia_kgm2[:2], strict=True)
+        vehicle.arm_m * force / inertia for force, inertia in zip(torque[:2], vehicle.inertia_kgm2[:2], strict=True)
     )
     return Budget(
         speed_mps=scenario.formation.change_speed_mps,

@@ -82,7 +82,7 @@ def test_the_budget_is_the_scenarios_and_a_fifth_of_what_the_vehicle_can_turn(si
     assert limits.accel_mps2 == simulation1.formation.change_accel_mps2
     rate = min(simulation1.limits.rates_degps[:2]) * np.pi / 180.0
     assert limits.jerk_mps3 == pytest.approx(0.2 * vehicle.gravity_mps2 * rate)
-    twist = vehicle.arm_m * simulation1.limits.torque[0] / vehicle.inertia_kgm2[0]
+    twist = 0.075 * 0.0501 / 0.0219
     assert limits.snap_mps4 == pytest.approx(0.2 * vehicle.gravity_mps2 * twist)
 
 

@@ -1,0 +1,83 @@
+"""[limits]: what a type of vehicle can do by itself, and the limits of every vehicle of a flight (Eq. 51)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from gcs.scenario.schema.fields import Findings, NonNegative, Number, Part, Positive, PositiveVector, Share
+
+
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] >= pair[1]:
+        raise ValueError("must be [low, high] with low < high")
+    return pair
+
+
+Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+PositivePair = tuple[Positive, Positive]
+ROLL_PITCH_KEYS = ("roll_pitch_force_N", "roll_pitch_moment_Nm", "torque")
+
+
+class Performance(Part):
+    """The limits that a type of vehicle has by itself."""
+
+    speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
+    roll_pitch_yaw_deg: tuple[
+        Annotated[Number, Field(gt=0, le=180)],
+        Annotated[Number, Field(gt=0, lt=90)],
+        Annotated[Number, Field(gt=0, le=360)],
+    ] = Field(description="largest |roll|, |pitch|, |yaw|, degrees")
+    rates_degps: PositiveVector = Field(description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s")
+    thrust_N: Annotated[tuple[NonNegative, Positive], AfterValidator(_ordered)] = Field(
+        description="U_1, [low, high], N"
+    )
+    roll_pitch_force_N: PositivePair | None = Field(
+        default=None,
+        description="largest |U_2|, |U_3| as Eqs. 1 and 2 have them: forces on the arm, N",
+        exclude_if=lambda pair: pair is None,
+    )
+    roll_pitch_moment_Nm: PositivePair | None = Field(
+        default=None,
+        description="instead of roll_pitch_force_N: the moments arm_m |U_2|, arm_m |U_3|, the unit of Eq. 51, N m",
+        exclude_if=lambda pair: pair is None,
+    )
+    yaw_moment_Nm: Positive | None = Field(
+        default=None,
+        description="largest |U_4|, N m; needed beside roll_pitch_force_N and roll_pitch_moment_Nm",
+        exclude_if=lambda moment: moment is None,
+    )
+    torque: PositiveVector | None = Field(
+        default=None,
+        description="deprecated: [roll_pitch_force_N, yaw_moment_Nm] in one list, N, N, N m",
+        exclude_if=lambda torque: torque is None,
+        json_schema_extra={"deprecated": True},
+    )
+    load_factor_max: Positive = Field(
+        description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
+    )
+    accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
+    control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
+
+    def disagreements(self) -> Findings:
+        """Yield limits of U_2..U_4 that are not given exactly once."""
+        given = [key for key in ROLL_PITCH_KEYS if getattr(self, key) is not None]
+        if not given:
+            yield (), f"lacks the limits of U_2 and U_3. Give one of {', '.join(ROLL_PITCH_KEYS[:2])}"
+        for key in given[1:]:
+            yield (key,), f"stands beside {given[0]}; both limit U_2 and U_3. Keep one"
+        if self.torque is not None and self.yaw_moment_Nm is not None:
+            yield ("yaw_moment_Nm",), "stands beside torque, whose third number is the same limit. Keep one"
+        if given and self.torque is None and self.yaw_moment_Nm is None:
+            yield ("yaw_moment_Nm",), "missing; it must be a number > 0 (largest |U_4|, N m)"
+
+
+class LimitsTable(Performance):
+    """The limits of every vehicle: Eq. 51, and those that the paper names without a value."""
+
+    north_m: Range = Field(description="[low, high], m north of the origin")
+    east_m: Range = Field(description="[low, high], m east of the origin")
+    height_m: Range = Field(description="[low, high], m above height 0")
+    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
+    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
