@@ -17,7 +17,7 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from tests.property.plan.adversary import humps
-from tests.property.plan.adversary.oracle import AIRBORNE, GROUND, Oracle, window
+from tests.property.plan.adversary.oracle import AIRBORNE, GROUND, Oracle, turning_limits, window
 from tests.unit.plan.problems import changed
 
 SAMPLE_S = 0.05
@@ -88,7 +88,7 @@ def limit_of(plan: Plan, name: str) -> float:
         (limits.speed_ned_mps, ("north speed", "east speed", "vertical speed")),
         (limits.roll_pitch_yaw_deg, ("roll", "pitch", "yaw")),
         (limits.rates_degps, ("roll rate", "pitch rate", "yaw rate")),
-        (limits.torque, ("control U2", "control U3", "control U4")),
+        (turning_limits(plan.scenario), ("control U2", "control U3", "control U4")),
     ):
         sizes |= dict(zip(names, table, strict=True))
     found = 1.0 if is_length(name) else sizes[name]
@@ -163,7 +163,6 @@ def moved_limit(plan: Plan, name: str, at_s: float, reserve: float) -> Plan | No
         "speed_ned_mps": ("north speed", "east speed", "vertical speed"),
         "roll_pitch_yaw_deg": ("roll", "pitch", "yaw"),
         "rates_degps": ("roll rate", "pitch rate", "yaw rate"),
-        "torque": ("control U2", "control U3", "control U4"),
     }
     single = {"turning load factor": "load_factor_max", "acceleration": "accel_max_mps2"}
     lowest = {"clearance above ground": "clearance_min_m", "separation": "separation_min_m"}
@@ -177,6 +176,12 @@ def moved_limit(plan: Plan, name: str, at_s: float, reserve: float) -> Plan | No
     elif name in ("speed in the shape", "acceleration in the shape"):
         key = "change_speed_mps" if name.startswith("speed") else "change_accel_mps2"
         tables = {"formation": {key: getattr(scenario.formation, key) - by}}
+    elif name in CONTROL_ROWS:
+        bounds = list(turning_limits(scenario))
+        bounds[CONTROL_ROWS[name] - 1] -= by
+        for key in ("torque", "roll_pitch_moment_Nm"):
+            limits.pop(key, None)
+        limits |= {"roll_pitch_force_N": bounds[:2], "yaw_moment_Nm": bounds[2]}
     else:
         found = next((key for key, names in vectors.items() if name in names), None)
         if found is None:
@@ -256,7 +261,7 @@ def _bend(plan: Plan, wish: Wish, at_s: float) -> Bend | None:
         return lambda size, top: humps.leader_control(plan, row, sign * size, top)
     if name == "rotor speed":
         sign = 1.0 if wish.vehicle % 2 else -1.0
-        unit = plan.scenario.limits.torque[2]
+        unit = turning_limits(plan.scenario)[2]
         return lambda size, top: humps.leader_control(plan, 3, sign * unit * size, top)
     if name == "acceleration":
         return lambda size, top: humps.leader_control(plan, 0, size * plan.quadrotor.mass_kg, top)

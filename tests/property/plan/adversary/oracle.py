@@ -24,6 +24,19 @@ GROUND = ("clearance above ground", "height above ground")
 _G = "turning load factor"
 
 
+def turning_limits(scenario: Scenario) -> tuple[float, float, float]:
+    """Eq. 51's limits of U2, U3 in N, on the arm, and of U4 in N m; a scenario may give moments for the first two."""
+    limits = scenario.limits
+    if limits.torque is not None:
+        return limits.torque
+    roll_pitch, yaw = limits.roll_pitch_force_N, limits.yaw_moment_Nm
+    if roll_pitch is None:
+        assert limits.roll_pitch_moment_Nm is not None
+        roll_pitch = tuple(moment / scenario.vehicle.arm_m for moment in limits.roll_pitch_moment_Nm)  # type: ignore[assignment]
+    assert yaw is not None and roll_pitch is not None
+    return (*roll_pitch, yaw)
+
+
 def window(start_s: float, end_s: float) -> Array:
     """Instants 0.1 ms apart, both ends among them."""
     return np.linspace(start_s, end_s, max(int(np.ceil((end_s - start_s) / GRID_S - 1e-6)), 1) + 1)
@@ -88,7 +101,7 @@ class Oracle:
             for i, (name, bound) in enumerate(zip(names, bounds, strict=True)):
                 found[name] = lambda t, r=first + i, u=unit, b=bound: b - np.abs(u * self.plan.states(t)[..., r])  # type: ignore[misc]
         found["thrust U1"] = lambda t: _within(self.plan.controls(t)[..., 0], *limits.thrust_N)
-        for i, bound in enumerate(limits.torque, start=1):
+        for i, bound in enumerate(turning_limits(self.scenario), start=1):
             found[f"control U{i + 1}"] = lambda t, r=i, b=bound: b - np.abs(self.plan.controls(t)[..., r])  # type: ignore[misc]
         found["rotor speed"] = self._rotors
         found[_G] = self._turning
@@ -132,7 +145,7 @@ class Oracle:
         down = np.minimum((top - squared[..., [1, 3]]).min(-1), squared[..., [0, 2]].min(-1))
         step = u[..., 3] / (4.0 * v.moment_coeff_Nms2)
         left = np.minimum(up - step, down + step) * 4.0 * v.moment_coeff_Nms2
-        return np.asarray(left / self.scenario.limits.torque[2])
+        return np.asarray(left / turning_limits(self.scenario)[2])
 
     def _acceleration(self, t_s: Array) -> Array:
         """The first three rows of Eq. 1, with air that moves."""
