@@ -20,6 +20,7 @@ from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.infeasibility import least_time_s
 from gcs.plan.trajectory.plan import Alternative, MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.scenario.schema.fields import FLIGHT_MAX_S
 from gcs.scenario.schema.scenario import Scenario
 
 _LONGEST = 4.0  # times the reference or the least time, where the scenario gives no latest_s
@@ -43,7 +44,7 @@ def with_free_time(problem: Problem) -> Problem:
     scenario, time = problem.scenario, problem.scenario.time
     least_s = least_time_s(problem)
     earliest_s = max(time.earliest_s or 0.0, least_s)
-    latest_s = time.latest_s or _LONGEST * max(time.flight_s, least_s)
+    latest_s = time.latest_s or min(_LONGEST * max(time.flight_s, least_s), FLIGHT_MAX_S)
     easy_s = float(np.clip(max(time.flight_s, _EASY * least_s), min(earliest_s, latest_s), latest_s))
     free = FreeTime(min(earliest_s, latest_s), latest_s, scenario.objective.time_weight, time.flight_s)
     return replace(with_end(problem, problem.start_s + easy_s), free_time=free)

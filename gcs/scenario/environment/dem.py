@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 import rasterio
+from rasterio._err import CPLE_BaseError
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.warp import transform
 from rasterio.windows import Window
@@ -21,7 +22,7 @@ from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.physics.quadrotor import Array
 from gcs.reading.bounded_file import MIB, in_mib, open_regular
-from gcs.scenario.environment.heightmap import PIXELS_MAX, Region, Relief, packed, terms_of
+from gcs.scenario.environment.heightmap import PIXEL_LEAST_M, PIXEL_MOST_M, PIXELS_MAX, Region, Relief, packed, terms_of
 
 HeightUnit = Literal["m", "ft"]
 FOOT_M = 0.3048
@@ -53,7 +54,7 @@ def read_dem(file: Path, origin: Origin, region: Region, unit: HeightUnit | None
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(file) as raster:
                 return _relief(raster, origin, region, unit)
-    except RasterioError as problem:
+    except (RasterioError, CPLE_BaseError) as problem:  # the latter: GDAL's own, of a projection far from its area
         raise DemError(f"cannot be read as an elevation model: {problem}") from None
 
 
@@ -78,6 +79,8 @@ def _relief(raster: Any, origin: Origin, region: Region, unit: HeightUnit | None
     lat_deg, lon_deg = _on_earth(raster, rows + window.row_off, columns + window.col_off)
     ned = geodetic_to_ned(lat_deg, lon_deg, heights_amsl_m, origin)
     spacing = min(float(np.median(np.linalg.norm(np.diff(ned[..., :2], axis=axis), axis=-1))) for axis in (0, 1))
+    if not PIXEL_LEAST_M <= spacing <= PIXEL_MOST_M:
+        raise DemError(f"has pixels of {spacing:.3g} m; {PIXEL_LEAST_M:g} to {PIXEL_MOST_M:g} m are possible")
     centre = (float(np.mean(region.north_m)), float(np.mean(region.east_m)))
     reach = max(0.5 * float(np.ptp(region.north_m)), 0.5 * float(np.ptp(region.east_m)), spacing)
     row, column = _pixel_polynomials(raster, window, origin, region, centre, reach)

@@ -20,7 +20,7 @@ from pydantic import Field
 from scipy import ndimage
 
 from gcs.physics.quadrotor import Array
-from gcs.scenario.schema.fields import Findings, Number, Part, Point, Positive
+from gcs.scenario.schema.fields import Findings, Number, Part
 
 PIXELS_MAX = 4_000_000
 _PIXEL_BYTES = 4
@@ -31,7 +31,14 @@ _SUBSAMPLES = 4  # of a cell of the envelope, each way
 _MARGIN_CELLS = 4
 _CELLS_MAX = 500_000
 
-Polynomial = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number, Number]
+PIXEL_LEAST_M, PIXEL_MOST_M = 0.01, 100_000.0
+_HEIGHT_MOST_M = 20_000.0
+_ENVELOPE_SIDE_MAX = 50_000  # cells
+
+# A margin around the scenario's box is covered too.
+Covered = Annotated[Number, Field(ge=-1e6, le=1e6)]
+Term = Annotated[Number, Field(ge=-1e9, le=1e9)]
+Polynomial = tuple[Term, Term, Term, Term, Term, Term, Term, Term, Term, Term]
 
 
 @dataclass(frozen=True)
@@ -48,13 +55,15 @@ class Relief(Part):
     rows: Annotated[int, Field(ge=2)] = Field(description="pixels from one end to the other, first axis")
     columns: Annotated[int, Field(ge=2)] = Field(description="pixels along the second axis")
     heights: str = Field(description="m above height 0: float32, little endian, row by row; zlib, base64")
-    centre_m: Point = Field(description="north, east of where the polynomials are expanded, m")
-    reach_m: Positive = Field(description="unit of their variables, m")
+    centre_m: tuple[Covered, Covered] = Field(description="north, east of where the polynomials are expanded, m")
+    reach_m: Annotated[Number, Field(ge=0.001, le=1e6)] = Field(description="unit of their variables, m")
     row: Polynomial = Field(description="row of a place, counted from 0 at the first pixel's centre")
     column: Polynomial = Field(description="column of a place")
-    spacing_m: Positive = Field(description="distance between two pixels, the smaller one, m")
-    north_m: tuple[Number, Number] = Field(description="[low, high] of what is covered for certain, m")
-    east_m: tuple[Number, Number] = Field(description="[low, high] of what is covered for certain, m")
+    spacing_m: Annotated[Number, Field(ge=PIXEL_LEAST_M, le=PIXEL_MOST_M)] = Field(
+        description="distance between two pixels, the smaller one, m"
+    )
+    north_m: tuple[Covered, Covered] = Field(description="[low, high] of what is covered for certain, m")
+    east_m: tuple[Covered, Covered] = Field(description="[low, high] of what is covered for certain, m")
 
     def disagreements(self) -> Findings:
         """Heights that are no table of this size, or no numbers."""
@@ -63,8 +72,11 @@ class Relief(Part):
         except ValueError as problem:
             yield ("heights",), f"cannot be unpacked: {problem}"
             return
-        if not np.all(np.isfinite(table)):
-            yield ("heights",), "has places without a height"
+        if not np.all(np.abs(table) <= _HEIGHT_MOST_M):
+            yield ("heights",), f"has places without a height, or with one beyond {_HEIGHT_MOST_M:g} m"
+        for key, (low_m, high_m) in (("north_m", self.north_m), ("east_m", self.east_m)):
+            if low_m >= high_m:
+                yield (key,), "must be [low, high] with low < high"
 
     def __eq__(self, other: object) -> bool:
         """The same numbers; what was worked out from them is no matter."""
@@ -173,7 +185,9 @@ def _interpolated(table: Array, place: Array, order: int) -> Array:
 def _envelope(relief: Relief) -> Envelope:
     low = np.array([relief.north_m[0], relief.east_m[0]])
     size = np.array([relief.north_m[1], relief.east_m[1]]) - low
-    step = max(_STEP * relief.spacing_m, float(np.sqrt(size.prod() / _CELLS_MAX)))
+    step = max(
+        _STEP * relief.spacing_m, float(np.sqrt(size.prod() / _CELLS_MAX)), float(size.max()) / _ENVELOPE_SIDE_MAX
+    )
     first = low - _MARGIN_CELLS * step
     count = np.ceil(size / step).astype(int) + 2 * _MARGIN_CELLS + 1
     north, east = (first[axis] + step * np.arange(count[axis]) for axis in (0, 1))

@@ -46,6 +46,19 @@ class Convex:
 
 
 Piece = Disk | Convex
+Edge = frozenset[tuple[float, ...]]  # two corners
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A convex part of a polygon; it is itself, not its equal."""
+
+    polygon: shapely.Polygon
+    edges: tuple[Edge, ...]
+
+    @classmethod
+    def of(cls, polygon: shapely.Polygon) -> _Part:
+        return cls(polygon, tuple(map(frozenset, itertools.pairwise(polygon.exterior.coords))))
 
 
 @lru_cache(maxsize=256)
@@ -57,20 +70,34 @@ def pieces(zone: NoFlyZone) -> tuple[Piece, ...]:
     whole = outline(zone)
     if _is_convex(whole):
         return (_convex(whole),)
-    parts = list(shapely.constrained_delaunay_triangles(whole).geoms)
-    while (found := _mergeable(parts)) is not None:
+    parts = [_Part.of(part) for part in shapely.constrained_delaunay_triangles(whole).geoms]
+    refused: set[tuple[_Part, _Part]] = set()
+    while (found := _mergeable(parts, refused)) is not None:
         first, second, both = found
-        parts = [part for number, part in enumerate(parts) if number not in (first, second)] + [both]
-    return tuple(_convex(part) for part in parts)
+        parts = [part for part in parts if part not in (first, second)] + [both]
+    return tuple(_convex(part.polygon) for part in parts)
 
 
-def _mergeable(parts: list[shapely.Polygon]) -> tuple[int, int, shapely.Polygon] | None:
-    """Two convex parts that are convex together, by their numbers, and what they make."""
-    for first, second in itertools.combinations(range(len(parts)), 2):
-        both = shapely.union(parts[first], parts[second])
+def _mergeable(parts: list[_Part], refused: set[tuple[_Part, _Part]]) -> tuple[_Part, _Part, _Part] | None:
+    """Two convex parts that are convex together, and what they make; `refused` learns the others."""
+    for first, second in _neighbours(parts):
+        if (first, second) in refused:
+            continue
+        both = shapely.union(first.polygon, second.polygon)
         if both.geom_type == "Polygon" and _is_convex(both):
-            return first, second, both
+            return first, second, _Part.of(both)
+        refused.add((first, second))
     return None
+
+
+def _neighbours(parts: list[_Part]) -> list[tuple[_Part, _Part]]:
+    """The pairs of parts that share an edge, in order."""
+    holders: dict[Edge, list[int]] = {}
+    for number, part in enumerate(parts):
+        for edge in part.edges:
+            holders.setdefault(edge, []).append(number)
+    pairs = sorted({(pair[0], pair[1]) for pair in holders.values() if len(pair) == 2})
+    return [(parts[first], parts[second]) for first, second in pairs]
 
 
 def outline(zone: NoFlyZone) -> shapely.Polygon:

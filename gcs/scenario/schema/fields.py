@@ -15,10 +15,31 @@ Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Share = Annotated[Number, Field(ge=0, lt=1)]
 Truth = Annotated[bool, Strict()]
-Point = tuple[Number, Number]
-Vector = tuple[Number, Number, Number]
-PositiveVector = tuple[Positive, Positive, Positive]
-NonNegativeVector = tuple[NonNegative, NonNegative, NonNegative]
+
+FLIGHT_MAX_S = 7200
+
+# Ranges wider than any quadrotor needs, yet such that products and squares of them stay numbers, and so that counts of
+# points and steps made from them stay small.
+Coordinate = Annotated[Number, Field(ge=-100_000, le=100_000)]  # m; the local frame is flat
+Height = Annotated[Number, Field(ge=-10_000, le=10_000)]  # m
+Length = Annotated[Number, Field(ge=0.001, le=100_000)]  # m
+Distance = Annotated[Number, Field(ge=0, le=100_000)]  # m
+Seconds = Annotated[Number, Field(ge=0.01, le=FLIGHT_MAX_S)]
+Speed = Annotated[Number, Field(ge=0.001, le=340)]  # m/s, up to that of sound
+Acceleration = Annotated[Number, Field(ge=0.0001, le=1000)]  # m/s^2
+Turn = Annotated[Number, Field(ge=-36_000, le=36_000)]  # degrees, up to a hundred turns
+TurnRate = Annotated[Number, Field(ge=0.001, le=10_000)]  # degrees/s
+Force = Annotated[Number, Field(ge=0, le=100_000)]  # N
+Torque = Annotated[Number, Field(ge=1e-9, le=100_000)]  # N or N m
+Weight = Annotated[Number, Field(ge=0, le=1e6)]  # of a term of the objective
+
+Point = tuple[Coordinate, Coordinate]
+Place = tuple[Coordinate, Coordinate, Height]
+Direction = tuple[
+    Annotated[Number, Field(ge=-1000, le=1000)],
+    Annotated[Number, Field(ge=-1000, le=1000)],
+    Annotated[Number, Field(ge=-1000, le=1000)],
+]
 
 Finding = tuple[Key, str]  # a key inside a table, () for the table itself, and what is wrong with it
 Findings = Iterator[Finding]

@@ -11,7 +11,20 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
-from gcs.scenario.schema.fields import Findings, NonNegative, Number, Part, Point, Positive, Truth, Vector
+from gcs.scenario.schema.fields import (
+    FLIGHT_MAX_S,
+    Acceleration,
+    Direction,
+    Findings,
+    Length,
+    Number,
+    Part,
+    Place,
+    Point,
+    Speed,
+    Truth,
+    Turn,
+)
 
 SysId = Annotated[int, Strict(), Field(ge=1, le=254)]
 VehicleId = Annotated[int, Strict(), Field(ge=1, le=10_000)]  # of a fleet too large for one MAVLink network
@@ -19,6 +32,7 @@ ShapeName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 Generator = Literal["triangle", "line", "column", "vee", "grid", "circle", "sphere"]
 
 START_SHAPE = "start"  # name of the shape at t = 0 in changes
+_AXIS_LEAST = 1e-3
 _NEEDED = ("angle_deg", "scale", "to")
 _KIND_OF_KEY = {"angle_deg": "rotate", "axis": "rotate", "scale": "shrink", "to": "reshape", "assignment": "reshape"}
 
@@ -27,7 +41,7 @@ class FormationVehicle(Part):
     """One vehicle and its position at t = 0."""
 
     sysid: SysId = Field(description="MAVLink system id")
-    position_m: Vector = Field(description="north, east, height at t = 0, m")
+    position_m: Place = Field(description="north, east, height at t = 0, m")
     autopilot: AutopilotKey | None = Field(
         default=None,
         description="its autopilot, where a fleet is mixed; left out: mission.autopilot",
@@ -40,9 +54,11 @@ class ShapeTable(Part):
 
     name: ShapeName = Field(description="name of the shape, for changes")
     generator: Generator | None = Field(default=None, description="a shape for any number of vehicles")
-    spacing_m: Positive | None = Field(default=None, description="generator: distance between neighbours, m")
-    offsets_m: tuple[Vector, ...] = Field(
-        default=(), description="instead of a generator: north, east, up from the leader, one per vehicle in order, m"
+    spacing_m: Length | None = Field(default=None, description="generator: distance between neighbours, m")
+    offsets_m: tuple[Place, ...] = Field(
+        default=(),
+        max_length=10_000,
+        description="instead of a generator: north, east, up from the leader, one per vehicle in order, m",
     )
 
     def disagreements(self) -> Findings:
@@ -66,20 +82,22 @@ class ChangeTable(Part):
     """One change of shape (§2.2.1-2.2.3) and its time."""
 
     kind: Literal["rotate", "shrink", "reshape"] = Field(description="Eqs. 5-8, 9-12 or 13-14")
-    at_s: NonNegative | None = Field(default=None, description="begins at this time, s")
+    at_s: Annotated[Number, Field(ge=0, le=FLIGHT_MAX_S)] | None = Field(
+        default=None, description="begins at this time, s"
+    )
     gate_m: tuple[Point, Point] | None = Field(
         default=None, description="begins when the leader crosses the line between these two points (north, east), m"
     )
     auto: Truth = Field(default=False, description="the planner chooses the time and the amount")
-    angle_deg: Number | None = Field(
+    angle_deg: Turn | None = Field(
         default=None,
         description="rotate: angle about `axis`; with auto, the largest angle in either direction, degrees",
     )
-    axis: Vector | None = Field(
+    axis: Direction | None = Field(
         default=None,
         description="rotate: axis north, east, up; right-handed. Left out: straight down, so that + turns right",
     )
-    scale: Annotated[Number, Field(gt=0, le=10)] | None = Field(
+    scale: Annotated[Number, Field(ge=0.001, le=10)] | None = Field(
         default=None, description="shrink: new size over old size; with auto, the smallest one allowed"
     )
     to: str | None = Field(default=None, description=f'reshape: name of a shape, or "{START_SHAPE}"')
@@ -87,7 +105,7 @@ class ChangeTable(Part):
         default=None,
         description="reshape: assignment of vehicles to places; free (left out) is the fastest one (Eq. 14)",
     )
-    weight: Positive | None = Field(
+    weight: Annotated[Number, Field(gt=0, le=1e6)] | None = Field(
         default=None, description="auto: cost of a whole flight in the fully changed shape, in units of Eq. 35"
     )
 
@@ -117,7 +135,7 @@ class ChangeTable(Part):
                 yield (key,), f'has no effect with kind = "{self.kind}". Remove it, or give kind = "{kind}"'
             if not given and self.kind == kind and key in _NEEDED:
                 yield (key,), f'missing; kind = "{kind}" needs it ({type(self).model_fields[key].description})'
-        if self.axis is not None and not any(self.axis):
+        if self.axis is not None and max(map(abs, self.axis)) < _AXIS_LEAST:
             yield ("axis",), "has no direction. Give for example [0, 0, 1], straight up"
 
     def _automatic(self) -> Findings:
@@ -144,13 +162,11 @@ class Formation(Part):
         default=None, description="number of vehicles 1, 2, ... in start_shape; up to 254 can be flown"
     )
     start_shape: str | None = Field(default=None, description="with count: name of the shape at t = 0")
-    shape: tuple[ShapeTable, ...] = Field(default=(), description="named shapes")
-    change: tuple[ChangeTable, ...] = Field(default=(), description="changes of shape, in order")
-    change_speed_mps: Positive = Field(
-        default=1.0, description="v_max of a change: a vehicle's speed in the shape, m/s"
-    )
-    change_accel_mps2: Positive = Field(default=0.3, description="a_max of a change, m/s^2")
-    course_tolerance_deg: Annotated[Number, Field(gt=0, le=45)] = Field(
+    shape: tuple[ShapeTable, ...] = Field(default=(), max_length=100, description="named shapes")
+    change: tuple[ChangeTable, ...] = Field(default=(), max_length=100, description="changes of shape, in order")
+    change_speed_mps: Speed = Field(default=1.0, description="v_max of a change: a vehicle's speed in the shape, m/s")
+    change_accel_mps2: Acceleration = Field(default=0.3, description="a_max of a change, m/s^2")
+    course_tolerance_deg: Annotated[Number, Field(ge=0.01, le=45)] = Field(
         default=5.0, description="with frame = course: largest lag of the shape's heading behind the course, degrees"
     )
     topology: Literal["voronoi", "leader"] = Field(

@@ -6,7 +6,21 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from gcs.scenario.schema.fields import Findings, NonNegative, Number, Part, Positive, PositiveVector, Share
+from gcs.scenario.schema.fields import (
+    Acceleration,
+    Coordinate,
+    Distance,
+    Findings,
+    Force,
+    Height,
+    Length,
+    Number,
+    Part,
+    Share,
+    Speed,
+    Torque,
+    TurnRate,
+)
 
 
 def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
@@ -15,49 +29,52 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-Range = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
-PositivePair = tuple[Positive, Positive]
+Range = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ordered)]
+HeightRange = Annotated[tuple[Height, Height], AfterValidator(_ordered)]
+TorquePair = tuple[Torque, Torque]
 ROLL_PITCH_KEYS = ("roll_pitch_force_N", "roll_pitch_moment_Nm", "torque")
 
 
 class Performance(Part):
     """The limits that a type of vehicle has by itself."""
 
-    speed_ned_mps: PositiveVector = Field(description="largest speed along north, east, vertical, m/s")
+    speed_ned_mps: tuple[Speed, Speed, Speed] = Field(description="largest speed along north, east, vertical, m/s")
     roll_pitch_yaw_deg: tuple[
-        Annotated[Number, Field(gt=0, le=180)],
-        Annotated[Number, Field(gt=0, lt=90)],
-        Annotated[Number, Field(gt=0, le=360)],
+        Annotated[Number, Field(ge=0.01, le=180)],
+        Annotated[Number, Field(ge=0.01, lt=90)],
+        Annotated[Number, Field(ge=0.01, le=360)],
     ] = Field(description="largest |roll|, |pitch|, |yaw|, degrees")
-    rates_degps: PositiveVector = Field(description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s")
-    thrust_N: Annotated[tuple[NonNegative, Positive], AfterValidator(_ordered)] = Field(
-        description="U_1, [low, high], N"
+    rates_degps: tuple[TurnRate, TurnRate, TurnRate] = Field(
+        description="largest |roll rate|, |pitch rate|, |yaw rate|, degrees/s"
     )
-    roll_pitch_force_N: PositivePair | None = Field(
+    thrust_N: Annotated[tuple[Force, Force], AfterValidator(_ordered)] = Field(description="U_1, [low, high], N")
+    roll_pitch_force_N: TorquePair | None = Field(
         default=None,
         description="largest |U_2|, |U_3| as Eqs. 1 and 2 have them: forces on the arm, N",
         exclude_if=lambda pair: pair is None,
     )
-    roll_pitch_moment_Nm: PositivePair | None = Field(
+    roll_pitch_moment_Nm: TorquePair | None = Field(
         default=None,
         description="instead of roll_pitch_force_N: the moments arm_m |U_2|, arm_m |U_3|, the unit of Eq. 51, N m",
         exclude_if=lambda pair: pair is None,
     )
-    yaw_moment_Nm: Positive | None = Field(
+    yaw_moment_Nm: Torque | None = Field(
         default=None,
         description="largest |U_4|, N m; needed beside roll_pitch_force_N and roll_pitch_moment_Nm",
         exclude_if=lambda moment: moment is None,
     )
-    torque: PositiveVector | None = Field(
+    torque: tuple[Torque, Torque, Torque] | None = Field(
         default=None,
         description="deprecated: [roll_pitch_force_N, yaw_moment_Nm] in one list, N, N, N m",
         exclude_if=lambda torque: torque is None,
         json_schema_extra={"deprecated": True},
     )
-    load_factor_max: Positive = Field(
+    load_factor_max: Annotated[Number, Field(ge=0.001, le=100)] = Field(
         description="n_max of Eq. 17 and Eq. 18, normal acceleration in turns, in units of g"
     )
-    accel_max_mps2: Positive | None = Field(default=None, description="a_max, largest acceleration of a vehicle, m/s^2")
+    accel_max_mps2: Acceleration | None = Field(
+        default=None, description="a_max, largest acceleration of a vehicle, m/s^2"
+    )
     control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
 
     def disagreements(self) -> Findings:
@@ -78,6 +95,6 @@ class LimitsTable(Performance):
 
     north_m: Range = Field(description="[low, high], m north of the origin")
     east_m: Range = Field(description="[low, high], m east of the origin")
-    height_m: Range = Field(description="[low, high], m above height 0")
-    clearance_min_m: NonNegative = Field(description="h_min, least height above the ground, m")
-    separation_min_m: Positive = Field(description="least distance between two planned vehicles, m")
+    height_m: HeightRange = Field(description="[low, high], m above height 0")
+    clearance_min_m: Distance = Field(description="h_min, least height above the ground, m")
+    separation_min_m: Length = Field(description="least distance between two planned vehicles, m")

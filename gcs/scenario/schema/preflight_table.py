@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from gcs.mavlink_names import SENSORS
-from gcs.scenario.schema.fields import Findings, Number, Part, Positive, Share
+from gcs.scenario.schema.fields import Findings, Length, Number, Part, Share
 
 if TYPE_CHECKING:
     SensorName = str
@@ -26,18 +26,20 @@ class PreflightTable(Part):
         description="sensors that are only mentioned where not healthy, beside those that the autopilot flies without "
         "(radio control on both); every other enabled sensor must be healthy",
     )
-    pad_m: Positive = Field(default=3.0, description="largest horizontal distance of a vehicle from its own pad, m")
-    height_m: Positive = Field(default=10.0, description="largest difference of its height from its pad's, m")
-    home_m: Positive = Field(default=3.0, description="largest horizontal distance of its home from its position, m")
-    origin_m: Positive = Field(
+    pad_m: Length = Field(default=3.0, description="largest horizontal distance of a vehicle from its own pad, m")
+    height_m: Length = Field(default=10.0, description="largest difference of its height from its pad's, m")
+    home_m: Length = Field(default=3.0, description="largest horizontal distance of its home from its position, m")
+    origin_m: Length = Field(
         default=5.0, description="largest horizontal distance of its local frame's origin from its pad, m"
     )
-    round_trip_s: Positive = Field(default=1.0, description="longest round trip of TIMESYNC, s")
+    round_trip_s: Annotated[Number, Field(ge=0.001, le=60)] = Field(
+        default=1.0, description="longest round trip of TIMESYNC, s"
+    )
     reserve: Share = Field(default=0.25, description="charge left after the flight, share of a full battery")
-    endurance_s: Positive = Field(
+    endurance_s: Annotated[Number, Field(ge=1, le=86_400)] = Field(
         default=900.0, description="hover time of a full battery, used without [vehicle.power], s"
     )
-    effort: Annotated[Number, Field(ge=1)] = Field(
+    effort: Annotated[Number, Field(ge=1, le=100)] = Field(
         default=1.15, description="energy for climbs and wind over that of hover, used without [vehicle.power]"
     )
     capacity_tolerance: Share = Field(

@@ -90,6 +90,8 @@ def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "formation", "limits", "terrain", "ground_phases")
 def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
+    if not any(scenario.start.velocity_mps[:2]):
+        return  # then there is no run-up
     length = scenario.ground_phases.run_up_m
     begin = hover_start_ned_m(scenario) * NED_FROM_UP
     start = _at_start(scenario)

@@ -10,6 +10,7 @@ import itertools
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -20,6 +21,8 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.toml_lines import Key
 
 Schema = Mapping[str, Any]
+_SHOWN_INT = 10**100
+_SHOWN_DEPTH = 10
 
 
 @dataclass(frozen=True)
@@ -41,16 +44,20 @@ def dotted(key: Key) -> str:
     return "".join(parts).removeprefix(".")
 
 
-def toml(value: Any) -> str:
-    """The value in TOML, cut when it is long."""
+def toml(value: Any, depth: int = 0) -> str:
+    """The value in TOML, cut when it is long or nested deeply."""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, str):
+    if depth > _SHOWN_DEPTH:
+        text = "..."
+    elif isinstance(value, str):
         text = json.dumps(value, ensure_ascii=False)
     elif isinstance(value, list | tuple):
-        text = f"[{', '.join(toml(item) for item in value)}]"
+        text = f"[{', '.join(toml(item, depth + 1) for item in value)}]"
     elif isinstance(value, dict):
-        text = f"{{{', '.join(f'{name} = {toml(item)}' for name, item in value.items())}}}"
+        text = f"{{{', '.join(f'{name} = {toml(item, depth + 1)}' for name, item in value.items())}}}"
+    elif isinstance(value, int) and abs(value) >= _SHOWN_INT:
+        text = hex(value)  # Python refuses thousands of decimal digits
     else:
         text = str(value)
     return text if len(text) <= 80 else f"{text[:77]}..."
@@ -58,8 +65,13 @@ def toml(value: Any) -> str:
 
 def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario) -> list[Mistake]:
     """The mistakes of a pydantic error."""
-    schema = model.model_json_schema()
+    schema = _json_schema(model)
     return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, schema)]
+
+
+@lru_cache
+def _json_schema(model: type[BaseModel]) -> Schema:
+    return model.model_json_schema()
 
 
 def _mistakes(found: ErrorDetails, root: Schema) -> list[Mistake]:
@@ -166,8 +178,9 @@ def _shape(schema: Schema, root: Schema) -> str:
         case "integer":
             return f"a whole number{_bounds(schema)}"
         case "string":
-            pattern = schema.get("pattern")
-            return f"text that matches {pattern}" if pattern else "text"
+            pattern, longest = schema.get("pattern"), schema.get("maxLength")
+            text = f"text of at most {longest} characters" if longest else "text"
+            return f"{text} that matches {pattern}" if pattern else text
         case "boolean":
             return "true or false"
         case "array":

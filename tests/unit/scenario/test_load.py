@@ -73,9 +73,9 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
     expected = [
         "HERE/scenario.toml has 13 mistakes",
         "scenario.toml:10: origin.lat_deg = 95.0: must be a number from -85 to 85 (WGS-84 latitude, degrees)",
-        "scenario.toml:15: time.flight_s = true: must be a number > 0 and <= 7200",
-        "scenario.toml:17: vehicle.mass_kg: missing; it must be a number > 0 (m, kg)",
-        "scenario.toml:34: limits.clearance_min_m: missing; it must be a number >= 0",
+        "scenario.toml:15: time.flight_s = true: must be a number from 0.01 to 7200",
+        "scenario.toml:17: vehicle.mass_kg: missing; it must be a number from 0.001 to 1000 (m, kg)",
+        "scenario.toml:34: limits.clearance_min_m: missing; it must be a number from 0 to 100000",
         "scenario.toml:35: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
         "scenario.toml:46: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
         "scenario.toml:56: terrain.ripple.e = nan: must be a number",
@@ -93,7 +93,7 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
 
 def test_text_is_not_a_number(broken: Broken) -> None:
     told = broken(("mass_kg = 0.5", 'mass_kg = "0.5"'))
-    assert told.endswith(': vehicle.mass_kg = "0.5": must be a number > 0 (m, kg)')
+    assert told.endswith(': vehicle.mass_kg = "0.5": must be a number from 0.001 to 1000 (m, kg)')
     assert "\n" not in told
 
 

@@ -29,7 +29,7 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
     known = {
         "$defs", "$schema", "$ref", "anyOf", "type", "properties", "required", "additionalProperties", "items",
         "prefixItems", "minItems", "maxItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "enum",
-        "const", "pattern", "title", "description", "default",
+        "const", "pattern", "maxLength", "title", "description", "default",
     }  # fmt: skip
     assert set(schema) <= known
     if "$ref" in schema:
@@ -63,6 +63,9 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
         for index, inner in enumerate(value):
             rule = slots[index] if index < len(slots) else schema.get("items", {})
             yield from violations(inner, rule, root, f"{at}[{index}]")
+    elif isinstance(value, str):
+        if len(value) > schema.get("maxLength", len(value)):
+            yield f"{at}: too long"
     elif isinstance(value, int | float):
         low, high = schema.get("minimum", value), schema.get("maximum", value)
         above, below = schema.get("exclusiveMinimum", value - 1), schema.get("exclusiveMaximum", value + 1)

@@ -1,0 +1,127 @@
+"""The tables of the ground and of what stands on it: [terrain] and [[no_fly]]."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal
+
+import shapely
+from pydantic import Field
+
+from gcs.scenario.environment.heightmap import Relief
+from gcs.scenario.schema.fields import Coordinate, Findings, Height, Length, Number, Part, Point
+
+_LISTED_MAX = 500  # mountains, moves of a zone
+_CORNERS_MAX = 500
+WavePhase = Annotated[Number, Field(ge=-1000, le=1000)]
+WaveNumber = Annotated[Number, Field(ge=-1000, le=1000)]
+MoveTime = Annotated[Number, Field(ge=-20_000, le=20_000)]
+
+
+class Ripple(Part):
+    """Eq. 52: |sin(y + a) + b sin(x) + c cos(d r) + e cos(y) + f sin(g r)|; x north, y east, r distance, m."""
+
+    a: WavePhase = Field(description="phase of the wave east, rad")
+    b: Height = Field(description="height of the wave north, m")
+    c: Height = Field(description="height of the first rings around the origin, m")
+    d: WaveNumber = Field(description="wave number of the first rings, rad/m")
+    e: Height = Field(description="height of the second wave east, m")
+    f: Height = Field(description="height of the second rings, m")
+    g: WaveNumber = Field(description="wave number of the second rings, rad/m")
+
+
+class Mountains(Part):
+    """The mountains of Eq. 53: one entry per mountain in every list."""
+
+    north_m: tuple[Coordinate, ...] = Field(
+        default=(), max_length=_LISTED_MAX, description="summits, m north of the origin"
+    )
+    east_m: tuple[Coordinate, ...] = Field(
+        default=(), max_length=_LISTED_MAX, description="summits, m east of the origin"
+    )
+    height_m: tuple[Height, ...] = Field(default=(), max_length=_LISTED_MAX, description="summits, m above height 0")
+    spread_north_m: tuple[Length, ...] = Field(
+        default=(), max_length=_LISTED_MAX, description="decay length north and south, m"
+    )
+    spread_east_m: tuple[Length, ...] = Field(
+        default=(), max_length=_LISTED_MAX, description="decay length east and west, m"
+    )
+
+    def disagreements(self) -> Findings:
+        """Yield lists of unequal length."""
+        lengths = {key: len(getattr(self, key)) for key in type(self).model_fields}
+        if len(set(lengths.values())) > 1:
+            found = ", ".join(f"{key} {length}" for key, length in lengths.items())
+            yield (
+                (),
+                f"lists must be equally long, one entry per mountain; lengths are {found}. Complete the short ones",
+            )
+
+
+class Dem(Part):
+    """An elevation model: heights above mean sea level, in a file that GDAL reads (GeoTIFF, SRTM .hgt)."""
+
+    file: str = Field(description="path of the file, relative to the scenario's folder")
+    unit: Literal["m", "ft"] | None = Field(
+        default=None, description="unit of its heights, where the file does not name one"
+    )
+
+
+class Terrain(Part):
+    """The ground: the larger of ripple and sum of mountains, or an elevation model. Left out: level, at height 0."""
+
+    ripple: Ripple | None = Field(default=None, description="Eq. 52; left out: no ripple")
+    mountains: Mountains = Field(default=Mountains(), description="Eq. 53; left out: no mountains")
+    dem: Dem | None = Field(default=None, description="an elevation model instead of formulas")
+    relief: Relief | None = Field(
+        default=None, description="the heights read from the elevation model; the program writes it"
+    )
+
+    def disagreements(self) -> Findings:
+        """Yield an elevation model that stands beside formulas."""
+        if self.dem is not None and (self.ripple is not None or self.mountains.height_m):
+            yield ("dem",), "is the whole ground. Remove ripple and mountains, or remove [terrain.dem]"
+
+
+class NoFlyZone(Part):
+    """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon. It may move."""
+
+    north_m: Coordinate | None = Field(default=None, description="disk: centre, m north of the origin")
+    east_m: Coordinate | None = Field(default=None, description="disk: centre, m east of the origin")
+    radius_m: Length | None = Field(default=None, description="disk: R_j, m")
+    polygon_m: tuple[Point, ...] | None = Field(
+        default=None,
+        max_length=_CORNERS_MAX,
+        description="polygon, instead of a disk: its corners in order, [north, east], m",
+    )
+    moves: tuple[tuple[MoveTime, Coordinate, Coordinate], ...] = Field(
+        default=(),
+        max_length=_LISTED_MAX,
+        description="displacement over time, linear in between: [t s, north m, east m], in order of time",
+    )
+
+    def disagreements(self) -> Findings:
+        """Yield a zone that is not exactly one of disk and polygon, bad corners, and times out of order."""
+        disk = {"north_m": self.north_m, "east_m": self.east_m, "radius_m": self.radius_m}
+        lacking = [key for key, value in disk.items() if value is None]
+        if self.polygon_m is None:
+            for key in lacking:
+                yield (key,), "missing; a disk needs north_m, east_m and radius_m. Give it, or give polygon_m"
+        elif len(lacking) < len(disk):
+            yield (
+                ("polygon_m",),
+                f"stands beside {next(k for k in disk if k not in lacking)}. Keep the polygon or the disk",
+            )
+        if self.polygon_m is not None:
+            if len(self.polygon_m) < 3:
+                yield ("polygon_m",), f"has {len(self.polygon_m)} corners; a polygon needs at least 3"
+            elif (shape := shapely.Polygon(self.polygon_m)) and not shape.is_valid:
+                yield (
+                    ("polygon_m",),
+                    f"crosses itself: {shapely.is_valid_reason(shape)} (north east). Give the corners in order",
+                )
+            elif shape.area <= 0.0:
+                yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
+        times = [move[0] for move in self.moves]
+        if any(b <= a for a, b in itertools.pairwise(times)):
+            yield ("moves",), "must be in order of time. Make each time later than the one before"
