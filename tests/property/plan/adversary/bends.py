@@ -17,7 +17,17 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from tests.property.plan.adversary import humps
-from tests.property.plan.adversary.oracle import AIRBORNE, GROUND, Oracle, turning_limits, window
+from tests.property.plan.adversary.oracle import (
+    AIRBORNE,
+    CLEARANCE,
+    GROUND,
+    HEADING,
+    HEIGHT,
+    PAD,
+    Oracle,
+    turning_limits,
+    window,
+)
 from tests.unit.plan.problems import changed
 
 SAMPLE_S = 0.05
@@ -25,7 +35,7 @@ DEPTH_M = (1e-3, 0.1)
 DEPTH_SHARE = (2e-3, 5e-2)  # of a limit
 LASTS_S = (1e-3, 40e-3)
 _WIDEST_S = 0.4
-_LENGTHS = ("clearance above ground", "height above ground", "height", "north position", "east position", "separation")
+_LENGTHS = (*GROUND, "height", "north position", "east position", "separation")
 STATE_ROWS = {
     "north position": 0,
     "east position": 1,
@@ -81,6 +91,7 @@ def limit_of(plan: Plan, name: str) -> float:
         "rotor speed": 1.0,
         "turning load factor": limits.load_factor_max,
         "acceleration": limits.accel_max_mps2,
+        HEADING: formation.course_tolerance_deg,
         "speed in the shape": formation.change_speed_mps,
         "acceleration in the shape": formation.change_accel_mps2,
     }
@@ -105,12 +116,14 @@ def samples_s(plan: Plan) -> Array:
 def spans_s(plan: Plan, name: str) -> list[tuple[float, float]]:
     """Where a constraint holds."""
     wanted = {
-        "clearance above ground": AIRBORNE,
-        "height above ground": ("takeoff", "landing"),
+        CLEARANCE: AIRBORNE,
+        HEIGHT: ("takeoff", "landing"),
+        PAD: ("takeoff", "landing"),
         "place in formation": AIRBORNE,
         "height": AIRBORNE,
         "north position": ("mission",),
         "east position": ("mission",),
+        HEADING: ("mission",),
         "speed in the shape": ("mission",),
         "acceleration in the shape": ("mission",),
     }.get(name)
@@ -165,7 +178,7 @@ def moved_limit(plan: Plan, name: str, at_s: float, reserve: float) -> Plan | No
         "rates_degps": ("roll rate", "pitch rate", "yaw rate"),
     }
     single = {"turning load factor": "load_factor_max", "acceleration": "accel_max_mps2"}
-    lowest = {"clearance above ground": "clearance_min_m", "separation": "separation_min_m"}
+    lowest = {CLEARANCE: "clearance_min_m", "separation": "separation_min_m"}
     if name in rows:
         low, high = limits[rows[name]]
         limits[rows[name]] = [low + by, high - by]
@@ -261,8 +274,9 @@ def _bend(plan: Plan, wish: Wish, at_s: float) -> Bend | None:
         return lambda size, top: humps.leader_control(plan, row, sign * size, top)
     if name == "rotor speed":
         sign = 1.0 if wish.vehicle % 2 else -1.0
-        unit = turning_limits(plan.scenario)[2]
-        return lambda size, top: humps.leader_control(plan, 3, sign * unit * size, top)
+        v, row = plan.scenario.vehicle, 3 if wish.by_shape else 0
+        unit = 4.0 * (v.moment_coeff_Nms2 if row else v.thrust_coeff_Ns2) * v.rotor_max_radps**2
+        return lambda size, top: humps.leader_control(plan, row, sign * unit * size, top)
     if name == "acceleration":
         return lambda size, top: humps.leader_control(plan, 0, size * plan.quadrotor.mass_kg, top)
     if name == "turning load factor":
@@ -270,6 +284,13 @@ def _bend(plan: Plan, wish: Wish, at_s: float) -> Bend | None:
             return None
         sign = 1.0 if wish.vehicle % 2 else -1.0
         return lambda size, top: humps.leader_state(plan, 6, sign * size, top)
+    if name == HEADING:
+        north, east = plan.states(now)[plan.leader, 0, 3:5]
+        if np.hypot(north, east) < 1.5:
+            return None
+        row = 3 if abs(north) < abs(east) else 4
+        unit = np.radians(1.0) * float(np.hypot(north, east)) * (1.0 if wish.vehicle % 2 else -1.0)
+        return lambda size, top: humps.leader_state(plan, row, unit * size, top)
     raise ValueError(f"nobody has told how to bend {name}")
 
 

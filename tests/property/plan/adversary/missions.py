@@ -105,7 +105,16 @@ MISSIONS: dict[str, Callable[[Scenario], Scenario]] = {
 }
 
 
+def _course(scenario: Scenario) -> Scenario:
+    """Three that turn with their course."""
+    frame = {"frame": "course", "change_speed_mps": 2.0, "change_accel_mps2": 0.6}
+    return fleet(scenario, 3, formation=frame, time={"flight_s": 24.0}, end={"position_m": [40.0, 25.0, 5.0]})
+
+
+LONGER = {"course": _course}  # its planning takes longer
+
+
 @cache
 def mission(name: str) -> Plan:
     """The plan of one of MISSIONS; each is made once in a process."""
-    return make_plan(MISSIONS[name](load_scenario(_MISSIONS / "simulation1")))
+    return make_plan((MISSIONS | LONGER)[name](load_scenario(_MISSIONS / "simulation1")))

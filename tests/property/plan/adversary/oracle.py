@@ -16,11 +16,16 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
-from tests.property.plan.adversary.ground import distance_m
+from tests.property.plan.adversary.ground import distance_m, height_up_m
 
 GRID_S = 1e-4
 AIRBORNE = ("hover", "run-up", "mission", "arrival-hover")
-GROUND = ("clearance above ground", "height above ground")
+GROUND = CLEARANCE, HEIGHT, PAD = (
+    "clearance above ground",
+    "height above ground",
+    "distance to the ground beside the pad",
+)
+HEADING = "heading along the course"
 _G = "turning load factor"
 
 
@@ -114,19 +119,24 @@ class Oracle:
             (2, "acceleration in the shape", formation.change_accel_mps2),
         ):
             found[name] = lambda t, o=order, m=most: m - np.linalg.norm(self._offsets(t, o), axis=-1)  # type: ignore[misc]
-        found["place in formation"] = self._place
+        if not any(change.auto or change.kind == "reshape" for change in formation.change):
+            found["place in formation"] = self._place
+        if formation.frame == "course":
+            found[HEADING] = self._heading
         return found
 
     def _to_ground(self, t_s: Array, name: str, rows: list[int]) -> Array:
-        """Distance to the ground minus h_min; on the way from and to the ground minus half of what is above it."""
-        least = self.scenario.limits.clearance_min_m
+        """Distance to the ground minus h_min, or minus half of it or of the height above the own pad; or the height."""
+        terrain, least = self.scenario.terrain, self.scenario.limits.clearance_min_m
         places = self.places_ned_m(t_s)[rows]
-        away = distance_m(self.scenario.terrain, places.reshape(-1, 3), 2.0 * least + 1.0).reshape(places.shape[:2])
-        if name == GROUND[0]:
+        if name == HEIGHT:
+            return np.asarray(-places[..., 2] - height_up_m(terrain, places[..., 0], places[..., 1]))
+        away = distance_m(terrain, places.reshape(-1, 3), 2.0 * least + 1.0).reshape(places.shape[:2])
+        if name == CLEARANCE:
             return np.asarray(away - least)
         above = [end[rows, None, 2] - places[..., 2] for end in (self.plan.pads_ned_m, self.plan.landing_points_ned_m)]
         own = np.where(t_s < 0.5 * (self.plan.t_start_s + self.plan.t_end_s), *above)
-        return np.asarray(np.where(away < 0.0, away, away - 0.5 * np.minimum(least, np.maximum(own, 0.0))))
+        return np.asarray(away - 0.5 * np.minimum(least, np.maximum(own, 0.0)))
 
     def _separation(self, t_s: Array) -> Array:
         offsets = self._offsets(t_s)
@@ -134,18 +144,15 @@ class Oracle:
         return np.stack(apart) - self.scenario.limits.separation_min_m
 
     def _rotors(self, t_s: Array) -> Array:
-        """Eq. 2: how far U4 is from the end of what the rotors leave it beside U1..U3, as a share of U4's limit."""
+        """Eq. 2 solved for the squared rotor speeds: how far the worst is from 0 and from the largest, as its share."""
         v = self.scenario.vehicle
         u = self.plan.controls(t_s)
         base = u[..., :1] / (4.0 * v.thrust_coeff_Ns2)
         roll, pitch = (u[..., i : i + 1] / (2.0 * np.sqrt(2.0) * v.thrust_coeff_Ns2) for i in (1, 2))
-        squared = base + roll * np.array([1.0, -1.0, -1.0, 1.0]) + pitch * np.array([1.0, 1.0, -1.0, -1.0])
-        top = v.rotor_max_radps**2
-        up = np.minimum((top - squared[..., [0, 2]]).min(-1), squared[..., [1, 3]].min(-1))
-        down = np.minimum((top - squared[..., [1, 3]]).min(-1), squared[..., [0, 2]].min(-1))
-        step = u[..., 3] / (4.0 * v.moment_coeff_Nms2)
-        left = np.minimum(up - step, down + step) * 4.0 * v.moment_coeff_Nms2
-        return np.asarray(left / turning_limits(self.scenario)[2])
+        yaw = u[..., 3:] / (4.0 * v.moment_coeff_Nms2)
+        signs = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0]])
+        share = (base + roll * signs[:, 0] + pitch * signs[:, 1] + yaw * signs[:, 2]) / v.rotor_max_radps**2
+        return np.asarray(np.minimum(share, 1.0 - share).min(axis=-1))
 
     def _acceleration(self, t_s: Array) -> Array:
         """The first three rows of Eq. 1, with air that moves."""
@@ -179,14 +186,34 @@ class Oracle:
         off = np.zeros(offsets.shape[:2])
         for (low, high), place in zip(list(pairwise(edges))[::2], self.stops_ned_m, strict=True):
             inside = (t_s >= low) & (t_s <= min(high, joints[-1]))
-            off[:, inside] = np.linalg.norm(offsets[:, inside] - place[:, None], axis=-1)
+            wanted = np.repeat(place[:, None], int(inside.sum()), axis=1)
+            if self.scenario.formation.frame == "course":
+                turned = (wanted[..., 0] + 1j * wanted[..., 1]) * np.exp(1j * self._turn_rad(offsets[:, inside], place))
+                wanted[..., 0], wanted[..., 1] = turned.real, turned.imag
+            off[:, inside] = np.linalg.norm(offsets[:, inside] - wanted, axis=-1)
         return -off
+
+    def _turn_rad(self, offsets: Array, place: Array) -> Array:
+        """The rotation (N,) about the vertical that brings a shape (V, 3) nearest to offsets (V, N, 3)."""
+        here, there = (part[..., 0] + 1j * part[..., 1] for part in (place, offsets))
+        return np.asarray(np.angle(np.einsum("v,vn->n", np.conj(here), there)))
+
+    def _heading(self, t_s: Array) -> Array:
+        """The formation's heading (1, N) against the leader's course, where it flies faster than 1 m/s."""
+        start = self.scenario.start
+        north, east = start.velocity_mps[:2]
+        facing = np.arctan2(east, north) if north or east else np.radians(start.roll_pitch_yaw_deg[2])
+        velocity = self.plan.leader_trajectory.state(t_s)[:, 3:5]
+        heading = facing + self._turn_rad(self._offsets(t_s), self.start_ned_m)
+        off = np.arctan2(velocity[:, 1], velocity[:, 0]) - heading
+        off_deg = np.degrees(np.abs((off + np.pi) % (2.0 * np.pi) - np.pi))
+        fast = np.linalg.norm(velocity, axis=1) > 1.0
+        return np.asarray(self.scenario.formation.course_tolerance_deg - np.where(fast, off_deg, 0.0))[None]
 
     @cached_property
     def stops_ned_m(self) -> list[Array]:
         """The rigid shapes of the schedule (V, 3), one after the other: turned and scaled about the leader."""
         scenario, moves = self.scenario, self.plan.moves
-        assert not any(change.auto or change.kind == "reshape" for change in scenario.formation.change)
         found = [self.start_ned_m]
         for change, _ in zip(scenario.formation.change, moves, strict=True):
             if change.kind == "shrink":

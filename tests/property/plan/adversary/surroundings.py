@@ -11,7 +11,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.heightmap import packed
 from tests.property.plan.adversary.bends import DEPTH_M, LASTS_S, Bent, measured, samples_s
-from tests.property.plan.adversary.oracle import GROUND, Oracle
+from tests.property.plan.adversary.oracle import CLEARANCE, Oracle
 from tests.unit.plan.problems import changed
 
 _WALL_M = 0.1
@@ -177,9 +177,9 @@ def _as_high_as(spot: _Spot, surprise: Surprise, raised: Callable[[float], Plan]
     now = spot.at_s + np.linspace(-0.2, 0.2, 9) * spot.room_s
     for _ in range(14):
         middle = 0.5 * (low + high)
-        margin = Oracle(raised(middle)).margin(GROUND[0], now, spot.vehicle).min()
+        margin = Oracle(raised(middle)).margin(CLEARANCE, now, spot.vehicle).min()
         low, high = (middle, high) if margin > -deep else (low, middle)
-    return _accepted(spot, raised(0.5 * (low + high)), GROUND[0])
+    return _accepted(spot, raised(0.5 * (low + high)), CLEARANCE)
 
 
 def _with_zone(spot: _Spot, zone: dict[str, object]) -> Bent | None:
@@ -194,7 +194,7 @@ def _accepted(spot: _Spot, plan: Plan, name: str) -> Bent | None:
         return None
     low_s, high_s = spot.gap_s
     samples = samples_s(plan)
-    if name not in GROUND and np.any(Oracle(plan).margin(name, samples) < 0.0):
+    if name != CLEARANCE and np.any(Oracle(plan).margin(name, samples) < 0.0):
         return None  # another vehicle, or this one later, meets it at a sample
     return found if low_s < found.start_s and found.start_s + found.lasts_s < high_s else None
 
