@@ -1,6 +1,6 @@
 """Fit the navigators to recordings of real autopilots, and tell how well they predict a mission they have not seen.
 
-    ./tools/run python tools/fit_navigator.py [--recordings ../shared/traces] [--only ardupilot|px4] [--no-fit]
+    ./tools/run python tools/fit_navigator.py [--recordings tests/recorded/timed_legs] [--only ardupilot|px4] [--no-fit]
 
 Fitted are two numbers each: on ArduPilot the lag and the drag of the vehicle, on PX4 (whose simulator's drag is known)
 what its integral gives back in descents and the error of home's height. Everything else is what the autopilot reported.
@@ -26,7 +26,7 @@ from gcs.autopilots.navigation.predict import passing_times, predict
 from gcs.physics.quadrotor import Array
 
 ROOT = Path(__file__).resolve().parent.parent
-RECORDINGS = ROOT.parent / "shared" / "traces"
+RECORDINGS = ROOT / "tests" / "recorded" / "timed_legs"
 MISSIONS = ("a", "b", "c")
 _MS = 1e-3
 _LIFTED_M = 0.3

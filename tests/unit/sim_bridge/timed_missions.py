@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.autopilots.navigation.navigator import Ability, NavigatorOrders
+from gcs.autopilots.navigation.navigator import Ability, Navigator, NavigatorOrders
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
 from gcs.mission.model import Command, Frame, MissionItem
 from gcs.physics.quadrotor import Array
@@ -59,15 +59,23 @@ def items_of(orders: NavigatorOrders, personality: Personality, pad_ned_m: Array
 
 
 class Fleet:
-    """Strong vehicles on flat ground in still air; `flights` fill while they fly."""
+    """Strong vehicles on flat ground in still air, with their autopilot's navigator, another one, or none (`ideal`)."""
 
-    def __init__(self, personality: Personality, missions: Sequence[NavigatorOrders], *, ideal: bool = False) -> None:
+    def __init__(
+        self,
+        personality: Personality,
+        missions: Sequence[NavigatorOrders],
+        *,
+        ideal: bool = False,
+        other: Navigator | None = None,
+    ) -> None:
         count = len(missions)
         self.pads_ned_m = np.stack([np.zeros(count), APART_M * np.arange(count), np.zeros(count)], axis=1)
         self.bodies = Airframes(
             FIELD.quadrotor, flat_ground, self.pads_ned_m, np.zeros(count), GRADES["rtk"], seed=1, limits=FIELD.limits
         )
-        navigator = None if ideal else personality.identity.autopilot.navigator.within(LIMITS.ability)
+        flown = other or personality.identity.autopilot.navigator
+        navigator = None if ideal else flown.within(LIMITS.ability)
         self.pilots = []
         for pad, orders in zip(self.pads_ned_m, missions, strict=True):
             path_generator = PathGenerator(LIMITS, ORIGIN, pad, navigator=navigator)
