@@ -21,6 +21,8 @@ from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
 
 TRACES = Path(__file__).resolve().parents[3] / "shared" / "traces"
+KEPT = Path(__file__).resolve().parents[2] / "tests" / "recorded" / "scenes"  # the small ones, in every clone
+KEPT_SCENES = ("mission_upload_ok", "fence_and_rally", "read_back")
 SCENES = (
     "connect",
     "params",
@@ -88,8 +90,9 @@ class Recording:
 
 
 def find(autopilot: str, scene: str, folder: Path = TRACES) -> Path | None:
-    """The file of a scene, or None where there is none."""
-    names = (folder / autopilot / f"{scene}{suffix}" for suffix in (".jsonl", ".jsonl.gz"))
+    """The file of a scene in a folder or among those kept in the tree, or None where there is none."""
+    folders = (folder, KEPT)
+    names = (of / autopilot / f"{scene}{suffix}" for of in folders for suffix in (".jsonl", ".jsonl.gz"))
     return next((path for path in names if path.exists()), None)
 
 

@@ -1,4 +1,7 @@
-"""Our ground station's side against recorded vehicles: the answers that a real upload got, we would have given."""
+"""Our ground station's side against recorded vehicles: the answers that a real upload got, we would have given.
+
+`tests/recorded/mission_transfers` holds the mission messages of the recorded scenes, frame by frame.
+"""
 
 import gzip
 import json
@@ -17,7 +20,7 @@ from gcs.link.wire.message import Station
 from gcs.mavlink import MissionResult
 from gcs.mission.model import MissionItem
 
-TRACES = Path(__file__).parents[4] / "shared" / "traces"
+TRACES = Path(__file__).parents[2] / "recorded" / "mission_transfers"
 VEHICLE = Station(1, 1)
 FILLER = MissionItem(16, 3, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
 SCENES = [
@@ -28,12 +31,8 @@ SCENES = [
 
 
 def rows(scene):
-    for path in (TRACES / f"{scene}.jsonl", TRACES / f"{scene}.jsonl.gz"):
-        if path.exists():
-            text = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
-            return [json.loads(line) for line in text.splitlines()]
-    pytest.skip(f"no recorded trace {scene}")
-    return []
+    text = gzip.decompress((TRACES / f"{scene}.jsonl.gz").read_bytes())
+    return [json.loads(line) for line in text.splitlines()]
 
 
 def uploads(scene):

@@ -153,7 +153,9 @@ def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -
     """A recorded flight of a real autopilot along a square, as a ground station would have logged it."""
     found = find(autopilot, "auto_flight")
     if found is None:
-        pytest.skip("the recording is not here")
+        pytest.skip(
+            f"the large recording {autopilot}/auto_flight is neither in the tree nor beside it in shared/traces"
+        )
     steps = read(found).steps
     rows = [row for step in steps for row in ([step.sent] if step.sent else []) + step.streamed + step.heard]
     rows = sorted((row for row in rows if row.frame), key=lambda row: row.t_s)
