@@ -25,7 +25,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.reintegration import STEP_S, WINDOW_S, window_errors
-from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.environment.clearance_floor import clearance_floor_m
 
 DEGREE = 5
 LONGEST_S, SHORTEST_S = 9.0, 1.0
@@ -36,6 +36,7 @@ _SETTLED = 1e-2  # of the time, where that is free
 WINDOW_TOLERANCE_M = 5e-3  # half of the verifier's tolerance
 # Added to the clearance at the nodes: then the ground between them rarely needs another solve.
 CLEARANCE_RESERVE_M = 0.03
+_RESERVES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of it
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,12 @@ def clearance_reserve_m(problem: Problem, most_m: float = CLEARANCE_RESERVE_M) -
     scenario = problem.scenario
     leader = np.stack([problem.start_state, problem.end_state])[:, None, :3]
     ends = leader + np.stack([problem.shape.at(problem.start_s), problem.shape.at(problem.end_s)])
-    ground = ground_envelope_m(scenario.terrain, ends[..., 0], ends[..., 1])
-    spare = float((-ends[..., 2] - ground).min()) - scenario.limits.clearance_min_m
-    return min(max(spare, 0.0), most_m)
+    north, east, up = ends[..., 0], ends[..., 1], -ends[..., 2]
+    for share in _RESERVES:
+        kept_m = scenario.limits.clearance_min_m + share * most_m
+        if np.all(up >= clearance_floor_m(scenario.terrain, north, east, kept_m)):
+            return share * most_m
+    return 0.0
 
 
 def drifting_intervals(

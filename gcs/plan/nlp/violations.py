@@ -18,7 +18,6 @@ from gcs.plan.nlp import margins
 from gcs.plan.nlp.margins import Margin
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.scenario.environment.terrain import ground_envelope_m
 
 CHECK_EVERY_S = 0.05  # no coarser than the verifier: a peak of yaw rate can last less than 0.1 s
 # Half of the verifier's tolerances, so that its finer grid finds nothing new.
@@ -26,8 +25,7 @@ LENGTH_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
 COURSE_TOLERANCE = 0.5e-2
 _BLOCK_S = 10.0
-# Larger fleets are first checked every 0.5 s, against the smooth ground, which changes slowly. Vehicles farther than
-# _FAR_M from it need no fine grid.
+# Larger fleets are first checked every 0.5 s. Vehicles farther than _FAR_M from a limit need no fine grid.
 _FEW = 16
 _COARSE_S, _FAR_M = 0.5, 0.2
 _COARSE_EVERY = round(_COARSE_S / CHECK_EVERY_S)
@@ -146,9 +144,12 @@ def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_
     times = np.linspace(start_s, end_s, int(np.ceil((end_s - start_s) / _COARSE_S)) + 1)
     places = trajectory.state(times)[:, :3] + shape.offsets(times)
     scenario = problem.scenario
-    ground = ground_envelope_m(scenario.terrain, places[..., 0], places[..., 1])
-    near = (-places[..., 2] - ground - scenario.limits.clearance_min_m).min(axis=1) < _FAR_M
-    others = [*margins.no_fly(scenario, places, times), margins.height(scenario, places)]
+    near = np.zeros(problem.vehicles, dtype=bool)
+    others = [
+        margins.clearance(scenario, places),
+        *margins.no_fly(scenario, places, times),
+        margins.height(scenario, places),
+    ]
     others += margins.box(scenario, places) if problem.has_box else []
     # Between two coarse instants a vehicle comes closer to anything by at most half the distance that it flies.
     reach = 0.5 * np.linalg.norm(np.diff(places, axis=1), axis=2).max(axis=1)

@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.ocp.problem import Problem
+from gcs.scenario.environment.clearance_floor import FEET, coarse_floor_m, ground_feet_m, lift_m
 from gcs.scenario.environment.no_fly import Piece, displacement_m, pieces
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import NoFlyZone
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
-# Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3), and
-# the displacement (2) of its no-fly zone. For a spare disk: the position of its centre (2) and its radius.
+# Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3). Near
+# a no-fly zone, the displacement (2) of the zone; for a spare disk, the position of its centre (2) and its radius. Near
+# the ground, the place of the ground's nearest point (2) beside the vehicle's and the height to keep over that point.
 SLOT = 15
 MOVED, RADIUS = slice(12, 14), 14
+FOOT, LIFT = slice(12, 14), 14
 _ASIDE_M = 8.0  # the next solution may pass so far from the last one
 _DIRECTIONS = 4
 
@@ -34,7 +37,7 @@ Rows = NDArray[np.intp]
 class ActiveVehicles:
     """Rows of the active vehicles at T instants, and their motion in the shape."""
 
-    ground: Rows  # (T, G)
+    ground: Rows  # (T, G): each vehicle FEET times in turn
     zones: tuple[Rows, ...]  # one (T, D) for every piece of a no-fly zone
     moving: Rows  # (T, M)
     moving_used: NDArray[np.bool_]  # (T, M): false where another row is the same constraint
@@ -57,6 +60,7 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
     rows = np.hstack([ground, *zones, moving])
     parameters = every[rows, np.arange(len(times_s))[:, None]]
     first = ground.shape[1]
+    parameters[:, :first, FOOT.start :] = _feet(problem, places, states, ground)
     for chosen, away in zip(zones, moved, strict=True):
         parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
@@ -79,13 +83,29 @@ def offsets_at(problem: Problem, base: Array, states: Array) -> Array:
 
 def _near_ground(problem: Problem, places: Array, states: Array) -> Rows:
     if problem.vehicles <= NEAR_GROUND:
-        return _all_rows(problem, len(states))
+        return np.repeat(_all_rows(problem, len(states)), FEET, axis=1)
     terrain = problem.scenario.terrain
-    spare = []
-    for aside in _ASIDE_M * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]):
+    up = -(places[..., 2] + states[:, 2])
+    north, east = (places[..., i] + states[:, i] for i in (0, 1))
+    spare = [up - coarse_floor_m(terrain, north, east, _kept_m(problem))]
+    for aside in _ASIDE_M * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]):
         north, east = (places[..., i] + states[:, i] + aside[i] for i in (0, 1))
-        spare.append(-(places[..., 2] + states[:, 2]) - ground_envelope_m(terrain, north, east))
-    return _most_urgent(np.stack(spare), NEAR_GROUND)
+        spare.append(up - ground_envelope_m(terrain, north, east) - _kept_m(problem))
+    return np.repeat(_most_urgent(np.stack(spare), NEAR_GROUND), FEET, axis=1)
+
+
+def _feet(problem: Problem, places: Array, states: Array, ground: Rows) -> Array:
+    """The ground's nearest points (T, G, 2) beside the vehicles, and the heights to keep over them: (T, G, 3)."""
+    instants, kept_m = np.arange(len(states))[:, None], _kept_m(problem)
+    at = places[ground[:, ::FEET], instants] + states[:, None, :3]
+    feet = np.moveaxis(ground_feet_m(problem.scenario.terrain, at[..., 0], at[..., 1], kept_m), 0, 2)
+    feet = feet.reshape(*ground.shape, 2)
+    return np.concatenate([feet, lift_m(feet, kept_m)[..., None]], axis=2)
+
+
+def _kept_m(problem: Problem) -> float:
+    """The distance to the ground that the nodes keep."""
+    return problem.scenario.limits.clearance_min_m + problem.clearance_reserve_m
 
 
 def _near_piece(places: Array, states: Array, piece: Piece, moved_m: Array) -> Rows:

@@ -18,11 +18,12 @@ from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.nlp.margins import REST_SPEED_MPS
 from gcs.plan.nlp.variables import NU, NX
-from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
+from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
 from gcs.plan.ocp.objective_sum import cost_rate
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
+from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.no_fly import Disk, Piece, pieces
 from gcs.scenario.environment.terrain import ground_envelope_m
 
@@ -88,7 +89,10 @@ def _path_functions(
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
     """The path constraints with their first and second derivatives."""
     terrain, x, each = problem.scenario.terrain, ca.vertsplit(z), ca.vertsplit(slots, SLOT)
-    places = [(x[0] + n, x[1] + e) for n, e, _ in (_place(problem, x, slot) for slot in each[:near_ground])]
+    places = []
+    for slot in each[:near_ground]:
+        north, east, _ = _place(problem, x, slot)
+        places.append((x[0] + north + slot[FOOT][0], x[1] + east + slot[FOOT][1]))
     if terrain.relief is None:
         heights = [ground_envelope_m(terrain, north, east, ca) for north, east in places]
         return _with_derivatives(z, slots, ca.vertcat(*_path(problem, z, motion, each, heights, near_zone)))
@@ -116,7 +120,10 @@ def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
     ids = problem.scenario.formation.sysids
     rows = []
     for t in range(len(chosen.ground)):
-        names = [f"clearance of vehicle {ids[v]}" for v in chosen.ground[t]]
+        names = [
+            f"clearance of vehicle {ids[v]}{', other side' if foot % FEET else ''}"
+            for foot, v in enumerate(chosen.ground[t])
+        ]
         for zone, near in zip(_zone_names(problem), chosen.zones, strict=True):
             names += [f"{zone} for vehicle {ids[v]}" for v in near[t]]
         names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
@@ -141,10 +148,11 @@ def _path(
     x = ca.vertsplit(z)
     remaining = iter(slots)
     values: list[ca.SX] = []
-    # Clearance: Eq. 20 for the leader, Eq. 23 for a follower.
+    # Clearance: Eq. 20 for the leader, Eq. 23 for a follower. `height` is that of the ground's nearest point.
     for height in ground:
-        _, _, down = _place(problem, x, next(remaining))
-        values.append(-(x[2] + down) - height - scenario.limits.clearance_min_m - problem.clearance_reserve_m)
+        slot = next(remaining)
+        _, _, down = _place(problem, x, slot)
+        values.append(-(x[2] + down) - height - slot[LIFT])
     # No-fly zones: Eq. 21 for the leader, Eq. 24 for a follower.
     zones = zone_pieces(problem)
     for number, (_, piece) in enumerate(zones):

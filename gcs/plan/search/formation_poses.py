@@ -17,8 +17,8 @@ from gcs.plan.formation.coordinates import Coordinate, Name, bent
 from gcs.plan.formation.shape import Rows
 from gcs.plan.ocp.objectives import departure_cost
 from gcs.plan.ocp.problem import Problem
+from gcs.scenario.environment.clearance_floor import coarse_floor_m
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.environment.terrain import ground_envelope_m
 
 REPRESENTATIVES = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}
@@ -68,8 +68,8 @@ def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Arra
     floor = np.full(np.shape(north_m), -np.inf)
     for offset_n, offset_e, offset_d in offsets_ned_m:
         at_n, at_e = north_m + offset_n, east_m + offset_e
-        ground = ground_envelope_m(scenario.terrain, at_n, at_e)
-        floor = np.maximum(floor, ground + scenario.limits.clearance_min_m + offset_d)
+        least = coarse_floor_m(scenario.terrain, at_n, at_e, scenario.limits.clearance_min_m)
+        floor = np.maximum(floor, least + offset_d)
         for zone in scenario.no_fly:
             floor[outside_m(zone, when_s, at_n, at_e) < 0.0] = np.inf
     return np.asarray(floor)

@@ -15,7 +15,7 @@ from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.formation_poses import floor_m, poses
 from gcs.plan.search.routes import Route
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.scenario.environment.terrain import ground_envelope_m
+from gcs.scenario.environment.clearance_floor import coarse_floor_m
 
 _POINTS = 201
 _IMPASSABLE_M = 1e3  # excess height of a place that is infeasible at every height
@@ -106,8 +106,9 @@ def height_over_ground_m(problem: Problem, times: Array, states: Array) -> Array
     """Height (N,) of the leader at which all vehicles clear their ground; it rises before a slope begins."""
     scenario = problem.scenario
     places = offsets_at(problem, problem.shape.offsets(times), states)
-    ground = ground_envelope_m(scenario.terrain, states[:, 0] + places[..., 0], states[:, 1] + places[..., 1])
-    needed = (ground + places[..., 2]).max(axis=0) + 2.0 * scenario.limits.clearance_min_m
+    kept_m = scenario.limits.clearance_min_m
+    north, east = (states[:, axis] + places[..., axis] for axis in (0, 1))
+    needed = (coarse_floor_m(scenario.terrain, north, east, kept_m) + places[..., 2]).max(axis=0) + kept_m
     return np.asarray(gaussian_filter1d(maximum_filter1d(needed, int(4 * _SMOOTHING)), _SMOOTHING))
 
 

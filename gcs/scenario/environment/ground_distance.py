@@ -143,7 +143,7 @@ def _distance_to_surface(
     """Distance (N,) to one smooth surface where that is less than what is `known` (N,); else something larger."""
     radius = float(known.max())
     rings = int(np.clip(np.ceil(radius / feature_m), *_RINGS))
-    trial = _trial_places(rings)
+    trial = trial_places(rings)
     found = np.full(len(north), np.inf)
     for part in np.array_split(np.arange(len(north)), int(np.ceil(len(north) * len(trial) / _BLOCK))):
         n, e, u = north[part], east[part], up[part]
@@ -156,7 +156,7 @@ def _distance_to_surface(
     return found
 
 
-def _trial_places(rings: int) -> Array:
+def trial_places(rings: int) -> Array:
     """Places (K, 2) on the unit disk."""
     places = [np.zeros((1, 2))]
     for ring in range(1, rings + 1):

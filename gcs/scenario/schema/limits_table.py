@@ -96,5 +96,7 @@ class LimitsTable(Performance):
     north_m: Range = Field(description="[low, high], m north of the origin")
     east_m: Range = Field(description="[low, high], m east of the origin")
     height_m: HeightRange = Field(description="[low, high], m above height 0")
-    clearance_min_m: Distance = Field(description="h_min, least height above the ground, m")
+    clearance_min_m: Distance = Field(
+        description="h_min, least distance to the ground in any direction between take-off and landing, m"
+    )
     separation_min_m: Length = Field(description="least distance between two planned vehicles, m")

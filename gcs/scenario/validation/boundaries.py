@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.clearance_floor import clearance_floor_m
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Boundary, Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,
@@ -78,13 +78,9 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
 @RULES.needs("start", "end", "formation", "limits", "terrain")
 def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
     for end in _ends(scenario):
-        worst, clearance = _lowest(scenario, end.places_up_m)
-        if clearance < scenario.limits.clearance_min_m - SLACK:
-            missing = scenario.limits.clearance_min_m - clearance
-            text = (
-                f"vehicle {end.sysids[worst]} would be {clearance:.2f} m above the highest possible ground there; "
-                f"limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m. Raise it by {missing:.2f} m"
-            )
+        worst, missing = _lowest(scenario, end.places_up_m)
+        if missing > SLACK:
+            text = f"vehicle {end.sysids[worst]} would be {_below(missing, scenario)}. Raise it by {missing:.2f} m"
             yield Mistake((end.table, "position_m", 2), text, end.boundary.position_m[2])
 
 
@@ -97,12 +93,11 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
     start = _at_start(scenario)
     shares = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / _RUN_UP_SAMPLE_M)) + 1))[:-1]  # end: rule above
     for share in shares:
-        worst, clearance = _lowest(scenario, begin + share * (start.places_up_m - begin))
-        if clearance < scenario.limits.clearance_min_m - SLACK:
+        worst, missing = _lowest(scenario, begin + share * (start.places_up_m - begin))
+        if missing > SLACK:
             text = (
-                f"vehicle {start.sysids[worst]} would be {clearance:.2f} m above the ground {share * length:.0f} "
-                f"m into the run-up; limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m. "
-                "Shorten it, or raise [start]"
+                f"vehicle {start.sysids[worst]} would be {_below(missing, scenario)}, {share * length:.0f} m into the "
+                "run-up. Shorten it, or raise [start]"
             )
             yield Mistake(("ground_phases", "run_up_m"), text, length)
             return
@@ -201,8 +196,16 @@ def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:
 
 
 def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
-    """The row of the vehicle nearest to the ground, and its clearance in m."""
-    ground = ground_envelope_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1])
-    clearance = places_up_m[:, 2] - ground
-    worst = int(clearance.argmin())
-    return worst, float(clearance[worst])
+    """The row of the vehicle with the least clearance, and the height in m that it lacks."""
+    least_m = clearance_floor_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1], scenario.limits.clearance_min_m)
+    missing = least_m - places_up_m[:, 2]
+    worst = int(missing.argmax())
+    return worst, float(missing[worst])
+
+
+def _below(missing_m: float, scenario: Scenario) -> str:
+    """Where a vehicle would be that is so much too low."""
+    return (
+        f"{missing_m:.2f} m too low: limits.clearance_min_m requires {scenario.limits.clearance_min_m:g} m "
+        "to the highest possible ground around it"
+    )

@@ -15,11 +15,12 @@ from gcs.plan.formation.coordinates import composed
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp import stage_functions
-from gcs.plan.ocp.active_vehicles import NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
+from gcs.plan.ocp.active_vehicles import FOOT, LIFT, NEAR_GROUND, NEAR_ZONE, SLOT, active_vehicles, offsets_at
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.verification.verify import verify
+from gcs.scenario.environment.clearance_floor import FEET
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHAPES, SHRINK, TO_FILE, TURN, at, auto, block, fleet, gap
@@ -62,14 +63,26 @@ def places(problem: Problem, times: Array, states: Array) -> Array:
     return states[:, :3] + offsets_at(problem, problem.shape.offsets(times), states)
 
 
+def spare_m(problem: Problem, at_all: Array) -> Array:
+    """Height (V, T) over a ball that touches the smooth ground, from 300 points of the ground around each place."""
+    kept_m = problem.scenario.limits.clearance_min_m
+    floor = np.full(at_all.shape[:2], -np.inf)
+    for radius in np.linspace(0.0, 0.99, 13):
+        for angle in np.linspace(0.0, 2.0 * np.pi, 25)[:-1]:
+            north, east = (at_all[..., i] + kept_m * radius * f(angle) for i, f in enumerate((np.cos, np.sin)))
+            ground = ground_envelope_m(problem.scenario.terrain, north, east)
+            floor = np.maximum(floor, ground + kept_m * np.sqrt(1.0 - radius**2))
+    return -at_all[..., 2] - floor
+
+
 def test_the_nearest_to_the_ground_is_always_watched(problem: Problem) -> None:
     states = wandering(problem, TIMES)
     chosen = active_vehicles(problem, TIMES, states)
-    at_all = places(problem, TIMES, states)
-    spare = -at_all[..., 2] - ground_envelope_m(problem.scenario.terrain, at_all[..., 0], at_all[..., 1])
-    np.testing.assert_array_equal(chosen.ground[:, 0], spare.argmin(axis=0))
-    assert chosen.ground.shape == (len(TIMES), NEAR_GROUND)
-    for rows in chosen.ground:
+    spare = spare_m(problem, places(problem, TIMES, states))
+    first = np.take_along_axis(spare, chosen.ground[None, :, 0], axis=0)[0]
+    np.testing.assert_allclose(first, spare.min(axis=0), atol=0.05)
+    assert chosen.ground.shape == (len(TIMES), FEET * NEAR_GROUND)
+    for rows in chosen.ground[:, ::FEET]:
         assert len(set(rows.tolist())) == NEAR_GROUND
     assert len(np.unique(chosen.ground[:, 0])) > 10  # not always the same one
 
@@ -155,6 +168,24 @@ def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
         np.testing.assert_array_equal(slots[t, :, 9:12], problem.target_ned_m[rows[t]])
 
 
+def test_feet_are_where_the_ground_requires_most_height(problem: Problem) -> None:
+    """Both feet of each vehicle require what the densest grid of feet requires."""
+    states = wandering(problem, TIMES)
+    chosen = active_vehicles(problem, TIMES, states)
+    slots = chosen.parameters.reshape(len(TIMES), -1, SLOT)[:, : chosen.ground.shape[1]]
+    at_all = places(problem, TIMES, states)
+    at_foot = at_all[chosen.ground, np.arange(len(TIMES))[:, None]]
+    feet = slots[..., FOOT]
+    ground = ground_envelope_m(problem.scenario.terrain, at_foot[..., 0] + feet[..., 0], at_foot[..., 1] + feet[..., 1])
+    spare = -at_foot[..., 2] - ground - slots[..., LIFT]
+    kept_m = problem.scenario.limits.clearance_min_m
+    np.testing.assert_allclose(np.hypot(np.linalg.norm(feet, axis=2), slots[..., LIFT]), kept_m, atol=1e-9)
+    least = np.take_along_axis(spare_m(problem, at_all).T, chosen.ground, axis=1)
+    found = np.minimum(spare[:, ::FEET], spare[:, 1::FEET])
+    assert np.all(found <= least[:, ::FEET] + 1e-6)
+    assert np.all(found >= least[:, ::FEET] - 0.05)
+
+
 TALL = auto({"kind": "reshape", "to": "ball"})
 
 
@@ -171,7 +202,7 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
     names = [c.name for c in problem.coordinates]
     chains = len(names)
     random = np.random.default_rng(6)
-    parts = stage_functions.functions(problem, 5, 3, 5)
+    parts = stage_functions.functions(problem, FEET * 5, 3, 5)
     scenario, limits = problem.scenario, problem.scenario.limits
     for at_s in (1.0, 5.0, 8.0):
         z = np.zeros(16 + 5 * chains)
@@ -194,10 +225,13 @@ def test_constraints_are_those_of_each_watched_vehicles_own_flight(
         chosen = active_vehicles(problem, np.array([at_s]), z[None, : 12 + 4 * chains])
         values = np.array(parts.path(z, chosen.parameters[0])).ravel()
         rows = iter(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
-        for vehicle in chosen.ground[0]:
+        slots = chosen.parameters.reshape(-1, SLOT)
+        for row, vehicle in enumerate(chosen.ground[0]):
             at_all = z[:3] + place[vehicle]
-            spare = -at_all[2] - ground_envelope_m(scenario.terrain, at_all[0], at_all[1]) - limits.clearance_min_m
-            assert next(rows) == (f"clearance of vehicle {vehicle + 1}", pytest.approx(spare, abs=1e-9))
+            under = at_all[:2] + slots[row, FOOT]
+            spare = -at_all[2] - ground_envelope_m(scenario.terrain, under[0], under[1]) - slots[row, LIFT]
+            side = ", other side" if row % 2 else ""
+            assert next(rows) == (f"clearance of vehicle {vehicle + 1}{side}", pytest.approx(spare, abs=1e-9))
         for number, disk in enumerate(scenario.no_fly):
             for vehicle in chosen.zones[number][0]:
                 name, value = next(rows)
@@ -248,7 +282,7 @@ def test_sixty_vehicles_clear_hills_that_a_few_are_watched_over(
     for name, t_s in program.g_names:
         if name.startswith("clearance of"):
             per_instant.setdefault(t_s, set()).add(name)
-    assert {len(names) for names in per_instant.values()} == {NEAR_GROUND}
+    assert {len(names) for names in per_instant.values()} == {FEET * NEAR_GROUND}
     plan = make_plan(scenario)
     report = verify(plan)
     assert report.ok, [str(check) for check in report.failures]
