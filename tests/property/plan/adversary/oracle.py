@@ -111,8 +111,8 @@ class Oracle:
         found["rotor speed"] = self._rotors
         found[_G] = self._turning
         if limits.accel_max_mps2 is not None:
-            most = limits.accel_max_mps2
-            found["acceleration"] = lambda t: most - np.linalg.norm(self._acceleration(t), axis=-1)
+            a_max = limits.accel_max_mps2
+            found["acceleration"] = lambda t: a_max - np.linalg.norm(self._acceleration(t), axis=-1)
         formation = self.scenario.formation
         for order, name, most in (
             (1, "speed in the shape", formation.change_speed_mps),
