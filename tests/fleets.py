@@ -48,7 +48,7 @@ def running_fleet(scenario: Scenario, options: WorldOptions, *, paused: bool = F
             yield fleet
         finally:
             fleet.stop()
-            thread.join(10.0)
+            thread.join(60.0)
         assert not thread.is_alive()
         assert not failures, failures
 
@@ -61,7 +61,7 @@ def ask(world: World, row: int, number: int, rate_hz: float) -> None:
     assert ack.fields["result"] == 0
 
 
-def wait_until(condition: Callable[[], bool], patience_s: float = 20.0) -> None:
+def wait_until(condition: Callable[[], bool], patience_s: float = 120.0) -> None:
     """Wait for something that another thread brings about; fails after `patience_s`."""
     end_s = time.monotonic() + patience_s
     while not condition():

@@ -18,7 +18,7 @@ from sim_bridge.protocol.endpoints.line import DATAGRAM_BYTES, datagrams
 from sim_bridge.protocol.endpoints.switchboard import Arrival, Switchboard
 
 SYSIDS = (1, 2, 7)
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 
 
 @contextlib.contextmanager
@@ -46,8 +46,8 @@ def where(made: Switchboard, row: int, line: int = 0) -> tuple[str, int]:
 def arrivals(made: Switchboard, count: int, now_s: float = 0.0) -> list[Arrival]:
     """The next so many chunks that bring bytes."""
     found: list[Arrival] = []
-    for _ in range(200):
-        found += made.receive(PATIENCE_S / 100, now_s)
+    for _ in range(1200):
+        found += made.receive(0.05, now_s)
         if len(found) >= count:
             break
     return found

@@ -108,7 +108,7 @@ def strike(fleet: World, sysid: int, text: str) -> None:
     fields = {f"param{i + 1}": value for i, value in enumerate([*params, *[0.0] * (7 - len(params))])}
     head = {"target_system": sysid, "target_component": 1, "command": USER_1, "confirmation": 0}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
-        ground.settimeout(5.0)
+        ground.settimeout(60.0)
         ground.sendto(Codec(*GROUND).encode(Message("COMMAND_LONG", head | fields)), ("127.0.0.1", fleet.ports[sysid]))
         fleet.step()
         heard = Codec(*GROUND).decode(ground.recv(4096))

@@ -26,7 +26,7 @@ from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointKind, End
 from sim_bridge.sim.world import World, WorldOptions
 from tests.fleets import running_fleet
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 120.0
 BEAT = {"type": 6, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
 
 

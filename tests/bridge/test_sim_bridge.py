@@ -258,7 +258,7 @@ def flown(scenario, speedup: float, station) -> tuple[np.ndarray, np.ndarray]:
                     stamps_ms[sent], 1, 1, 1, FULL_MASK, p, p, -3.0, v, v, 0.0, a, a, 0.0, math.pi / 4, 0.0
                 )
                 sent += 1
-        thread.join(30.0)
+        thread.join(120.0)
         assert not thread.is_alive()
         return fleet.truth.t_s, fleet.truth.state[0]
 
@@ -332,7 +332,7 @@ def test_the_command_says_when_it_is_ready_and_leaves_the_truth(repo_root, tmp_p
         process.stdin.close()
     else:
         process.send_signal(signal.Signals[ending])
-    assert process.wait(10.0) == 0
+    assert process.wait(120.0) == 0
     assert process.stderr.read() == ""
     with np.load(truth) as record:
         vehicles, instants, _ = record["state"].shape

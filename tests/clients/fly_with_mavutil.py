@@ -14,7 +14,7 @@ import time
 os.environ["MAVLINK20"] = "1"
 from pymavlink import mavutil, mavwp
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 PARAMS = {3: (b"WPNAV_SPEED", 450.0), 12: (b"MPC_XY_CRUISE", 4.5)}  # by MAV_AUTOPILOT
 
 

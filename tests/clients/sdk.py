@@ -11,7 +11,7 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 
 from gcs.mission.model import MissionItem
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 
 
 @contextmanager

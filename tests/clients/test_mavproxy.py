@@ -16,7 +16,7 @@ from sim_bridge import Fleet
 from sim_bridge.sim.default_scenario import plain_scenario
 from tests.fleets import free_port
 
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 SYSID = 3
 READY_S = 8.0
 MODULES = "wp,misc,arm,mode,cmdlong,param"
@@ -69,7 +69,7 @@ def station(command: list[str], port: int, folder: Path) -> Iterator[Typist]:
     finally:
         process.terminate()
         try:
-            process.wait(10.0)
+            process.wait(60.0)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -91,12 +91,12 @@ async def main():
     began, host = loop.time(), host_s(loop)
     print(sock.getsockname()[1], flush=True)
     try:
-        async with asyncio.timeout(1.5):
+        async with asyncio.timeout(3.0):
             await heard.wait()
         print("heard", flush=True)
     except TimeoutError:
         print("timeout", flush=True)
-    print(stalls_of(loop).count, stalls_of(loop).last_s, loop.time() - began, host_s(loop) - host, flush=True)
+    print(stalls_of(loop).count, stalls_of(loop).stood_s, loop.time() - began, host_s(loop) - host, flush=True)
 
 with asyncio.Runner(loop_factory=SteadyLoop) as runner:
     runner.run(main())
@@ -109,13 +109,13 @@ def test_a_stopped_program_reads_its_answers_before_its_timeouts() -> None:
         assert program.stdout is not None
         port = int(program.stdout.readline())
         os.kill(program.pid, signal.SIGSTOP)
-        time.sleep(2.0)
+        time.sleep(3.5)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.sendto(b"answer", ("127.0.0.1", port))
         os.kill(program.pid, signal.SIGCONT)
         assert program.stdout.readline().strip() == "heard"
-        count, length, passed, host = map(float, program.stdout.readline().split())
-    assert count == 1
-    assert length > 1.9
-    assert host > 1.9
-    assert passed < 1.5
+        count, stood, passed, host = map(float, program.stdout.readline().split())
+    assert count >= 1  # a busy machine adds some
+    assert stood > 3.4
+    assert host > 3.4
+    assert passed < 3.0

@@ -31,7 +31,6 @@ from tests.property.scenario.scenario_steps import ACCEPTED, REFUSED, planned, v
 
 SHORT, LONG, CHUNK = 20, 20_000, 1000
 VERIFIED = 20  # one in so many plans with mutated scenarios
-PLANNED = 50  # one in so many accepted scenarios of the long form
 CPU_MAX_S = 60.0  # of one scenario, planning aside: none takes a tenth of it
 TEXTS = bundled()
 NAMES = sorted(TEXTS)
@@ -58,7 +57,7 @@ def survive(folder: Path, name: str, seeds: range, *, plan: bool = False) -> Cou
         try:
             verdicts[found := verdict(file)] += 1
             assert time.process_time() - began_s < CPU_MAX_S
-            if plan and found == ACCEPTED and verdicts[found] % PLANNED == 0:
+            if plan and found == ACCEPTED and verdicts[found] == 1:  # planning takes minutes where there is no plan
                 verdicts[planned(file)] += 1
         except Exception as problem:
             problem.add_note(f"{name}, seed {seed}")
