@@ -16,7 +16,7 @@ from gcs.reading.bounded_json import read_json
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.mistakes import Mistake, from_pydantic
+from gcs.scenario.validation.mistakes import Mistake, from_pydantic, toml
 from gcs.scenario.validation.toml_lines import key_lines, line_of
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, presets, vehicle_file, with_vehicle
@@ -52,7 +52,11 @@ def load_scenario(path: Path | str) -> Scenario:
 
 def load_vehicle(file: Path) -> VehicleFile:
     """The vehicle type of a file, checked by the rules of physics. Raises ScenarioError like `load_scenario`."""
-    if not file.is_file():
+    try:
+        is_there = file.is_file()
+    except OSError:  # a name that is too long
+        raise ScenarioError(f"vehicle_type = {toml(str(file))} is not a path", hint="name a preset or a file") from None
+    if not is_there:
         known = ", ".join(presets())
         raise ScenarioError(
             f"there is no vehicle type {file.name}: no file {file}",

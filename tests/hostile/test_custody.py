@@ -17,6 +17,11 @@ import pytest
 
 from gcs.link.wire.codec import Codec
 from gcs.mavlink import MavCommand
+from gcs.plan.planner import make_plan
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.verification.verify import verify
+from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.protocol.endpoints.address import call
 from sim_bridge.sim.world import World
 from tests.bridge.flying import say
@@ -47,21 +52,32 @@ def sent(flights: Path) -> Counter[str]:
     return found
 
 
+@pytest.fixture(scope="module")
+def waiting_file(hop: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A plan that hovers for long before it flies: three programs start meanwhile, on a busy machine too."""
+    data = hop.scenario.model_dump(mode="json")
+    data["ground_phases"]["hover_s"] = 150.0
+    plan = make_plan(Scenario.model_validate(data))
+    path = tmp_path_factory.mktemp("waiting") / "waiting.skein"
+    save_plan(plan, verify(plan), path)
+    return path
+
+
 @pytest.mark.parametrize("to_its_end", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_further_flights_of_vehicles_that_fly_leave_them_alone(
-    vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, *, to_its_end: bool
+    vehicles: MakeVehicles, waiting_file: Path, tmp_path: Path, *, to_its_end: bool
 ) -> None:
     """Each has a link of its own: one is refused at pre-flight, one waives all checks that fail, one is stopped.
 
-    The flight goes on in real time: it is flown to its end, or stopped to save time.
+    Meanwhile the flight goes on in real time; then it is flown to its end ten times as fast, or stopped to save time.
     """
     own, *others = (free_port() for _ in range(4))
     world, _ = vehicles(links=tuple(call(port) for port in (own, *others)), speedup=1.0)
-    with Ground(*fly_arguments(hop_file, own, tmp_path / "own")) as ground:
+    with Ground(*fly_arguments(waiting_file, own, tmp_path / "own")) as ground:
         wait_until(lambda: all(vehicle.autopilot.armed for vehicle in world.vehicles), PATIENCE_S)
         with ExitStack() as stack:
             refused, waived, stopped = (
-                stack.enter_context(Ground(*fly_arguments(hop_file, port, tmp_path / str(port), *more)))
+                stack.enter_context(Ground(*fly_arguments(waiting_file, port, tmp_path / str(port), *more)))
                 for port, more in zip(others, ((), WAIVED, ()), strict=True)
             )
             stopped.until("waiting for readiness")
@@ -73,7 +89,7 @@ def test_further_flights_of_vehicles_that_fly_leave_them_alone(
         if not to_its_end:
             ground.signal(signal.SIGINT)
             wait_until(lambda: all(one.autopilot.mode.number != GUIDED for one in world.vehicles), PATIENCE_S)
-            world.options = replace(world.options, speedup=SPEEDUP)
+        world.options = replace(world.options, speedup=SPEEDUP)
         done = ground.ended()
     assert modes == [GUIDED] * 3
     assert all(armed)

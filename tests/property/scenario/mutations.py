@@ -151,7 +151,8 @@ def _slots(node: Any) -> list[Slot]:
     return found
 
 
-def _numbers(data: Data) -> list[Slot]:
+def numbers_of(data: Data) -> list[Slot]:
+    """The places of all numbers."""
     return [
         (node, key)
         for node, key in _slots(data)
@@ -160,13 +161,13 @@ def _numbers(data: Data) -> list[Slot]:
 
 
 def _another_number(data: Data, chance: random.Random) -> None:
-    if found := _numbers(data):
+    if found := numbers_of(data):
         node, key = chance.choice(found)
         node[key] = chance.choice(NUMBERS)
 
 
 def _another_size(data: Data, chance: random.Random) -> None:
-    if found := _numbers(data):
+    if found := numbers_of(data):
         node, key = chance.choice(found)
         if abs(node[key]) < 1e300:
             node[key] = node[key] * chance.choice(FACTORS)

@@ -26,10 +26,19 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import _checksum, load_plan, read_plan, save_plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario, load_vehicle
-from tests.property.scenario.mutations import HEX_DIGITS, PRESETS, ROOT, bundled, mutated, mutated_text, toml_text
+from tests.property.scenario.mutations import (
+    HEX_DIGITS,
+    PRESETS,
+    ROOT,
+    bundled,
+    mutated,
+    mutated_text,
+    numbers_of,
+    toml_text,
+)
 from tests.property.scenario.scenario_steps import ACCEPTED, REFUSED, planned, verdict
 
-SHORT, LONG, CHUNK = 20, 20_000, 1000
+SHORT, LONG, CHUNK = 16, 20_000, 1000
 VERIFIED = 20  # one in so many plans with mutated scenarios
 CPU_MAX_S = 60.0  # of one scenario, planning aside: none takes a tenth of it
 TEXTS = bundled()
@@ -123,7 +132,7 @@ def test_mutated_vehicle_types_fail_with_a_sentence_only(folder: Path, preset: P
     assert accepted > 0
 
 
-@pytest.mark.parametrize("seeds", [range(40), pytest.param(range(40, 5000), marks=pytest.mark.long)], ids=len)
+@pytest.mark.parametrize("seeds", [range(24), pytest.param(range(24, 5000), marks=pytest.mark.long)], ids=len)
 def test_plan_files_with_mutated_scenarios_fail_with_a_sentence_only(
     tmp_path: Path, simulation1_plan: Plan, seeds: range
 ) -> None:
@@ -153,6 +162,26 @@ def test_plan_files_with_mutated_scenarios_fail_with_a_sentence_only(
             refused += 1
     assert accepted > len(seeds) / 20
     assert refused > len(seeds) / 4
+
+
+@pytest.mark.parametrize("number", [1e308, -1e308])
+def test_every_number_has_a_range(folder: Path, number: float) -> None:
+    """One number after the other, those that a file may leave out among them."""
+    whole = load_scenario(ROOT / "missions" / "simulation1").model_dump(mode="json", exclude_none=True)
+    data, file = {**whole, **tomllib.loads(TEXTS["template_full"])}, folder / "scenario.toml"
+    slots = numbers_of(data)
+    for node, key in slots:
+        before, node[key] = node[key], number
+        file.write_text(toml_text(data), encoding="utf-8")
+        assert verdict(file) == REFUSED, (key, before)
+        node[key] = before
+    assert len(slots) > 80
+
+
+def test_a_vehicle_type_with_a_long_name_is_refused(folder: Path) -> None:
+    (folder / "scenario.toml").write_text(TEXTS["template"].replace('"quad500"', f'"{"x" * 5000}"'))
+    with pytest.raises(GcsError, match=r"vehicle_type = \".*\.\.\. is not a path"):
+        load_scenario(folder / "scenario.toml")
 
 
 @pytest.mark.parametrize("depth", [50, 330, 400, 490, 2000, 100_000])
