@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.flight.clocks.fleet_clock import AGREE_S, FleetClock, common_time_s, differences_s, disagreeing
+from gcs.flight.clocks.fleet_clock import AGREE_S, ClockChange, FleetClock, common_time_s, differences_s, disagreeing
 from gcs.link.microservices.clock import JUMP_S, VehicleClock
 from gcs.link.wire.message import GROUND, Message
 from tests.real_flights import FLIGHTS, Flight, unpacked
@@ -189,6 +189,63 @@ def test_a_boot_clock_that_jumps_is_told_and_gnss_time_is_used() -> None:
     assert fleet.said == [(1, "has a boot clock that jumped by +600.0 s: it flies by GNSS time")]
     assert times[-1] == pytest.approx(fleet.true_s, abs=0.05)
     assert max(map(abs, fleet.off_s().values())) < 0.05
+
+
+def test_what_is_told_names_the_rule_and_the_difference() -> None:
+    fleet = held(3)
+    told: list[ClockChange] = []
+    plain = fleet.fleet.changes
+    fleet.fleet.changes = lambda *now: told.extend(plain(*now)) or []  # type: ignore[method-assign, func-returns-value]
+    fleet.ahead_s[1] = 20.0
+    fleet.run(30.0)
+    fleet.ahead_s[1] = 0.0
+    fleet.run(10.0)
+    fleet.boot_s[2] += 600.0
+    fleet.run(10.0)
+    assert [(change.sysid, change.rule) for change in told] == [
+        (1, "GNSS time more than 0.5 s off is not followed"),
+        (1, "GNSS time within 0.5 s is followed"),
+        (2, "its GNSS time agrees with the other vehicles"),
+    ]
+    assert [change.off_s for change in told] == pytest.approx([20.0, 0.0, 0.0], abs=0.05)
+
+
+def test_before_the_clocks_are_held_nothing_is_told() -> None:
+    fleet = Fleet(3)
+    fleet.run(10.0)
+    fleet.ahead_s[1] = 20.0
+    fleet.boot_s[2] = -fleet.now_s
+    fleet.run(10.0)
+    assert fleet.said == []
+
+
+def test_held_clocks_never_run_back_and_others_only_by_more_than_they_may_differ() -> None:
+    """0.6 s back within what clocks may differ: time stands until it has caught up. 20 s back: it goes back."""
+    fleet = Fleet(1)
+    fleet.ahead_s[1] = 0.4
+    fleet.run(5.0)
+    fleet.ahead_s[1] = 0.0
+    times = fleet.run(5.0)
+    assert times == sorted(times)
+    fleet.ahead_s[1] = -20.0
+    assert min(fleet.run(5.0)) < times[-1] - 10.0
+
+
+def test_a_second_hold_changes_no_clock() -> None:
+    """One whose boot clock was set wrong later is told by `changes`; holding again does not hide it."""
+    fleet = held(3)
+    clock = fleet.clocks[3]
+    clock.set_unix_s(fleet.true_s + 50.0, fleet.now_s)
+    fleet.hold()
+    assert clock.uncapped_unix_s(fleet.now_s) == pytest.approx(fleet.true_s + 50.0, abs=0.05)
+
+
+def test_of_clocks_without_a_majority_those_count_that_continue_the_common_time() -> None:
+    """Two pairs, one of them 300 s ahead: the fleet stays with the pair that goes on as it went."""
+    fleet = Fleet(4)
+    fleet.run(10.0)
+    fleet.ahead_s[3] = fleet.ahead_s[4] = 300.0
+    assert fleet.run(10.0)[-1] == pytest.approx(fleet.true_s, abs=0.05)
 
 
 def test_a_slow_drift_of_the_boot_clock_is_followed() -> None:
