@@ -172,7 +172,9 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     with gaps.kept("map.png"):
         _draw(plan, truth, times, folder)
     watcher.lap("pictures")
-    extra: dict[str, object] = {"mode": order.keeping.mode.value, "folder": str(folder), "time_s": watcher.laps_s}
+    flew = navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
+    extra: dict[str, object] = {"mode": order.keeping.mode.value, "navigator": flew, "folder": str(folder)}
+    extra["time_s"] = watcher.laps_s
     extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     with gaps.kept("report.md"):

@@ -98,10 +98,11 @@ def _finite(value: float) -> float | None:
 def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
     """Write `report.json` for programs and `report.md` for readers."""
     atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
+    navigator = f" with the {data['navigator']} navigator" if data.get("navigator") else ""
     lines = [
         f"# Flight of {data['mission']}",
         "",
-        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}.",
+        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}{navigator}.",
         "",
         "| criterion | measured | limit | verdict |",
         "| --- | --- | --- | --- |",
