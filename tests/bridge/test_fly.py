@@ -67,7 +67,9 @@ def test_simulation1_is_planned_uploaded_flown_and_held(
     assert (report["mode"], report["navigator"]) == ("stream", None)
     figures = {c["name"]: c for c in report["criteria"]}
     assert figures["position error (RMS)"]["value"] <= 0.15
-    assert figures["position error (RMS)"]["value"] > 0.005  # bodies with rotors and an estimator, not points on the plan
+    assert (
+        figures["position error (RMS)"]["value"] > 0.005
+    )  # bodies with rotors and an estimator, not points on the plan
     assert figures["separation"]["value"] >= 0.3
     assert figures["clearance above ground"]["value"] > 0.0
     assert figures["arrival time"]["value"] <= 0.5
