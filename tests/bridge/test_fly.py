@@ -158,7 +158,7 @@ def test_waypoint_missions_hold_as_well(repo_root: Path, tmp_path: Path) -> None
 def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     short_mission: Path, tmp_path: Path
 ) -> None:
-    """Which vehicle model flew is said, and seen: the ideal one keeps the plan's times, a real one is late in places."""
+    """Which model flew is said, and seen: the ideal one keeps the times of the plan, a real one does not."""
     errors_m = {}
     for nav in ("ideal", "own"):
         arguments = ("--sim", "--mode", "mission", "--nav", nav, "--speedup", "max", "--json", "--to", tmp_path / nav)

@@ -231,6 +231,39 @@ def test_held_clocks_never_run_back_and_others_only_by_more_than_they_may_differ
     assert min(fleet.run(5.0)) < times[-1] - 10.0
 
 
+def test_a_vehicle_that_never_reported_hides_no_jump_of_the_others() -> None:
+    fleet = Fleet(3)
+    fleet.silent = {1}
+    fleet.run(10.0)
+    fleet.hold()
+    fleet.ahead_s[2] = 20.0
+    fleet.run(10.0)
+    assert fleet.said == [(2, words(20.0))]
+
+
+def test_a_boot_clock_that_jumps_after_a_reboot_is_told_as_any_other() -> None:
+    fleet = held(3)
+    for sysid in (2, 3):
+        fleet.boot_s[sysid] = -fleet.now_s
+        fleet.run(10.0)
+    fleet.boot_s[2] += 600.0
+    fleet.run(10.0)
+    assert fleet.said == [(2, "has a boot clock that jumped by +600.0 s: it flies by GNSS time")]
+    assert max(map(abs, fleet.off_s().values())) < 0.05
+
+
+@pytest.mark.parametrize(("delay_s", "set_right"), [(0.0, True), (3.0, False)])
+def test_after_a_reboot_a_clock_is_set_right_unless_its_link_explains_the_difference(
+    delay_s: float, set_right: bool
+) -> None:
+    fleet = held(3)
+    plain = fleet.fleet.changes
+    fleet.fleet.changes = lambda clocks, now_s: plain(clocks, now_s, delay_s)  # type: ignore[method-assign]
+    fleet.boot_s[2], fleet.ahead_s[2] = -fleet.now_s, -2.5
+    fleet.run(10.0)
+    assert (abs(fleet.off_s()[2]) < 0.1) == set_right
+
+
 def test_a_second_hold_changes_no_clock() -> None:
     """One whose boot clock was set wrong later is told by `changes`; holding again does not hide it."""
     fleet = held(3)
