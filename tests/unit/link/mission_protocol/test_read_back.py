@@ -139,3 +139,11 @@ def test_items_with_too_few_parameters_are_no_match():
     short = replace(WAYPOINT, params=(0.1, 2.0, 0.0))
     with pytest.raises(ValueError, match="shorter"):
         compare_missions([WAYPOINT], [short], autopilot=ARDUPILOT)
+
+
+@pytest.mark.parametrize("axis", ["lat_degE7", "lon_degE7"])
+def test_a_place_that_ardupilot_does_not_store_may_come_back_as_0_and_as_nothing_else(axis):
+    sent = replace(SPEED, **{axis: 473977420})
+    assert compare_missions([sent], [read_back(sent, **{axis: 0})], autopilot=ARDUPILOT) == []
+    (difference,) = compare_missions([sent], [read_back(sent, **{axis: 5})], autopilot=ARDUPILOT)
+    assert (difference.sent, difference.read_back) == (473977420, 5)
