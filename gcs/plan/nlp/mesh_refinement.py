@@ -20,7 +20,7 @@ from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
-from gcs.plan.nlp.violations import check_between_nodes
+from gcs.plan.nlp.violations import complaints, find_violations, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -66,7 +66,8 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         mesh = mesh.stretched(stretch)
         problem = with_end(problem, trajectory.end_s)
         shape = flown_shape(problem, trajectory)
-        missed, complaints = check_between_nodes(problem, trajectory, shape)
+        missed = find_violations(problem, trajectory, shape)
+        problems = complaints(missed)
         drifting, drift = drifting_intervals(problem, trajectory, shape)
         history.append(
             MeshRound(
@@ -76,14 +77,15 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
                 solution.iterations,
                 solution.seconds,
                 solution.objective,
-                (*complaints, *drift),
+                (*problems, *drift),
             )
         )
         on_round(history[-1])
         # Q of Eq. 33 depends on the end of the flight: where the end has moved, solve once more.
-        if not complaints and not drift and abs(stretch - 1.0) < _SETTLED:
+        if not problems and not drift and abs(stretch - 1.0) < _SETTLED:
             return Optimum(trajectory, shape, solution.objective, tuple(history))
-        mesh = mesh.split(drifting).enforcing_at(missed)
+        problem = replace(problem, tightenings=(*problem.tightenings, *tightenings(problem, missed)))
+        mesh = mesh.split(drifting).enforcing_at(np.unique([miss.t_s for miss in missed]))
     raise PlanningError(
         f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}",
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
@@ -94,7 +96,10 @@ def with_end(problem: Problem, end_s: float) -> Problem:
     """The same problem with another end; changes of the shape keep their shares of the time."""
     if end_s == problem.end_s:
         return problem
-    return replace(problem, end_s=end_s, shape=stretched(problem.shape, problem.start_s, end_s))
+    factor = (end_s - problem.start_s) / problem.duration_s
+    tighter = tuple(t.stretched(problem.start_s, factor) for t in problem.tightenings)
+    shape = stretched(problem.shape, problem.start_s, end_s)
+    return replace(problem, end_s=end_s, shape=shape, tightenings=tighter)
 
 
 def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:
@@ -141,8 +146,11 @@ def drifting_intervals(
         step_s=step_s,
     )
     starts_s, error_m = windows.start_s, windows.error_m[0]
-    if shape.moving_s:
-        outermost = np.linalg.norm(shape.at(problem.start_s), axis=1).argmax()[None]
+    if shape.apart_s(problem.quadrotor.wind):
+        offsets = shape.at(problem.start_s)
+        outermost = np.unique(
+            [np.linalg.norm(offsets, axis=1).argmax(), offsets[:, 2].argmin(), offsets[:, 2].argmax()]
+        )
         windows = window_errors(
             lambda t: _motion(trajectory, shape, problem, t, outermost)[0],
             lambda t: _motion(trajectory, shape, problem, t, outermost)[1],
@@ -150,7 +158,8 @@ def drifting_intervals(
             problem.quadrotor,
             step_s=step_s,
         )
-        starts_s, error_m = np.append(starts_s, windows.start_s), np.append(error_m, windows.error_m[0])
+        starts_s = np.append(starts_s, windows.start_s)
+        error_m = np.append(error_m, windows.error_m.max(axis=0))
     if error_m.max() <= WINDOW_TOLERANCE_M:
         return set(), ()
     bad = starts_s[error_m > WINDOW_TOLERANCE_M]

@@ -6,18 +6,22 @@ Only vehicles near a limit are checked on the fine grid. The verifier later chec
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.nlp import margins
 from gcs.plan.nlp.margins import Margin
-from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.problem import Problem, Tightening
 from gcs.plan.trajectory.trajectory import Trajectory
+
+Evaluate = Callable[[Array], list[tuple[Margin, float]]]
 
 CHECK_EVERY_S = 0.05  # no coarser than the verifier: a peak of yaw rate can last less than 0.1 s
 # Half of the verifier's tolerances, so that its finer grid finds nothing new.
@@ -25,11 +29,21 @@ LENGTH_TOLERANCE_M = 0.5e-3
 LIMIT_TOLERANCE = 0.5e-3
 COURSE_TOLERANCE = 0.5e-2
 _BLOCK_S = 10.0
+# Unknowns of the leader behind the limits of all vehicles, and how much tighter and longer than the violation a bound
+# becomes.
+_COLUMNS = {
+    **{"roll": 6, "pitch": 7, "roll rate": 9, "pitch rate": 10},
+    **{"thrust U1": 12, "control U2": 13, "control U3": 14, "control U4": 15},
+}
+_EXCESS, _BESIDE_S = 1.2, 1.0
+# Near a minimum that may violate a limit between two instants, intervals are divided so often, into so many parts.
+_LEVELS, _PARTS = 4, 8
 # Larger fleets are first checked every 0.5 s. Vehicles farther than _FAR_M from a limit need no fine grid.
 _FEW = 16
 _COARSE_S, _FAR_M = 0.5, 0.2
 _COARSE_EVERY = round(_COARSE_S / CHECK_EVERY_S)
 _DIRECTIONS = 8
+_HEIGHTS = 9  # of a large fleet, in a wind that differs with height
 
 
 @dataclass(frozen=True)
@@ -42,6 +56,8 @@ class Violation:
     by: float
     share: float  # of the limit's own size
     tolerated: float  # in units of the tolerance
+    period_s: tuple[float, float] = (0.0, 0.0)  # begin and end
+    beyond_leader: float = 0.0  # by how much more than the leader's own violation
 
     @property
     def by_si(self) -> float:
@@ -70,7 +86,8 @@ def complaints(found: tuple[Violation, ...]) -> tuple[str, ...]:
 def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> tuple[Violation, ...]:
     """All violations of the constraints that exceed their tolerance at some instant."""
     found = []
-    for times, checked in _margins(problem, trajectory, shape):
+    for coarse_s, evaluate in _checks(problem, trajectory, shape):
+        times, checked = _finely(coarse_s, evaluate)
         for margin, tolerance in checked:
             lowest = margin.value.min(axis=0)
             if lowest.min() >= -tolerance:
@@ -78,32 +95,97 @@ def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> t
             for a, b in _periods(lowest < 0.0):
                 at = a + int(np.argmin(lowest[a:b]))
                 by = float(-lowest[at])
+                known = Violation(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance)
+                leader_by = max(float(-margin.value[0, at]), 0.0)
                 found.append(
-                    Violation(margin.name, margin.unit, float(times[at]), by, by / margin.scale, by / tolerance)
+                    replace(known, period_s=(float(times[a]), float(times[b - 1])), beyond_leader=by - leader_by)
                 )
     return tuple(found)
 
 
-def _margins(
-    problem: Problem, trajectory: Trajectory, shape: Shape
-) -> Iterator[tuple[Array, list[tuple[Margin, float]]]]:
-    """For each block of time: instants, and the margins there with their tolerances."""
+def tightenings(problem: Problem, found: tuple[Violation, ...]) -> tuple[Tightening, ...]:
+    """Bounds of the leader that prevent violations by vehicles that no constraint of the program describes."""
+    limits = problem.scenario.limits
+    made = []
+    for miss in found:
+        start_s, end_s = miss.period_s[0] - _BESIDE_S, miss.period_s[1] + _BESIDE_S
+        if miss.name == "rotor speed":
+            for u, size in enumerate((limits.thrust_N[1], *limits.torque)):
+                made.append(Tightening(12 + u, start_s, end_s, _EXCESS * miss.by * size))
+        elif miss.name in _COLUMNS and miss.beyond_leader > 0.0:
+            if problem.winds_differ and miss.name in ("roll", "pitch", "thrust U1"):
+                continue  # constraints at more instants prevent it
+            by = replace(miss, by=miss.beyond_leader).by_si
+            made.append(Tightening(_COLUMNS[miss.name], start_s, end_s, _EXCESS * by))
+    return tuple(made)
+
+
+def _finely(times: Array, evaluate: Evaluate) -> tuple[Array, list[tuple[Margin, float]]]:
+    """Margins at `times`, and between them wherever a margin could be lower than at both neighbours."""
+    checked = evaluate(times)
+    for _ in range(_LEVELS):
+        intervals = np.flatnonzero(_may_hide(times, checked))
+        if not len(intervals):
+            break
+        share = np.arange(1, _PARTS) / _PARTS
+        between = (times[intervals, None] + np.diff(times)[intervals, None] * share).ravel()
+        order = np.argsort(np.concatenate([times, between]), kind="stable")
+        times = np.concatenate([times, between])[order]
+        checked = [
+            (replace(margin, value=np.concatenate([margin.value, more.value], axis=1)[:, order]), tolerance)
+            for (margin, tolerance), (more, _) in zip(checked, evaluate(between), strict=True)
+        ]
+    return times, checked
+
+
+def _may_hide(times: Array, checked: list[tuple[Margin, float]]) -> NDArray[np.bool_]:
+    """Intervals (N - 1,) in which a margin that is satisfied at both ends may be violated.
+
+    A convex curve lies above the straight lines through the two instants before and the two after, whether its
+    minimum is round or a corner.
+    """
+    steps = np.diff(times)
+    hidden = np.zeros(len(steps), dtype=bool)
+    if len(times) < 4:
+        return hidden
+    inner = slice(1, -1)
+    for margin, tolerance in checked:
+        value = margin.value
+        slopes = np.diff(value, axis=1) / steps
+        left, right = slopes[:, :-2], slopes[:, 2:]
+        low, high = value[:, 1:-2], value[:, 2:-1]
+        falls = (left < 0.0) & (right > 0.0)
+        gap = np.where(falls, left - right, -1.0)
+        after = np.clip((high - low - right * steps[inner]) / gap, 0.0, steps[inner])
+        least = np.where(falls, low + left * after, 0.0)
+        hidden[inner] |= np.any(falls & (least < -tolerance) & (np.minimum(low, high) >= -tolerance), axis=0)
+    return hidden & (steps <= 1.5 * CHECK_EVERY_S)
+
+
+def _checks(problem: Problem, trajectory: Trajectory, shape: Shape) -> Iterator[tuple[Array, Evaluate]]:
+    """For each block of time: instants, and the function that gives margins at instants with their tolerances."""
     count = max(int(np.ceil(problem.duration_s / _BLOCK_S)), 1) if problem.vehicles > _FEW else 1
     edges = np.linspace(problem.start_s, problem.end_s, count + 1)
     for low, high in itertools.pairwise(edges):
         times = np.linspace(low, high, int(np.ceil((high - low) / CHECK_EVERY_S)) + 1)
-        yield times, _positions(problem, trajectory, shape, times)
-        moving = shape.is_moving(times)
+        rows = _near_a_limit(problem, trajectory, shape, float(low), float(high))
+        if len(rows):
+            yield times, partial(_positions, problem, trajectory, shape, rows)
+        moving = shape.moves_apart(times, problem.quadrotor.wind)
         leader = np.array([problem.leader])
         for part, rows in ((times[~moving], leader), (times[moving], _fastest(problem, shape, times[moving]))):
             if len(part):
-                yield part, _motions(problem, trajectory, shape, part, rows)
-        yield times, _ranges(problem, trajectory, times)
+                yield part, partial(_motions, problem, trajectory, shape, rows)
+        yield times, partial(_ranges, problem, trajectory)
         if problem.follows_course:
-            faced = margins.course(
-                problem.scenario, trajectory.state(times)[:, VELOCITY], _heading(problem, trajectory, times)
-            )
-            yield times, [(faced, COURSE_TOLERANCE * faced.scale)]
+            yield times, partial(_facing, problem, trajectory)
+
+
+def _facing(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
+    """How well the formation faces along its course."""
+    velocities = trajectory.state(times)[:, VELOCITY]
+    faced = margins.course(problem.scenario, velocities, _heading(problem, trajectory, times))
+    return [(faced, COURSE_TOLERANCE * faced.scale)]
 
 
 def _ranges(problem: Problem, trajectory: Trajectory, times: Array) -> list[tuple[Margin, float]]:
@@ -122,11 +204,10 @@ def _heading(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
     return np.asarray(trajectory.coordinates(times)[:, number] + problem.course_at_start_rad)
 
 
-def _positions(problem: Problem, trajectory: Trajectory, shape: Shape, times: Array) -> list[tuple[Margin, float]]:
+def _positions(
+    problem: Problem, trajectory: Trajectory, shape: Shape, rows: Rows, times: Array
+) -> list[tuple[Margin, float]]:
     scenario = problem.scenario
-    rows = _near_a_limit(problem, trajectory, shape, float(times[0]), float(times[-1]))
-    if not len(rows):
-        return []
     places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
     found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
     height = margins.height(scenario, places)
@@ -159,26 +240,32 @@ def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_
 
 
 def _fastest(problem: Problem, shape: Shape, times: Array) -> Rows:
-    """Rows with the largest speed or acceleration within the shape in some direction; in a small fleet, all rows."""
+    """The leader's row, then those with the largest motion within the shape in some direction; of a few, all."""
     if problem.vehicles <= _FEW or not len(times):
-        return np.arange(problem.vehicles)
+        return np.roll(np.arange(problem.vehicles), -problem.leader)
     angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     directions = np.stack([np.cos(angle), np.sin(angle)])
     rows = [np.array([problem.leader])]
+    if problem.winds_differ:
+        height = shape.offsets(times[::_COARSE_EVERY])[..., 2]
+        spread = np.round(np.linspace(0, problem.vehicles - 1, _HEIGHTS)).astype(np.intp)
+        rows.append(np.argsort(height, axis=0)[spread].ravel())
     for order in (1, 2):
         motion = shape.offsets(times[::_COARSE_EVERY], order)
         rows.append(np.argmax(motion[..., :2] @ directions, axis=0).ravel())
         rows.append(np.argmax(np.abs(motion[..., 2]), axis=0))
         rows.append(np.argmax(np.linalg.norm(motion, axis=2), axis=0))
-    return np.unique(np.concatenate(rows))
+    others = np.unique(np.concatenate(rows))
+    return np.concatenate([rows[0], others[others != problem.leader]])
 
 
 def _motions(
-    problem: Problem, trajectory: Trajectory, shape: Shape, times: Array, rows: Rows
+    problem: Problem, trajectory: Trajectory, shape: Shape, rows: Rows, times: Array
 ) -> list[tuple[Margin, float]]:
     scenario, vehicle = problem.scenario, trajectory.vehicle
     states, controls = formation_motion(vehicle.state, vehicle.control, shape, problem.quadrotor, times, rows)
     found = [*margins.state_limits(scenario, states), margins.turning(scenario, states, controls)]
+    found += margins.control_limits(scenario, controls)
     found += margins.acceleration(scenario, states, controls)
     found += margins.shape_motion(scenario, shape.offsets(times, 1, rows), shape.offsets(times, 2, rows))
     return [(margin, LIMIT_TOLERANCE * margin.scale) for margin in found]

@@ -41,6 +41,7 @@ class ActiveVehicles:
     zones: tuple[Rows, ...]  # one (T, D) for every piece of a no-fly zone
     moving: Rows  # (T, M)
     moving_used: NDArray[np.bool_]  # (T, M): false where another row is the same constraint
+    leaning: NDArray[np.bool_]  # (T, M): whether the row's tilt may differ from the leader's because of its wind
     parameters: Array  # (T, (G + sum D + M) * SLOT)
 
 
@@ -64,7 +65,8 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
     for chosen, away in zip(zones, moved, strict=True):
         parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
-    return ActiveVehicles(ground, zones, moving, used, parameters.reshape(len(times_s), -1))
+    leaning = (moving != problem.leader) & problem.winds_differ
+    return ActiveVehicles(ground, zones, moving, used, leaning, parameters.reshape(len(times_s), -1))
 
 
 def zone_pieces(problem: Problem) -> list[tuple[NoFlyZone, Piece]]:
@@ -129,20 +131,26 @@ def _most_urgent(spare: Array, count: int) -> Rows:
 
 
 def _moving(problem: Problem, times_s: Array, base: Array) -> tuple[Rows, NDArray[np.bool_]]:
-    """Rows whose motion differs most from the leader's, after the leader; in a rigid formation the leader alone."""
+    """Rows whose motion differs most from the leader's, after the leader; the leader alone where it stands for all.
+
+    In a wind that grows with height, the highest and the lowest vehicle are among them.
+    """
     shape = problem.shape
-    if not problem.coordinates and not shape.moving_s:
+    if not problem.coordinates and not shape.apart_s(problem.quadrotor.wind):
         leader = np.full((len(times_s), 1), problem.leader, dtype=np.intp)
         return leader, np.ones_like(leader, dtype=bool)
     angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     directions = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle])
     if problem.coordinates and problem.has_heights:  # else these are bounds of the leader
         directions = np.hstack([directions, [[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]]])
-    count = min(1 + directions.shape[1], problem.vehicles)
+    if not problem.coordinates and not shape.moving_s:
+        directions = directions[:, :0]  # all accelerate alike
+    extremes = [base[..., 2].argmin(axis=0), base[..., 2].argmax(axis=0)] if problem.winds_differ else []
+    count = min(1 + directions.shape[1] + len(extremes), problem.vehicles)
     # Coordinates move the outermost vehicles most.
     criterion = base if problem.coordinates else shape.offsets(times_s, 2) + shape.offsets(times_s, 1)
     reach = np.einsum("vtk,kd->dvt", criterion, directions)
-    worst = reach.argmax(axis=1)  # (directions, T)
+    worst = np.vstack([*extremes, reach.argmax(axis=1)])  # (extremes and directions, T)
     chosen = np.empty((len(times_s), count), dtype=np.intp)
     every_row = range(problem.vehicles)
     for t in range(len(times_s)):

@@ -38,6 +38,7 @@ def leader_state_bounds(problem: Problem, times_s: Array) -> tuple[Array, Array]
         taken = _LIGHT / gravity * _push(problem, times_s, order)[:, None]
         low[:, part] += taken
         high[:, part] -= taken
+    _tighten(problem, times_s, low, high, low_column=0)
     _refuse_crossed(times_s, low, high, STATE_WORDS)
     chains = [_chain(problem, c) for c in range(len(problem.coordinates))]
     return (
@@ -57,11 +58,22 @@ def leader_control_bounds(problem: Problem, times_s: Array) -> tuple[Array, Arra
     snaps = np.array([c.most[3] for c in problem.coordinates])
     if problem.coordinates or problem.shape.moving_s:
         _leave_room(problem, times_s, low, high)
-        _refuse_crossed(times_s, low, high, CONTROL_WORDS)
+    _tighten(problem, times_s, low, high, low_column=12)
+    _refuse_crossed(times_s, low, high, CONTROL_WORDS)
     return (
         np.hstack([low, np.tile(-snaps, (len(times_s), 1))]),
         np.hstack([high, np.tile(snaps, (len(times_s), 1))]),
     )
+
+
+def _tighten(problem: Problem, times_s: Array, low: Array, high: Array, low_column: int) -> None:
+    """Tighten bounds (T, n), the first of which is `low_column`, as earlier rounds require."""
+    for tighter in problem.tightenings:
+        column = tighter.column - low_column
+        if 0 <= column < low.shape[1]:
+            during = (times_s >= tighter.start_s) & (times_s <= tighter.end_s)
+            low[during, column] += tighter.by
+            high[during, column] -= tighter.by
 
 
 def _refuse_crossed(times_s: Array, low: Array, high: Array, words: tuple[str, ...]) -> None:

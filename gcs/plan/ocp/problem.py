@@ -17,6 +17,21 @@ from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrot
 
 
 @dataclass(frozen=True)
+class Tightening:
+    """A bound of the leader that is tighter for a while: another vehicle violated a limit in an earlier round."""
+
+    column: int  # of the state, or 12 + that of the control
+    start_s: float
+    end_s: float
+    by: float  # SI, at both ends of the range
+
+    def stretched(self, start_s: float, factor: float) -> Tightening:
+        """The same in a flight from `start_s` that is `factor` times as long."""
+        begin, end = (start_s + factor * (t - start_s) for t in (self.start_s, self.end_s))
+        return replace(self, start_s=begin, end_s=end)
+
+
+@dataclass(frozen=True)
 class Problem:
     """The leader's flight from one state to another. The followers keep their offsets in a shape that may change.
 
@@ -39,6 +54,7 @@ class Problem:
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
     free_time: FreeTime | None = None  # where given, end_s is a guess
+    tightenings: tuple[Tightening, ...] = ()
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
 
     @property

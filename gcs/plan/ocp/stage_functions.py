@@ -33,6 +33,9 @@ REST_SMOOTHING_MPS = 0.03 * REST_SPEED_MPS
 COURSE_FLOOR_MPS = 0.3
 # Edges of a polygon are moved outwards by this, so that its corners can be rounded.
 CORNER_M = 0.3
+# Limits that vehicles reach before the leader where the wind at their height is another.
+_LEAN = ("roll", "pitch", "least thrust", "largest thrust")
+_STEEPEST_DEG = 89.0
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,9 @@ def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
 def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     """Mask (T, P) of rows of the path without effect, because another row is the same constraint."""
     before = chosen.ground.shape[1] + sum(near.shape[1] for near in chosen.zones)
-    spare = np.repeat(~chosen.moving_used, len(_moving_names(problem)), axis=1)
+    names = _moving_names(problem)
+    masks = [~(chosen.leaning if name in _LEAN else chosen.moving_used) for name in names]
+    spare = np.stack(masks, axis=2).reshape(len(chosen.moving), -1)
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
 
 
@@ -214,7 +219,7 @@ def _moving_names(problem: Problem) -> tuple[str, ...]:
     if problem.coordinates:
         names += (*("north", "east")[: 2 * problem.has_box], "north speed", "east speed", "vertical speed")
         names += ("height",) * problem.has_heights
-    return names
+    return names + _LEAN * problem.winds_differ
 
 
 def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[ca.SX]:
@@ -236,7 +241,27 @@ def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[
         if problem.has_heights:
             low, high = scenario.limits.height_m
             values.append(1.0 - ((z[2] + place[2] + 0.5 * (low + high)) / (0.5 * (high - low))) ** 2)
+    if problem.winds_differ:
+        values += _lean(problem, z[8], v, a, z[2] + place[2])
     return values
+
+
+def _lean(problem: Problem, yaw: ca.SX, v: ca.SX, a: ca.SX, down: ca.SX) -> list[ca.SX]:
+    """Tilt and thrust of a vehicle in the wind at its own height against their limits: Eq. 1 solved for the thrust."""
+    q, limits = problem.quadrotor, problem.scenario.limits
+    air = v - ca.vertcat(*q.wind.at(-down, ca))
+    force = q.mass_kg * (ca.DM([0.0, 0.0, q.gravity_mps2]) - a) - ca.DM(q.drag_Nspm) * air
+    ahead = ca.cos(yaw) * force[0] + ca.sin(yaw) * force[1]
+    aside = ca.sin(yaw) * force[0] - ca.cos(yaw) * force[1]
+    squared = ca.dot(force, force)
+    roll, pitch = (math.radians(min(limit, _STEEPEST_DEG)) for limit in limits.roll_pitch_yaw_deg[:2])
+    low, high = limits.thrust_N
+    return [
+        (squared - (aside / math.sin(roll)) ** 2) / q.weight_N**2,
+        (force[2] ** 2 - (ahead / math.tan(pitch)) ** 2) / q.weight_N**2,
+        (squared - low**2) / q.weight_N**2,
+        (high**2 - squared) / q.weight_N**2,
+    ]
 
 
 def _motion_of(problem: Problem, z: ca.SX, slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import root
 
 from gcs.errors import PlanningError, ScenarioError
-from gcs.physics.quadrotor import derivative, hover_trim
+from gcs.physics.quadrotor import Array, derivative, hover_trim
 from gcs.physics.wind import SteadyWind
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.ground_phases import vertical
@@ -123,3 +124,85 @@ def test_wind_stronger_than_the_vehicle_is_refused_in_a_sentence(tmp_path: Path,
     told = r"wind.speed_mps = 30.0: too strong: to hover at 40 m the vehicle tilts by 34.\d degrees"
     with pytest.raises(ScenarioError, match=told):
         load_scenario(tmp_path)
+
+
+SHEARED = "\n[wind]\nspeed_mps = 8.0\nfrom_deg = 0.0\nshear = 0.4\n"
+
+
+@pytest.fixture(scope="module")
+def sheared(tmp_path_factory: pytest.TempPathFactory, repo_root: Path) -> Plan:
+    """The bundled field, with vehicles up to 8 m above the leader, in a wind that leaves it little tilt."""
+    text = (repo_root / "missions" / "field" / "scenario.toml").read_text() + SHEARED
+    folder = tmp_path_factory.mktemp("sheared")
+    for short, long in (("takeoff_s = 30.0", "takeoff_s = 60"), ("landing_s = 45.0", "landing_s = 90")):
+        assert short in text
+        text = text.replace(short, long)
+    (folder / "scenario.toml").write_text(text)
+    return make_plan(load_scenario(folder))
+
+
+def tilt_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
+    """Roll and pitch, deg, that fly a vehicle's path in the wind at its own height: Eq. 1 solved for three unknowns.
+
+    The path alone is the plan's: positions of the leader and the offset, with differences for speed and acceleration.
+    """
+    scenario = plan.scenario
+    body, wind = scenario.vehicle, scenario.wind
+    assert wind is not None
+    step = 2e-3
+    times = t_s + step * np.arange(-2.0, 3.0)
+    path = plan.leader_trajectory.state(times)[:, :3] + plan.offsets(times)[vehicle]
+    speed = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ path / (12.0 * step)
+    acceleration = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) @ path / (12.0 * step**2)
+    height_m = -path[2, 2]
+    toward = np.radians(wind.from_deg + 180.0)
+    smooth_m = 0.5 * (height_m + np.hypot(height_m, 1.0))  # the power law, without its infinite slope at the ground
+    air = wind.speed_mps * (smooth_m / 10.0) ** wind.shear * np.array([np.cos(toward), np.sin(toward), 0.0])
+    yaw = float(plan.leader_trajectory.state(np.array([t_s]))[0, 8])
+
+    def unbalanced(unknown: Array) -> Array:
+        thrust, roll, pitch = unknown
+        lift = np.array(
+            [
+                np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
+                np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
+                np.cos(pitch) * np.cos(roll),
+            ]
+        )
+        drag = np.array(body.drag_Nspm) * (speed - air)
+        weight = np.array([0.0, 0.0, body.mass_kg * body.gravity_mps2])
+        return np.asarray(weight - thrust * lift - drag - body.mass_kg * acceleration)
+
+    found = root(unbalanced, [body.mass_kg * body.gravity_mps2, 0.0, 0.0], tol=1e-12)
+    assert found.success
+    return float(np.degrees(found.x[1])), float(np.degrees(found.x[2]))
+
+
+def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(sheared: Plan) -> None:
+    """Every vehicle by Eq. 1 in the wind at its own height, with the code's own followers left out."""
+    most_deg = sheared.scenario.limits.roll_pitch_yaw_deg[:2]
+    mission = sheared.phase("mission")
+    steepest = np.zeros((len(sheared.sysids), 2))
+    for t_s in np.concatenate(
+        [np.linspace(mission.start_s + 0.1, 6.0, 60), np.linspace(6.0, mission.end_s - 0.1, 150)]
+    ):
+        for vehicle in range(len(sheared.sysids)):
+            tilt = np.abs(tilt_by_hand(sheared, vehicle, float(t_s)))
+            steepest[vehicle] = np.maximum(steepest[vehicle], tilt)
+    assert np.all(steepest <= 1.001 * np.array(most_deg)), steepest
+    # The limit binds, and those above the leader reach it first.
+    assert steepest[:, 1].max() > 0.98 * most_deg[1]
+    assert steepest[2, 1] > steepest[0, 1] + 0.5
+    report = verify(sheared)
+    assert report.ok, report.failures
+
+
+def test_verification_sees_a_higher_vehicle_that_leans_too_far(sheared: Plan) -> None:
+    """The same motion under a limit that the leader keeps and the highest vehicles do not."""
+    times = np.linspace(0.0, sheared.flight_s, 20_000)[:-1]
+    leader_deg = float(np.degrees(np.abs(sheared.leader_trajectory.state(times)[:, 7])).max())
+    limits = sheared.scenario.limits
+    tight = limits.model_copy(update={"roll_pitch_yaw_deg": (limits.roll_pitch_yaw_deg[0], leader_deg + 0.3, 180.0)})
+    report = verify(replace(sheared, scenario=sheared.scenario.model_copy(update={"limits": tight})))
+    assert {"pitch"} == {check.name for check in report.failures}
+    assert {check.sysid for check in report.failures} <= {3, 4}
