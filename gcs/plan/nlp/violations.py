@@ -18,7 +18,7 @@ from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.nlp import margins
 from gcs.plan.nlp.margins import Margin
-from gcs.plan.ocp.problem import Problem, Tightening
+from gcs.plan.ocp.problem import Problem, Tightening, control_bounds
 from gcs.plan.trajectory.trajectory import Trajectory
 
 Evaluate = Callable[[Array], list[tuple[Margin, float]]]
@@ -105,12 +105,12 @@ def find_violations(problem: Problem, trajectory: Trajectory, shape: Shape) -> t
 
 def tightenings(problem: Problem, found: tuple[Violation, ...]) -> tuple[Tightening, ...]:
     """Bounds of the leader that prevent violations by vehicles that no constraint of the program describes."""
-    limits = problem.scenario.limits
+    sizes = control_bounds(problem.scenario)[1]
     made = []
     for miss in found:
         start_s, end_s = miss.period_s[0] - _BESIDE_S, miss.period_s[1] + _BESIDE_S
         if miss.name == "rotor speed":
-            for u, size in enumerate((limits.thrust_N[1], *limits.torque)):
+            for u, size in enumerate(sizes.tolist()):
                 made.append(Tightening(12 + u, start_s, end_s, _EXCESS * miss.by * size))
         elif miss.name in _COLUMNS and miss.beyond_leader > 0.0:
             if problem.winds_differ and miss.name in ("roll", "pitch", "thrust U1"):

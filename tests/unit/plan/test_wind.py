@@ -157,7 +157,7 @@ def tilt_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
     height_m = -path[2, 2]
     toward = np.radians(wind.from_deg + 180.0)
     smooth_m = 0.5 * (height_m + np.hypot(height_m, 1.0))  # the power law, without its infinite slope at the ground
-    air = wind.speed_mps * (smooth_m / 10.0) ** wind.shear * np.array([np.cos(toward), np.sin(toward), 0.0])
+    air = wind.speed_mps * (smooth_m / wind.height_m) ** wind.shear * np.array([np.cos(toward), np.sin(toward), 0.0])
     yaw = float(plan.leader_trajectory.state(np.array([t_s]))[0, 8])
 
     def unbalanced(unknown: Array) -> Array:
