@@ -10,6 +10,7 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M
 from gcs.mission.failsafe.fence_rally import Safety
+from gcs.mission.machine_independent import rounded
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.waypoints.placement import Deviation
@@ -68,23 +69,23 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
         "setpoint_rate_hz": index.setpoint_rate_hz,
         "waypoints": index.waypoints,
         "items": index.items,
-        "deviation": asdict(index.deviation),
+        "deviation": rounded(asdict(index.deviation)),
         "separation_min_m": plan.scenario.judge.separation_min_m,
-        "verified": None if index.report is None else _verified(index, index.report, plan),
-        "timing": None if index.timing is None else index.timing.data(),
+        "verified": None if index.report is None else rounded(_verified(index, index.report, plan)),
+        "timing": None if index.timing is None else rounded(index.timing.data()),
         "refused": index.refused or None,
         "fence": {
             "inclusion_margin_m": INCLUSION_MARGIN_M,
-            "zones": [asdict(zone) for zone in index.safety.fence.zones],
+            "zones": rounded([asdict(zone) for zone in index.safety.fence.zones]),
         },
-        "returns": _returns(index.safety),
+        "returns": rounded(_returns(index.safety)),
         "parameters": {
             str(sysid): dict(values) for sysid, values in zip(plan.sysids, index.safety.parameters, strict=True)
         },
         "sha256": index.sha256,
     }
     if index.smoothing is not None:
-        document["smoothing"] = asdict(index.smoothing)
+        document["smoothing"] = rounded(asdict(index.smoothing))
     return document
 
 

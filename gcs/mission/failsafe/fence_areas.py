@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 INCLUSION_MARGIN_M = 10.0
 _CORNERS_MAX = 32
+_LEAST_SLACK_M = 0.5
+_PLACES_GRID_M = 2.0**-10
+_BEGINS_AT = np.array([math.cos(1.0), math.sin(1.0)])  # the corner farthest this way: no track runs across it
 _GRID_S = 0.5
 _TOO_LARGE_M = 0.5  # of a disk's outline, at its corners
 _DISK_CORNERS = (12, 96)
@@ -40,17 +43,23 @@ def planned_places_m(plan: Plan) -> Array:
 
 
 def inclusion_corners(places_m: Array) -> Array:
-    """Corners (C, 2) of a convex polygon around all places (N, 2), with the margin, in `_CORNERS_MAX` corners."""
-    hull = shapely.MultiPoint(places_m).convex_hull
-    slack_m = 0.0
+    """Corners (C, 2) of a convex polygon around all places (N, 2), with the margin, in `_CORNERS_MAX` corners.
+
+    Places on a straight track make corners or make none, by their last bits. So the hull is that of places on a fine
+    grid, simplified from one certain corner on; simplifying moves it inwards by less than the slack that is added.
+    """
+    hull = shapely.MultiPoint(np.round(places_m / _PLACES_GRID_M) * _PLACES_GRID_M).convex_hull
+    ring = shapely.get_coordinates(hull)[:-1]
+    first = int(np.argmax(ring @ _BEGINS_AT)) if len(ring) > 2 else 0
+    hull = shapely.Polygon(np.roll(ring, -first, axis=0)) if len(ring) > 2 else hull
+    slack_m = _LEAST_SLACK_M
     while True:
-        # Simplifying moves the hull inwards by less than the slack that is added.
-        rough = hull.simplify(slack_m) if slack_m else hull
+        rough = hull.simplify(slack_m)
         grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
         corners = np.array(grown.exterior.coords)[:-1]
         if len(corners) <= _CORNERS_MAX:
             return corners
-        slack_m = 2.0 * slack_m or 0.5
+        slack_m *= 2.0
 
 
 def outside_area(inclusion: shapely.Polygon, clearance_m: float) -> shapely.Geometry:

@@ -36,6 +36,7 @@ from gcs.mission.failsafe.routed.routed_returns import (
 from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
+from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
             cases = routed_returns(plan, routes, period_s, around)
         for case in cases:
             least_m, t_s, (i, j) = nearest_pair(case, top_down_m, found.speeds, plan.scenario.limits.separation_min_m)
-            if least_m < worst.distance_m:
+            if least_m < worst.distance_m - EQUAL:
                 worst = WorstReturn(least_m, t_s, (plan.sysids[i], plan.sysids[j]), case.name)
     return replace(found, routed=worst)
 
@@ -179,8 +180,8 @@ def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_
     return min(worst, *finer, key=_distance)
 
 
-def _distance(worst: WorstReturn) -> float:
-    return worst.distance_m
+def _distance(worst: WorstReturn) -> int:
+    return math.floor(worst.distance_m / EQUAL + 0.5)  # of equal distances the first counts
 
 
 def _base_m(clear_m: float, highest_m: float) -> float:
@@ -208,8 +209,10 @@ def _nearest_pair(plan: Plan, case: Returning, altitudes_m: Array) -> WorstRetur
     found = []
     for i, j in itertools.combinations(range(len(motions)), 2):
         distance = pair_distances(motions[i], motions[j])
-        at = int(np.argmin(distance))
-        found.append(WorstReturn(float(distance[at]), float(case.t_s[at]), (plan.sysids[i], plan.sysids[j]), case.name))
+        at = first_least(distance)
+        found.append(
+            WorstReturn(float(distance.min()), float(case.t_s[at]), (plan.sysids[i], plan.sysids[j]), case.name)
+        )
     return min(found, key=_distance)
 
 
@@ -222,8 +225,8 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
     worst = WorstReturn(math.inf, math.nan, (0, 0), returning.name)
     for instant, look in np.ndindex(looks.shape):
         distance, near = KDTree(places[:, instant, look]).query(places[:, instant, look], k=2)
-        row = int(np.argmin(distance[:, 1]))
-        if distance[row, 1] < worst.distance_m:
+        row = first_least(distance[:, 1])
+        if distance[row, 1] < worst.distance_m - EQUAL:
             pair = plan.sysids[row], plan.sysids[int(near[row, 1])]
             worst = WorstReturn(float(distance[row, 1]), float(returning.t_s[instant]), pair, returning.name)
     return worst

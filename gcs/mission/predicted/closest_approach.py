@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.physics.quadrotor import Array
 
@@ -47,7 +48,7 @@ def closest_approach(flights: Sequence[PredictedFlight], below_m: float = np.inf
         return _nearest(places, instants, airborne, first, second, None)
     best: Closest | None = None
     for piece in range(len(instants) - 1):
-        limit = below_m if best is None else min(below_m, best.distance_m)
+        limit = below_m if best is None else min(below_m, best.distance_m - EQUAL)
         pairs = _near_pairs(places[:, piece], places[:, piece + 1], limit)
         if len(pairs):
             found = _nearest(
@@ -76,8 +77,8 @@ def _nearest(
     between = places[second] - places[first]  # (P, I, 3)
     distance, share = least_distance(between[:, :-1], between[:, 1:])
     distance = np.where(airborne[first] | airborne[second], distance, np.inf)
-    pair, piece = np.unravel_index(np.argmin(distance), distance.shape)
-    least = float(distance[pair, piece])
+    pair, piece = np.unravel_index(first_least(distance), distance.shape)
+    least = float(distance.min())
     if not np.isfinite(least) or (below_m is not None and least >= below_m):
         return None
     t_s = instants[piece] + share[pair, piece] * (instants[piece + 1] - instants[piece])

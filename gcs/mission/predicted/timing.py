@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 from gcs.autopilots.navigation.predict import NEAR_M
 from gcs.autopilots.traits import Autopilot
 from gcs.frames import Origin, from_degE7, geodetic_to_ned
+from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
@@ -139,7 +140,7 @@ def _passages(
         place = _place(mission, index, origin)
         t_s, distance_m = _approach(knots_s[begin:end], flight.ned_m[begin:end] - place)
         near = np.flatnonzero(distance_m <= NEAR_M)
-        times.append(float(t_s[near[0] if index in stops and len(near) else int(np.argmin(distance_m))]))
+        times.append(float(t_s[near[0] if index in stops and len(near) else first_least(distance_m)]))
     return waypoints, np.array(times)
 
 
@@ -172,8 +173,8 @@ def _vehicle(mission: VehicleMission, late_s: Array, error_m: Array, t_s: Array)
     arrivals = [
         t for t, item in zip(mission.arrival_s, mission.items, strict=True) if item.command == Command.NAV_WAYPOINT
     ]
-    worst = int(np.nanargmax(np.abs(late_s)))
-    at = int(np.argmax(error_m))
+    worst = first_least(-np.abs(late_s))
+    at = first_least(-error_m)
     return VehicleTiming(
         mission.sysid,
         float(late_s[worst]),
@@ -208,8 +209,8 @@ def _nearest(plan: Plan, t_s: Array, flown: Array, apart_s: Sequence[float]) -> 
         for shift_s in np.unique(np.linspace(-pair_s, pair_s, _SHIFTS)).tolist():
             other = np.stack([np.interp(t_s + shift_s, t_s, flown[second, :, axis]) for axis in range(3)], axis=-1)
             distance_m = np.linalg.norm(flown[first] - other, axis=-1)
-            at = int(np.argmin(distance_m))
-            if distance_m[at] < best.distance_m:
+            at = first_least(distance_m)
+            if distance_m[at] < best.distance_m - EQUAL:
                 pair = (plan.sysids[first], plan.sysids[second])
                 best = NearMiss(float(distance_m[at]), float(t_s[at]), pair, pair_s)
     return best

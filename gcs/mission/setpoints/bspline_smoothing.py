@@ -14,6 +14,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse.linalg import spsolve
 
 from gcs.errors import UsageError, VerificationError
+from gcs.mission.machine_independent import on_grid
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 from gcs.plan.nlp import margins
 from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M
@@ -25,6 +26,7 @@ DEGREE = 5
 LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25
 # Of a limit's scale, ten times the verifier's: a spline oscillates a little where the plan is at a rate limit.
 LIMIT_TOLERANCE = 1e-2
+_COEFFICIENT_GRID = 2.0**-17  # m and rad: far above what solvers on two machines differ by
 _AT_REST = 3  # coefficients at each end of a clamped quintic: they fix its position, velocity and acceleration there
 
 
@@ -94,7 +96,7 @@ def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: in
     if free.shape[1]:
         missing = planned - basis @ coefficients
         solution = spsolve(sparse.csc_matrix(free.T @ free), free.T @ missing)
-        coefficients[_AT_REST:-_AT_REST] = solution.reshape(-1, 4)
+        coefficients[_AT_REST:-_AT_REST] = on_grid(solution.reshape(-1, 4), _COEFFICIENT_GRID)
     return BSpline(knots, coefficients, DEGREE)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
+from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.waypoints.leg_profile import LegProfile, leg_profile
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices
 from gcs.mission.waypoints.speed_correction import Corrected, correct
@@ -44,6 +45,7 @@ _GOOD_S, _GOOD_OWN_S = (
     1.0,
     2.0,
 )  # good enough to try no other placement; the second for vehicles with legs of their own, which take long
+_BETTER_S = 0.05  # a later placement must be better by this much
 _NO_FLY_COST_SPM = 100.0  # cost of a metre inside a no-fly zone, in s of lateness
 _CACHE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # a correction takes seconds
 _CACHED_MAX = 16
@@ -80,7 +82,7 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     best: _Attempt | None = None
     for tolerances, share in _PLACEMENTS:
         attempt = _attempt(plan, firmware, sampled, stops, (tolerances, share))
-        if best is None or attempt.off_s < best.off_s:
+        if best is None or attempt.off_s < best.off_s - _BETTER_S:
             best = attempt
         if best.off_s <= (_GOOD_S if len(sampled.position_ned_m) == 1 else _GOOD_OWN_S):
             break
@@ -105,7 +107,7 @@ class _Samples:
         samples = math.ceil((plan.flight_s - begin) / _SAMPLE_S) + 1
         t_s = np.asarray(begin + _SAMPLE_S * np.arange(samples), dtype=np.float64)
         t_s[-1] = plan.flight_s
-        return cls(t_s, plan.motion(t_s, rows)[0][..., POSITION])
+        return cls(t_s, on_grid(plan.motion(t_s, rows)[0][..., POSITION], SAMPLE_GRID))
 
 
 @dataclass(frozen=True)

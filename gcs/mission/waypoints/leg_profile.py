@@ -10,6 +10,7 @@ import numpy as np
 
 from gcs.autopilots.navigation.navigator import NavigatorOrders
 from gcs.autopilots.navigation.predict import NEAR_M, Prediction
+from gcs.mission.machine_independent import ORDER_GRID, on_grid
 from gcs.physics.quadrotor import Array
 
 SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of a leg, at which lateness is measured
@@ -89,15 +90,16 @@ def leg_profile(
     """The profile through samples (M, 3) at t_s (M,), and for each leg its number among pairs of `waypoints`.
 
     If the samples rest from one waypoint to the next, there is a hold instead of a leg. No component of a speed
-    exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`.
+    exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
     """
+    ends_ned_m = on_grid(position_ned_m[waypoints], ORDER_GRID)
     legs: list[int] = []
-    points, due = [position_ned_m[waypoints[0]]], []
+    points, due = [ends_ned_m[0]], []
     holds: list[float] = []
     fastest: list[float] = []
     waited_s = 0.0
     for number, (i, j) in enumerate(pairwise(waypoints)):
-        chord = position_ned_m[j] - points[-1]
+        chord = ends_ned_m[number + 1] - points[-1]
         length = float(np.linalg.norm(chord))
         if length < _STILL_M and j != waypoints[-1]:
             if holds:
@@ -112,7 +114,7 @@ def leg_profile(
         due[-1][-1] = t_s[j] - t_s[waypoints[0]] - waited_s
         holds.append(0.0)
         fastest.append(float(np.min(speed_ned_mps / np.maximum(np.abs(chord) / max(length, _STILL_M), 1e-9))))
-        points.append(position_ned_m[j])
+        points.append(ends_ned_m[number + 1])
         if j == waypoints[-1]:
             near = np.linalg.norm(position_ned_m[i : j + 1] - position_ned_m[j], axis=1) <= NEAR_M
             due[-1][-1] = min(due[-1][-1], t_s[i + int(np.argmax(near))] - t_s[waypoints[0]] - waited_s)
@@ -120,7 +122,7 @@ def leg_profile(
     return (
         LegProfile(
             np.array(points),
-            np.array(due),
+            on_grid(np.array(due), ORDER_GRID),
             np.array(holds),
             slowest_mps,
             np.clip(fastest, slowest_mps, fastest_mps),

@@ -18,6 +18,7 @@ from gcs.autopilots.altitudes import kept_alt_m, written_alt_m
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each
 from gcs.errors import ScenarioError
 from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
+from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.waypoints.clear_legs import clear_legs
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
@@ -41,6 +42,8 @@ _STILL_M = 0.01
 _SPEED_DECIMALS = 4
 _TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
+_HOME_DECIMALS = (8, 8, 3)
+_SURE_DECIMALS = 6  # m: heights in metres and millimetres stay on the same side when they are rounded
 _DAY_S = 86400
 
 
@@ -65,7 +68,7 @@ def timed_legs(plan: Plan) -> TimedLegs:
         if phase.name not in ("run-up", "mission"):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
-        everyone = plan.motion(t_s, slice(None))[0][..., POSITION]  # (V, N, 3)
+        everyone = on_grid(plan.motion(t_s, slice(None))[0][..., POSITION], SAMPLE_GRID)  # (V, N, 3)
         flown = SampledFlight(t_s, everyone[rows], SPEED_MIN_MPS, clear_legs(plan.scenario, t_s, everyone))
         indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
         errors.append(deviation(flown, indices))
@@ -121,12 +124,14 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
     ends_ned_m = np.stack([plan.landing_points_ned_m[row], plan.pads_ned_m[row]])
     points_ned_m = np.concatenate([states[:, POSITION], ends_ned_m])
     places = np.stack(ned_to_geodetic(points_ned_m, origin), axis=-1)
-    home = Home(*places[-1].tolist())
-    below_m = np.full(len(places), home.alt_amsl_m if altitude is Altitude.RELATIVE else 0.0)
+    home = Home(*_home(places[-1]))
+    below_m = np.full(len(places), places[-1, 2] if altitude is Altitude.RELATIVE else 0.0)
     if altitude is Altitude.TERRAIN:
         ground_m = ground_height_m(plan.scenario.terrain, points_ned_m[:, 0], points_ned_m[:, 1])
         below_m = places[:, 2] + points_ned_m[:, 2] + ground_m
-    places[:, 2] = [written_alt_m(alt_m, firmware) for alt_m in (places[:, 2] - below_m).tolist()]
+    places[:, 2] = [
+        written_alt_m(alt_m, firmware) for alt_m in np.round(places[:, 2] - below_m, _SURE_DECIMALS).tolist()
+    ]
     # Lengths as stored, not as planned: the time of a slow leg depends on its last centimetre.
     kept = _as_kept(places, firmware)[:-2]
     length_m = np.linalg.norm(
@@ -222,6 +227,11 @@ class _Draft:
         delay_s = round(float(duration_s), _TIME_DECIMALS)
         if delay_s > 0:
             self.do(Command.NAV_DELAY, delay_s, -1.0, -1.0, -1.0)
+
+
+def _home(place: Array) -> list[float]:
+    """A pad's latitude, longitude and altitude, with the decimals of which all machines are certain: millimetres."""
+    return [round(part, decimals) for part, decimals in zip(place.tolist(), _HOME_DECIMALS, strict=True)]
 
 
 def _as_kept(places: Array, firmware: Autopilot) -> Array:

@@ -17,9 +17,11 @@ from scipy.optimize import lsq_linear
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.errors import VerificationError
+from gcs.mission.machine_independent import on_grid
 from gcs.mission.waypoints.leg_profile import SHARES, LegProfile
 from gcs.physics.quadrotor import Array
 
+_LOGARITHM_GRID, _SPEED_GRID = 2.0**-16, 2.0**-20  # of speeds in m/s: every machine flies the same trials
 _EVERY = 4  # distance, in legs, of speeds varied in one flight
 _BEFORE, _AFTER = 1, 2  # legs before and after its own that a speed acts on
 _TRIAL = 0.05  # variation of the logarithm of a speed
@@ -67,7 +69,7 @@ def correct(navigator: Navigator, profile: LegProfile, lead_s: tuple[float, floa
         damping = max(damping / 3.0, 0.01)
         if np.abs(now.late_s).max() < _GOOD_S or (number > 1 and gained < _STALE * now.cost):
             break
-    return Corrected(np.exp(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
+    return Corrected(_speeds_mps(now.x[:-1]), float(now.x[-1]), now.flown, now.late_s.reshape(-1, len(SHARES))[:, -1])
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class _Problem:
         slowest = np.full(len(profile.fastest_mps), profile.slowest_mps)
         self._low = np.append(np.log(slowest), lead_s[0])
         self._high = np.append(np.log(profile.fastest_mps), lead_s[1])
-        self.planned = np.append(np.log(profile.planned_mps), lead_s[0])
+        self.planned = on_grid(np.append(np.log(profile.planned_mps), lead_s[0]), _LOGARITHM_GRID)
         counts = _SLOW_COUNTS + (1.0 - _SLOW_COUNTS) * profile.planned_mps / profile.planned_mps.max()
         parts = np.repeat(counts[:, None], len(SHARES), axis=1)
         parts[:, -1] = 1.0
@@ -97,7 +99,7 @@ class _Problem:
 
     def at(self, x: Array) -> _Trial:
         """The trial of x."""
-        flown = predict(self._navigator, self._profile.orders(np.exp(x[:-1])))
+        flown = predict(self._navigator, self._profile.orders(_speeds_mps(x[:-1])))
         late = (self._profile.passed_s(flown) - x[-1] - self._profile.due_s).ravel()
         weighed, pulled = self._counts * late * np.sqrt(1.0 + late**2), _PULL * (x - self.planned)
         return _Trial(x, flown, late, float(weighed @ weighed / len(SHARES) + pulled @ pulled))
@@ -133,12 +135,16 @@ class _Problem:
         )
         step = lsq_linear(matrix, target, bounds).x
         try:
-            trial = self.at(np.clip(now.x + step, self._low, self._high))
+            trial = self.at(np.clip(on_grid(now.x + step, _LOGARITHM_GRID), self._low, self._high))
         except VerificationError:
             return None
         return trial if trial.cost < now.cost else None
 
     def _durations(self, logarithms: Array) -> Array:
         """Durations of every share of every leg, in coarse steps."""
-        flown = predict(self._coarse, self._profile.orders(np.exp(logarithms)))
+        flown = predict(self._coarse, self._profile.orders(_speeds_mps(logarithms)))
         return np.diff(self._profile.passed_s(flown).ravel(), prepend=0.0)
+
+
+def _speeds_mps(logarithms: Array) -> Array:
+    return on_grid(np.exp(logarithms), _SPEED_GRID)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 _OVER_M = 0.02  # above the required clearance, for rounding
+_RAISE_GRID_M = 2.0**-6
 _ROUNDS = 4
 _EVERY = 4  # steps of a flight between samples: about half a metre
 
@@ -54,7 +55,7 @@ class TerrainRaise:
                 ends = slice(which, which + 2)
                 more_m[ends] = np.maximum(more_m[ends], low[number == leg].max(initial=0.0))
             more_m[[0, -1]] = 0.0
-            self.by_waypoint_m += more_m
+            self.by_waypoint_m += np.ceil(more_m / _RAISE_GRID_M) * _RAISE_GRID_M
             raised = profile.points_ned_m.copy()
             raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
             flown = predict(navigator, replace(profile, points_ned_m=raised).orders(found.speeds_mps))

@@ -51,9 +51,13 @@ class Shape:
 
     def offsets(self, t_s: Array, order: int = 0, rows: slice | Rows = EVERYONE) -> Array:
         """Offsets (V, N, 3) of `rows` from the leader, or their `order`-th time derivative in m/s^order."""
-        tables = self.basis_ned_m[:, rows]
-        flat = self.functions(t_s, nu=order) @ tables.reshape(len(tables), -1)
-        return np.ascontiguousarray(flat.reshape(len(flat), *tables.shape[1:]).swapaxes(0, 1))
+        tables, factors = self.basis_ned_m[:, rows], np.ascontiguousarray(self.functions(t_s, nu=order).T)
+        offsets = np.zeros((*tables.shape[1:], factors.shape[1]))  # (V, 3, N)
+        # Summed one by one: a matrix product sums in an order that depends on the processor.
+        for table, factor in zip(tables, factors, strict=True):
+            if factor.any():
+                offsets += table[..., None] * factor
+        return np.ascontiguousarray(offsets.swapaxes(1, 2))
 
     def is_moving(self, t_s: Array) -> NDArray[np.bool_]:
         """Whether the shape changes at these instants (N,)."""

@@ -14,6 +14,7 @@ import shapely
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -129,8 +130,8 @@ def nearest_pair(
         between = places[second] - places[first]
         distance, _ = least_distance(between[:, :-1], between[:, 1:])
         distance[:, _SAMPLES - 1] = np.where(together, distance[:, _SAMPLES - 1], np.inf)
-        at = int(np.argmin(distance.min(axis=1)))
-        least = float(distance[at].min())
-        if least < best[0]:
+        at = first_least(distance.min(axis=1))
+        least = float(distance.min())
+        if least < best[0] - EQUAL:
             best = least, float(case.t_s[at]), (first, second)
     return best

@@ -19,7 +19,7 @@ import simplekml
 
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.formats.maps.tracks import T0_SHOWN, MapFile, Track, checked
+from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile, Track, checked
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
 from gcs.reading.archives import BadArchive, read_member
 from gcs.reading.bounded_file import MIB, in_mib
@@ -138,7 +138,8 @@ def _corners(circle: FenceCircle) -> Iterable[tuple[float, float]]:
     angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     north = circle.radius_m / _METRES_PER_DEGREE
     east = north / max(math.cos(math.radians(lat)), 1e-3)
-    return zip((lon + east * np.sin(angles)).tolist(), (lat + north * np.cos(angles)).tolist(), strict=True)
+    places = np.round([lon + east * np.sin(angles), lat + north * np.cos(angles)], DEGREE_DECIMALS)
+    return zip(*places.tolist(), strict=True)
 
 
 def _extended(element: ElementTree.Element) -> dict[str, str]:

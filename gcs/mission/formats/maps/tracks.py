@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 T0_SHOWN = "2000-01-01T00:00:00Z"  # plans have no date
 PERIOD_S = 1.0
-_DEGREE_DECIMALS, _METRE_DECIMALS = 8, 3
+DEGREE_DECIMALS, _METRE_DECIMALS = 7, 3
 _MS = 1000
 
 
@@ -52,7 +52,7 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
     inside = np.clip(t_s, plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     position = plan.leader_trajectory.state(inside)[:, POSITION] + plan.offsets(inside)
     lat, lon, alt = ned_to_geodetic(position, local_origin(plan.scenario))
-    rounded = np.round(lat, _DEGREE_DECIMALS), np.round(lon, _DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
+    rounded = np.round(lat, DEGREE_DECIMALS), np.round(lon, DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
     tracks = tuple(Track(sysid, t_s, *(part[row] for part in rounded)) for row, sysid in enumerate(plan.sysids))
     return MapFile(plan.scenario.title or plan.scenario.name, plan.hash, tracks, geofence)
 

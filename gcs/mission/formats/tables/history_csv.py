@@ -38,6 +38,7 @@ COLUMNS = {
 _TITLE = "Skein state and control history: common local NED frame, t_s = 0 is T0"
 _STATES = 12
 _MS = 1000
+_STATE_DECIMALS, _CONTROL_DECIMALS = 6, 7  # micrometres and microradians: what all machines agree on
 ALL_VEHICLES = slice(None)
 
 
@@ -59,6 +60,7 @@ def build_histories(plan: Plan, rate_hz: float, rows: slice = ALL_VEHICLES) -> l
     inside = np.rint(ticks * _MS / rate_hz) / _MS
     t_s = np.unique(np.clip(np.concatenate([[plan.t_start_s], inside, [plan.t_end_s]]), plan.t_start_s, plan.t_end_s))
     states, controls = plan.motion(np.minimum(t_s, np.nextafter(plan.t_end_s, -np.inf)), rows)
+    states, controls = np.round(states, _STATE_DECIMALS) + 0.0, np.round(controls, _CONTROL_DECIMALS) + 0.0
     return [History(sysid, plan.hash, t_s, states[row], controls[row]) for row, sysid in enumerate(plan.sysids[rows])]
 
 

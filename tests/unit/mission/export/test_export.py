@@ -75,8 +75,8 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         assert (history.sysid, history.plan_hash) == (sysid, plan.hash)
         assert (history.t_s[0], history.t_s[-1]) == (plan.t_start_s, plan.t_end_s)
         states, controls = plan.motion(history.t_s[1:-1])
-        assert np.array_equal(history.states[1:-1], states[plan.sysids.index(sysid)])
-        assert np.array_equal(history.controls[1:-1], controls[plan.sysids.index(sysid)])
+        assert np.abs(history.states[1:-1] - states[plan.sysids.index(sysid)]).max() <= 0.51e-6
+        assert np.abs(history.controls[1:-1] - controls[plan.sysids.index(sysid)]).max() <= 0.51e-7
     maps = [read(written[f"formation.{suffix}"], "m") for suffix, read in MAPS]
     assert maps[0].geofence == plan_file.geofence
     for drawn in maps:
@@ -86,7 +86,7 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
         for row, track in enumerate(drawn.tracks):
             flown = geodetic_to_ned(track.lat_deg, track.lon_deg, track.alt_amsl_m, origin)
             wanted = plan.states(track.t_s[:-1])[row, :, POSITION]
-            assert np.allclose(flown[:-1], wanted, atol=2e-3)
+            assert np.allclose(flown[:-1], wanted, atol=7e-3)  # seven decimals of a degree
 
 
 MAPS = (("kml", read_kml), ("kmz", read_kmz), ("geojson", read_geojson))
