@@ -18,6 +18,7 @@ from tools.paper import book
 from tools.paper.peers import ALL
 from tools.paper.readme import MARK, updated
 from tools.paper.run import Run
+from tools.paper.speed_model import path_limits
 from tools.paper.swarm import POINTS, Search
 from tools.paper.track import turns
 from tools.paper.weighting import FLIGHTS
@@ -139,4 +140,23 @@ def test_a_swarm_keeps_its_constraints_and_sees_the_tracks_before(repo_root: Pat
     track = np.stack([np.interp(grid, path.t_s[0], path.places_m[0, :, axis]) for axis in range(3)], axis=1)
     assert Search(scenario, start, goal, [track]).violations(path)[0, 4] > 0.2
     assert Search(scenario, start, goal, [track + np.array([0.0, 0.0, 1.0])]).violations(path)[0, 4] == 0.0
-    assert path.t_s[0, -1] == pytest.approx(1198.0 / 5.0, rel=1e-6)
+
+
+def test_the_speed_of_a_swarms_path_keeps_every_limit_and_a_detour_takes_longer(repo_root: Path) -> None:
+    """Against the path sampled in time: speeds by differences, and a straight line worked out by hand."""
+    scenario = load_scenario(repo_root / "missions" / "simulation2")
+    start, goal = np.array([0.0, 0.0, 14.0]), np.array([1198.0, 999.0, 14.0])
+    search, limits = Search(scenario, start, goal, []), path_limits(scenario)
+    aside = np.array([0.0, 150.0, -150.0, 150.0])[:, None] * np.ones(POINTS)
+    aside[2:, ::2] *= -1.0
+    paths = search.paths(np.hstack([aside, np.full((4, POINTS), 14.0)]))
+    length_m, a = float(np.hypot(1198.0, 999.0)), limits.changing_mps2
+    v0, v = float(np.hypot(2.0, 2.0)), 5.0
+    ramps_s, ramps_m = (v - v0) / a + v / a, (v**2 - v0**2 + v**2) / (2.0 * a)
+    assert paths.t_s[0, -1] == pytest.approx(ramps_s + (length_m - ramps_m) / v, abs=0.5)
+    assert paths.t_s[1, -1] > paths.t_s[0, -1] + 1.0 and paths.t_s[2, -1] > paths.t_s[1, -1] + 1.0
+    for t, places in zip(paths.t_s, paths.places_m, strict=True):
+        speed = np.diff(places, axis=0) / np.diff(t)[:, None]
+        assert np.all(np.abs(speed) <= np.array(scenario.limits.speed_ned_mps) + 1e-6)
+        assert np.hypot(*speed[:, :2].T).max() <= 5.0 + 1e-6
+        assert np.hypot(*speed[0, :2]) < 4.5 and np.hypot(*speed[-1, :2]) < 3.5  # from 2.8 m/s, and to rest

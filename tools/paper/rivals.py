@@ -23,6 +23,7 @@ from tools.bench.describe import alone
 from tools.paper import swarm, swarm_fleet, views
 from tools.paper.claims import Claim, beside, kept, table
 from tools.paper.run import CORES, ROOT, Run
+from tools.paper.speed_model import path_limits
 from tools.paper.swarm_fleet import Fleet
 from tools.paper.track import Track
 
@@ -47,7 +48,7 @@ _ROWS = (
 )
 _INFORMATION = {
     "place over time": "yes",
-    "speed": "no: as fast as the limits allow, from the first instant to the last",
+    "speed": "one along the path, from a model beside the search",
     "attitude and rates": "no",
     "controls U1..U4": "no",
     "arrival at a time asked for": "no",
@@ -72,12 +73,15 @@ def measure(run: Run) -> dict[str, Any]:
         equal.append(_row(at_once, scenario, six_s))
         converged.append(_row(until_still, scenario, six_s))
     rows = {"ours": _medians(ours), "equal": _medians(equal), "converged": _medians(converged)}
-    track = Track(plan)
+    track, limits = Track(plan), path_limits(scenario)
     _draw(run, scenario, until_still, track)
     return {
         "seeds": seeds,
         "particles": swarm.PARTICLES,
         "points": swarm.POINTS,
+        "level_mps": limits.level_mps,
+        "vertical_mps": limits.vertical_mps,
+        "accel_mps2": limits.turning_mps2,
         "still_generations": swarm.STILL_GENERATIONS,
         "still_percent": 100.0 * swarm.STILL,
         "rows": rows,
@@ -91,10 +95,18 @@ def page(record: dict[str, Any]) -> list[str]:
     rows = record["rows"]
     lines = [
         f"The data of Simulation 2. A swarm of {record['particles']} particles (pymoo, constriction factors) looks for "
-        f"the fastest path through {record['points']} points beside the straight line and their heights, flown as fast "
-        "as the limits of every axis allow, with clearance, ceiling, box, turning radius and the tracks planned before "
-        "as constraints; one particle begins on the straight way. Vehicles are planned one after another. It has "
-        f"converged when {record['still_generations']} generations gain less than {record['still_percent']:g} %; at "
+        f"the fastest path through {record['points']} points beside the straight line and their heights, with "
+        "clearance, ceiling, box, turning radius and the tracks planned before as constraints; one particle begins on "
+        "the straight way. Vehicles are planned one after another.",
+        "",
+        "A path is flown at one speed along it, the largest that these limits allow: "
+        f"{record['level_mps']:g} m/s over ground and {record['vertical_mps']:g} m/s up or down, so that every axis "
+        f"keeps its limit in any direction; {record['accel_mps2']:.2g} m/s² for turning and as much for changes of "
+        "speed (together Eq. 18); the speeds of Eqs. 15 and 16 at the ends. With a limit of its own for every axis, "
+        "the slowest axis alone would decide, and nearly all paths would take the same time.",
+        "",
+        f"It has converged when {record['still_generations']} generations gain less than "
+        f"{record['still_percent']:g} %; at "
         f"equal time each vehicle has a sixth of what ours takes for all. Medians of {record['seeds']} seeds, one run, "
         "one machine; seconds are the processor's, one thread each, so that others on the machine do not count.",
         "",
@@ -108,8 +120,8 @@ def page(record: dict[str, Any]) -> list[str]:
     lines += [f"| {what} | yes | {theirs} |" for what, theirs in _INFORMATION.items()]
     lines += [
         "",
-        "PSO plans begin and end at full speed: of Eqs. 15 and 16 only the positions are met. Slowed to a constant "
-        "speed, they arrive on time as well, which the paper does not try. They have no attitude and no controls in "
+        "PSO plans meet the places and speeds of Eqs. 15 and 16, but no direction. Slowed to a constant speed, they "
+        "arrive on time as well, which the paper does not try. They have no attitude and no controls in "
         "either case.",
         "",
     ]

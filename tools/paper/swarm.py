@@ -20,6 +20,7 @@ from scipy.interpolate import make_interp_spline
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_envelope_m
 from gcs.scenario.schema.scenario import Scenario
+from tools.paper.speed_model import fastest, path_limits
 
 POINTS = 8  # of a path, between its ends
 SAMPLES = 401
@@ -35,7 +36,7 @@ _ROUNDING = 1e-9  # of a spline: ends on the edge of the box are inside
 
 @dataclass(frozen=True)
 class Paths:
-    """P paths at S points: places (P, S, 3) north, east, height; speeds and times as fast as Eq. 51 allows."""
+    """P paths at S points: places (P, S, 3) north, east, height; times as fast as the speed model allows."""
 
     places_m: Array
     t_s: Array  # (P, S)
@@ -59,7 +60,7 @@ class Search(Problem):  # type: ignore[misc]  # pymoo has no types
         low, high = scenario.limits.height_m
         self.scenario, self.earlier = scenario, earlier
         self.ends = np.array([start_m, goal_m])
-        self.basis = Basis()
+        self.basis, self.limits = Basis(), path_limits(scenario)
         super().__init__(
             n_var=2 * POINTS,
             n_obj=1,
@@ -90,14 +91,9 @@ class Search(Problem):  # type: ignore[misc]  # pymoo has no types
         points[:, 1:-1, :2] = along + x[:, :POINTS, None] * aside
         points[:, 1:-1, 2] = x[:, POINTS:]
         places, first, second = (np.matmul(matrix, points) for matrix in self.basis.matrices)  # (P, S, 3)
-        slowness = np.zeros(places.shape[:2])  # s per unit of the path's parameter
-        for axis, most in enumerate(self.scenario.limits.speed_ned_mps):
-            np.maximum(slowness, np.abs(first[..., axis]) / most, out=slowness)
-        steps = 0.5 * (slowness[:, 1:] + slowness[:, :-1]) / (SAMPLES - 1)
-        t_s = np.concatenate([np.zeros((len(x), 1)), np.cumsum(steps, axis=1)], axis=1)
+        t_s, speed = fastest(places, first, second, self.limits)
         cross = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
         level = np.maximum(np.hypot(first[..., 0], first[..., 1]), 1e-6)
-        speed = level / np.maximum(slowness, 1e-9)
         return Paths(places, t_s, speed**2 * cross / level**3 / self.scenario.vehicle.gravity_mps2)
 
     def violations(self, paths: Paths) -> Array:
