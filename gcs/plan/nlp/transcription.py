@@ -27,7 +27,7 @@ from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import ActiveVehicles, active_vehicles
 from gcs.plan.ocp.bounds import boundary_values, leader_control_bounds, leader_state_bounds
-from gcs.plan.ocp.objective_sum import duration_cost
+from gcs.plan.ocp.objective_sum import cost_shares, duration_cost
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -113,7 +113,7 @@ def transcribe(
     row_unit = sparse.diags(1.0 / np.tile(state_unit, a.shape[0] // nx))
     weight = TERMINAL_WEIGHTS[problem.objective.terminal_weight](node_times, problem.end_s)
     quadrature = layout.quadrature()
-    shares = np.vstack([quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight)])
+    shares = cost_shares(problem, node_times, quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight))
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = stage_functions.functions(problem, *counts)
     functions = assemble(
@@ -198,7 +198,7 @@ class Constants:
     a: ca.DM
     a_shift: ca.DM
     b: ca.DM
-    shares: ca.DM | ca.MX  # (2, nodes)
+    shares: ca.DM | ca.MX  # (R, nodes): `cost_shares`
     slots: ca.DM | ca.MX  # (slots, instants)
     state_unit: Array  # (nx,)
     lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
@@ -216,7 +216,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     lengths, fixed_shares = k.lengths, shares
     if k.time_cost is not None:
         lengths = ca.repmat(stretch, 1, nodes)
-        shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1, :])
+        shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1:, :])
     p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
     zn = z[:, :nodes]
@@ -252,7 +252,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
     if k.time_cost is not None:
         # The program is linear in the stretch of time, in the mean cost and in the motion.
-        over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes))
+        over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes), fixed_shares[2:, :])
         f += k.time_cost * stretch
         cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
         gradient = ca.vertcat(gradient, ca.sum2(parts.cost.map(nodes)(zn, over_time)) + k.time_cost)

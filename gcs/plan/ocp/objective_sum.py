@@ -12,6 +12,8 @@ from gcs.errors import UsageError
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS, Flights, Inputs, ObjectiveTerm, Share
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.ocp.representatives import NUMBERS
 from gcs.plan.trajectory.trajectory import Trajectory
 
 _BOUND_TOLERANCE = 1e-6
@@ -20,12 +22,26 @@ _SAMPLES = 8  # Gauss nodes on each interval of a trajectory
 
 
 def cost_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], shares: Any) -> Any:
-    """The integrand of Eq. 35, for the quadrature shares (2) of this instant: of the mean, and of the mean with Q."""
+    """The integrand of Eq. 35, for the `shares` of this instant (see `cost_shares`)."""
+    x = [*x, *ca.vertsplit(shares[2:])]
     total = {Share.MEAN: ca.SX(0), Share.TERMINAL: ca.SX(0)}
     for term, weight in reversed(weighted(problem)):
         if term.share is not Share.DURATION:
             total[term.share] = weight * term.rate(problem, x, u, term.scale(problem)) + total[term.share]
     return shares[0] * total[Share.MEAN] + shares[1] * total[Share.TERMINAL]
+
+
+def cost_shares(problem: Problem, times_s: Array, mean: Array, terminal: Array) -> Array:
+    """What the cost takes at each instant (R, N): the quadrature's shares (N,) of the mean and of the mean with Q, and
+    behind them the numbers of the representatives."""
+    sample = problem.representatives
+    others = [] if sample is None else [sample.numbers(problem.shape, times_s)]
+    return np.vstack([mean, terminal, *others])
+
+
+def share_rows(problem: Inputs) -> int:
+    """Number of rows of `cost_shares`."""
+    return 2 if problem.representatives is None else 2 + NUMBERS * len(problem.representatives.rows)
 
 
 def duration_cost(problem: Inputs) -> float:
@@ -53,13 +69,14 @@ def weighted(problem: Inputs) -> list[tuple[ObjectiveTerm, float]]:
     return [(term, weight) for term, weight in terms if weight]
 
 
-def term_cost(problem: Inputs, term: ObjectiveTerm, trajectory: Trajectory) -> float:
+def term_cost(problem: Problem, term: ObjectiveTerm, trajectory: Trajectory) -> float:
     """The cost of one term along a trajectory, without its weight."""
     scale = term.scale(problem)
     if term.share is Share.DURATION:
         return float((trajectory.end_s - trajectory.start_s) / scale * term.rate(problem, (), (), scale))
     times, spans = _quadrature(trajectory)
-    states, controls = trajectory.state(times), trajectory.control(times)
+    numbers = cost_shares(problem, times, times, times)[2:].T
+    states, controls = np.hstack([trajectory.state(times), numbers]), trajectory.control(times)
     x, u = ca.SX.sym("x", states.shape[1]), ca.SX.sym("u", controls.shape[1])
     rate = ca.Function("rate", [x, u], [term.rate(problem, ca.vertsplit(x), ca.vertsplit(u), scale)])
     rates = np.asarray(rate.map(len(times))(states.T, controls.T)).ravel()
@@ -79,7 +96,7 @@ def lower_bound(problem: Inputs, term: ObjectiveTerm, trajectory: Trajectory) ->
     return float(np.min(term.lower_bound(problem, Flights(length_m, lasting_s, lasting_s), term.scale(problem))))
 
 
-def refuse_false_bounds(problem: Inputs, trajectory: Trajectory) -> None:
+def refuse_false_bounds(problem: Problem, trajectory: Trajectory) -> None:
     """Raises UsageError where a flight disproves the lower bound, or the weight, of a term given by the caller."""
     for term in problem.extra_objectives:
         if (weight := term.weight(problem)) < 0.0:

@@ -18,6 +18,7 @@ import numpy as np
 from gcs.physics.quadrotor import Array, Quadrotor
 from gcs.plan.formation.coordinates import Coordinate
 from gcs.plan.nlp.variables import NX
+from gcs.plan.ocp.representatives import NUMBERS, Representatives, motion
 from gcs.scenario.schema.scenario import Scenario, TerminalWeight
 from gcs.scenario.si import heading_ref_deg, height_ref_m
 
@@ -114,12 +115,21 @@ class Inputs(Protocol):
         """Whether the formation turns with the leader's course."""
 
     @property
+    def representatives(self) -> Representatives | None:
+        """Vehicles that stand for all in the energy; None where all fly one velocity through the same air."""
+
+    @property
+    def centre_travel_m(self) -> float:
+        """The most that the shape can move the vehicles' centre, seen from the leader; inf where it is not limited."""
+
+    @property
     def course_at_start_rad(self) -> float:
         """Direction in which the formation faces at its heading's zero."""
 
 
 # rate(problem, x, u, scale): from state x and control u of the leader at one instant (CasADi scalars; SI, NED).
-# Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape.
+# Behind the 12 states stand value, rate, acceleration and jerk of each coordinate of the shape, and behind those the
+# scheduled offset (3) and its rate (3) of each representative.
 Rate = Callable[[Inputs, Sequence[Any], Sequence[Any], float], Any]
 # bound(problem, flights, scale): a number, or (N,) numbers, that the term's cost is never below.
 Bound = Callable[[Inputs, Flights, float], "float | Array"]
@@ -138,9 +148,27 @@ class ObjectiveTerm:
 
 
 def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_mps: float) -> Any:
-    """Eqs. 30-32: the power against drag, which depends on the velocity relative to the air."""
-    vx, vy, vz = x[3:6]
-    wind_north, wind_east, _ = problem.quadrotor.wind.at(-x[2], ca)
+    """Eqs. 30-32: the power against drag of each vehicle, as a mean over all; it depends on the air's velocity.
+
+    The mean keeps the unit: in a rigid formation, where all vehicles fly one velocity, it is the leader's power.
+    """
+    sample = problem.representatives
+    if sample is None:
+        return _drag_power(problem, x[3:6], x[2], speed_ref_mps)
+    first = NX + 4 * len(problem.coordinates)
+    total: Any = 0.0
+    for i, (weight, target) in enumerate(zip(sample.weights.tolist(), sample.target_ned_m, strict=True)):
+        numbers = x[first + NUMBERS * i : first + NUMBERS * (i + 1)]
+        place, speed = motion(problem.coordinates, x[NX:first], numbers, target)
+        velocity = [x[3 + axis] + speed[axis] for axis in range(3)]
+        total += weight * _drag_power(problem, velocity, x[2] + place[2], speed_ref_mps)
+    return total
+
+
+def _drag_power(problem: Inputs, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
+    """Eq. 32 for one vehicle, as a share of that at the reference speed."""
+    wind_north, wind_east, _ = problem.quadrotor.wind.at(-down, ca)
+    vx, vy, vz = velocity
     speed = ca.sqrt((vx - wind_north) ** 2 + (vy - wind_east) ** 2 + vz**2 + (_STILL * speed_ref_mps) ** 2)
     return (speed / speed_ref_mps) ** 3
 
@@ -148,12 +176,19 @@ def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_m
 def least_energy(problem: Inputs, flights: Flights, speed_ref_mps: float) -> float | Array:
     """Eqs. 30-32 at constant speed in the longest time: the mean of a cube is at least the cube of the mean.
 
-    0 in wind: a tail wind may carry the vehicle.
+    0 in wind: a tail wind may carry the vehicle. Lengths are the leader's. Where the shape moves, the mean velocity is
+    that of the vehicles' centre, whose path is shorter by `centre_travel_m` at most; the leader's own share counts too.
     """
     if not problem.quadrotor.wind.is_still:
         return 0.0
-    speed_mps = flights.length_m / flights.longest_s
-    return (speed_mps / speed_ref_mps) ** 3 * flights.longest_s / problem.mean_s
+
+    def constant(length_m: float) -> Array:
+        return (length_m / flights.longest_s / speed_ref_mps) ** 3 * flights.longest_s / problem.mean_s
+
+    if problem.representatives is None:
+        return constant(flights.length_m)
+    centre = constant(max(flights.length_m - problem.centre_travel_m, 0.0))
+    return np.maximum(centre, float(problem.representatives.weights[0]) * constant(flights.length_m))
 
 
 def heading_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_rad: float) -> Any:

@@ -12,8 +12,11 @@ from gcs.plan.formation.changes.time_scaling import Budget, budget
 from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.ocp.objectives import FreeTime, Objective, ObjectiveTerm, references
+from gcs.plan.ocp.representatives import Representatives, representatives
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor, torque_limits
+
+_SAMPLES, _SAMPLED = 500, 1e-3  # instants of a change of the shape, and what is added for the path between them
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,25 @@ class Problem:
     def winds_differ(self) -> bool:
         """Whether vehicles at different heights fly in different winds."""
         return self.quadrotor.wind.has_shear and self.has_heights
+
+    @cached_property
+    def representatives(self) -> Representatives | None:
+        """Vehicles that stand for all in the energy; None where all fly one velocity through the same air."""
+        if self.vehicles == 1 or not (self.coordinates or self.shape.moving_s or self.winds_differ):
+            return None
+        return representatives(self.shape.basis_ned_m, self.target_ned_m, self.leader)
+
+    @cached_property
+    def centre_travel_m(self) -> float:
+        """The most that the shape can move the vehicles' centre, seen from the leader; inf where it is not limited."""
+        if self.coordinates:
+            return np.inf
+        # A smooth function rises and falls between its values at many instants: a little more than those add up to.
+        total_m = 0.0
+        for start_s, end_s in self.shape.moving_s:
+            centre = self.shape.offsets(np.linspace(start_s, end_s, _SAMPLES)).mean(axis=0)
+            total_m += float(np.linalg.norm(np.diff(centre, axis=0), axis=1).sum())
+        return (1.0 + _SAMPLED) * total_m
 
     @property
     def follows_course(self) -> bool:

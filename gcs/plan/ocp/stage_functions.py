@@ -19,7 +19,7 @@ from gcs.plan.formation.coordinates import bent
 from gcs.plan.nlp.margins import REST_SPEED_MPS
 from gcs.plan.nlp.variables import NU, NX
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
-from gcs.plan.ocp.objective_sum import cost_rate
+from gcs.plan.ocp.objective_sum import cost_rate, share_rows
 from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
@@ -40,12 +40,12 @@ _STEEPEST_DEG = 89.0
 
 @dataclass(frozen=True)
 class StageFunctions:
-    """CasADi functions of z (nz). The cost also takes two quadrature shares (plain, and weighted by Q); the path takes
+    """CasADi functions of z (nz). The cost also takes its shares (`objective_sum.cost_shares`); the path takes
     the numbers of the active vehicles (`gcs.plan.ocp.active_vehicles`)."""
 
     motion: ca.Function  # z -> (nx)
     motion_jacobian: ca.Function  # z -> (nx, nz)
-    cost: ca.Function  # z, shares (2) -> ()
+    cost: ca.Function  # z, shares -> ()
     cost_gradient: ca.Function  # z, shares -> (nz)
     motion_hessian: ca.Function  # z, shares, sigma, costate (nx) -> (nz, nz): of sigma * cost + costate . motion
     path: ca.Function  # z, parameters -> (P), each >= 0
@@ -62,7 +62,7 @@ def functions(problem: Problem, near_ground: int = 1, near_zone: int = 1, moving
     flight = equations_of_motion(x[:NX], u[:NU], problem.quadrotor, xp=ca)
     chain = [part for c in range(chains) for part in (*x[NX + 4 * c + 1 : NX + 4 * c + 4], u[NU + c])]
     motion = ca.vertcat(*flight, *chain)
-    shares = ca.SX.sym("shares", 2)
+    shares = ca.SX.sym("shares", share_rows(problem))
     cost = cost_rate(problem, x, u, shares)
     slots = ca.SX.sym("slots", SLOT * (near_ground + near_zone * len(zone_pieces(problem)) + moving))
     path, path_jacobian, path_hessian = _path_functions(problem, z, motion, slots, near_ground, near_zone)

@@ -19,6 +19,7 @@ from gcs.plan.nlp.transcription import Constants, Program, assemble, bounded_pro
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
+from gcs.plan.ocp.objective_sum import cost_shares, share_rows
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
@@ -73,7 +74,8 @@ class ParametricNlp:
             first = rows.stop
         lengths = np.repeat(np.diff(mesh.joints_s), self.degree)
         quadrature, weight = layout.quadrature(), _weight(self.whole, times)
-        shares = np.vstack([quadrature / self.whole.duration_s, quadrature * weight / self.weight_s])
+        stand = replace(self.whole, shape=problem.shape)
+        shares = cost_shares(stand, times, quadrature / self.whole.duration_s, quadrature * weight / self.weight_s)
         parameters = np.concatenate([lengths, shares.ravel(order="F"), slots.ravel()])
         functions = self.nlp, self.derivatives
         return bounded_program(problem, layout, chosen, functions, parameters=parameters, unused=free)
@@ -93,8 +95,9 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
     a, b = layout.collocation()
     row_unit = sparse.diags(1.0 / np.tile(unit[: layout.nx], a.shape[0] // layout.nx))
     nodes, width = layout.nodes, chosen.parameters.shape[1]
-    parameters = ca.MX.sym("p", nodes * (3 + width))
-    lengths, shares, slots = ca.vertsplit(parameters, [0, nodes, 3 * nodes, (3 + width) * nodes])
+    rows = share_rows(problem)
+    parameters = ca.MX.sym("p", nodes * (1 + rows + width))
+    lengths, shares, slots = ca.vertsplit(parameters, (nodes * np.cumsum([0, 1, rows, width])).tolist())
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     nlp, derivatives = assemble(
         stage_functions.functions(problem, *counts),
@@ -106,7 +109,7 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
             a=dm(row_unit @ a @ sparse.diags(unit)),
             a_shift=ca.DM(row_unit @ (a @ shift)),
             b=dm(row_unit @ b),
-            shares=ca.reshape(shares, 2, nodes),
+            shares=ca.reshape(shares, rows, nodes),
             slots=ca.reshape(slots, width, nodes),
             state_unit=unit[: layout.nx],
             lengths=lengths.T,
