@@ -1,4 +1,4 @@
-"""Energy of all vehicles (Eqs. 30-32): representatives against sums over every vehicle, and plans against finite sums."""
+"""Energy of all vehicles (Eqs. 30-32): representatives and plans against sums over every vehicle."""
 
 from __future__ import annotations
 
