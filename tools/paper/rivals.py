@@ -16,6 +16,7 @@ import numpy as np
 import gcs
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.search.homotopy_classes import best_class
+from gcs.plan.trajectory.energy import drag_energy_J
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP, heading_ref_deg
@@ -146,7 +147,7 @@ def _own_time_s(scenario: Scenario) -> float:
 
 def _our_row(run: Run, plan: Plan, one_s: float, six_s: float) -> dict[str, Any]:
     track, report = Track(plan), run.report("simulation2")
-    energy = track.energy_J * len(plan.sysids)
+    energy = float(drag_energy_J(plan).sum())
     asked = heading_ref_deg(plan.scenario)
     return {
         "one_s": one_s,

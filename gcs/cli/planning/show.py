@@ -101,7 +101,7 @@ def _autopilots(scenario: Scenario) -> str:
 
 def _plan(plan: Plan, report: Report) -> dict[str, Any]:
     """The figures of a plan, and of its verification when it was loaded."""
-    from gcs.plan.trajectory.energy import energy_Wh
+    from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
 
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     battery = "unknown: the scenario has no [vehicle.power]"
@@ -112,6 +112,7 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
         "battery": battery,
+        "energy against drag": f"{float(drag_energy_J(plan).sum()):.0f} J for all vehicles (Eqs. 30-32)",
         "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
     }
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs.physics.quadrotor import POSITION, Array
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.trajectory.plan import Plan
 
@@ -90,3 +90,17 @@ def _power_profile_W(plan: Plan) -> tuple[Array, Array]:
         plan.controls(inside), plan.quadrotor, power.rotor_radius_m, power.figure_of_merit, density
     )  # (V, N)
     return t_s, drawn_W
+
+
+def drag_energy_J(plan: Plan) -> Array:
+    """Eq. 32 for each vehicle (V,) from T0 to the arrival, J: the integral of k_f |v|^3, with v relative to the air.
+
+    Eq. 30 is its sum.
+    """
+    mission = plan.phase("mission")
+    count = max(2, round((mission.end_s - mission.start_s) / _STEP_S) + 1)
+    t_s = np.linspace(mission.start_s, np.nextafter(mission.end_s, -np.inf), count)
+    states = plan.states(t_s)
+    air = np.stack(np.broadcast_arrays(*plan.quadrotor.wind.at(-states[..., POSITION][..., 2])), axis=-1)
+    power_W = plan.scenario.objective.drag_power_Ns2pm2 * np.linalg.norm(states[..., VELOCITY] - air, axis=-1) ** 3
+    return np.asarray(np.trapezoid(power_W, t_s, axis=-1))

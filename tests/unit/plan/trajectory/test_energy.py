@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Quadrotor
 from gcs.physics.rotor_power import air_density_kgpm3, drawn_power_W, induced_power_W
 from gcs.plan.formation.shape import Shape
-from gcs.plan.trajectory.energy import energy_Wh
+from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
 from gcs.plan.trajectory.plan import Phase, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Power
@@ -75,6 +75,22 @@ def test_a_real_plan_takes_a_little_more_than_hovering_as_long(simulation1_plan:
     hover_Wh = hover_W(plan.quadrotor, 1.225) * (plan.t_end_s - plan.t_start_s) / 3600.0
     assert (found > hover_Wh).all()
     assert (found < 1.05 * hover_Wh).all()
+
+
+def test_energy_against_drag_is_that_of_each_vehicle(simulation1_plan: Plan) -> None:
+    """Eq. 32 by differences of places; vehicles that drift apart have different energies."""
+    plan, k_f = simulation1_plan, simulation1_plan.scenario.objective.drag_power_Ns2pm2
+    joints = np.array([0.0, plan.flight_s])
+    functions = np.array([[[1.0 / plan.flight_s]], [[1.0]]])  # twice as far at the end
+    spread = replace(plan, shape=Shape(PPoly(functions, joints), 20.0 * plan.offsets(np.zeros(1))[None, :, 0]))
+    for flown in (plan, spread):
+        t_s = np.linspace(0.0, plan.flight_s - 1e-6, 20001)
+        places = flown.states(t_s)[..., :3]
+        speed = np.linalg.norm(np.diff(places, axis=1), axis=2) / np.diff(t_s)
+        expected = k_f * (speed**3).mean(axis=1) * plan.flight_s
+        np.testing.assert_allclose(drag_energy_J(flown), expected, rtol=1e-3)
+    assert np.ptp(drag_energy_J(plan)) == pytest.approx(0.0, abs=1e-6)
+    assert np.ptp(drag_energy_J(spread)) > 1.0
 
 
 def test_nobody_guesses_where_the_scenario_says_nothing(simulation1_plan: Plan) -> None:
