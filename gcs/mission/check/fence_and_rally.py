@@ -5,6 +5,7 @@ Fences are areas in the plane here: their heights are parameters, not items.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -100,6 +101,8 @@ def _flight_inside(mission: MissionFile, flight: PredictedFlight, allowed: shape
     knots = _knots(flight)
     flat = flight.ned_m[knots][:, [1, 0]]
     within = allowed.buffer(_TOUCH_M)
+    if flight.bent_m.any():  # a flight that is bent may be beside its legs
+        within = within.buffer(-float(flight.bent_m.max()), join_style="mitre")
     if len(flat) < 2 or within.covers(shapely.LineString(flat)):
         return
     legs = shapely.linestrings(np.stack([flat[:-1], flat[1:]], axis=1))
@@ -145,7 +148,9 @@ def _areas(mission: MissionFile, around: Surroundings) -> Iterator[tuple[shapely
         yield shapely.Polygon(corners[:, [1, 0]]), polygon.inclusion
     for circle in fence.circles:
         center = _flat([circle.center], around)[0]
-        yield shapely.Point(center[1], center[0]).buffer(circle.radius_m, quad_segs=_ROUND), circle.inclusion
+        # Corners inside a circle to stay in, and around one to stay out of.
+        reach_m = circle.radius_m if circle.inclusion else circle.radius_m / math.cos(0.25 * math.pi / _ROUND)
+        yield shapely.Point(center[1], center[0]).buffer(reach_m, quad_segs=_ROUND), circle.inclusion
 
 
 def _flat(places: Sequence[GeoPoint], around: Surroundings) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from gcs.mission.predicted.planned_flight import Surroundings
 from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.si import local_origin
@@ -20,7 +21,7 @@ class FlightLimits:
     """Limits in SI; None where there is none."""
 
     separation_m: float = SEPARATION_M
-    clearance_m: float = 0.0  # above the ground, between take-off and landing
+    clearance_m: float = 0.0  # from the ground in any direction, between take-off and landing
     height_max_m: float | None = None  # above the origin's height
     speed_ned_mps: tuple[float, float, float] | None = None
     no_fly: tuple[NoFlyZone, ...] = ()
@@ -55,4 +56,4 @@ def surroundings_of(scenario: Scenario) -> Surroundings:
     def ground(north_m: Array, east_m: Array) -> Array:
         return ground_height_m(scenario.terrain, north_m, east_m)
 
-    return Surroundings(local_origin(scenario), ground)
+    return Surroundings(local_origin(scenario), ground, highest_ground(scenario.terrain))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,26 +18,32 @@ from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
+from gcs.mission.predicted.model_bends import bends_m, fastest_mps
 from gcs.mission.predicted.planned_flight import Flying, PredictedFlight, Surroundings
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, fewest_indices
 from gcs.physics.quadrotor import Array
 
-_STEP_S = 0.2  # between knots: an autopilot's acceleration bends a line by a centimetre in that time
-_BENT_M = 0.01  # a knot is left out if the flight without it differs by less
+_STEP_S = 0.1  # between knots: an autopilot's acceleration bends a line by some millimetres in that time
+_BENT_M = 0.004  # a knot is left out if the flight without it differs by less
 _NOWHERE_M = 1e-3
 _LONGEST_S, _MOST = 3600.0, 1000  # flown at once: the model takes steps of some hundredths of a second
-_ALIKE_M, _ALIKE_S = 0.03, 0.01  # legs of a formation differ through rounding by degE7 and float32
+_ALIKE_M, _ALIKE_S = 0.05, 0.01  # legs of a formation differ through rounding by degE7 and float32
 _CACHED_MAX = 24
 _SETTLES_S = 3.0  # after its last corner a vehicle settles on the waypoint
 
 
 @dataclass(frozen=True)
 class _Segment:
-    """Knots of legs flown at once: times and positions since their start, and the number of the leg's end."""
+    """Knots of legs flown at once: times and positions since their start, and the number of the leg's end.
+
+    The bends and top speeds are those of the piece that ends at each knot.
+    """
 
     t_s: Array
     moved_ned_m: Array
     stop: Array
+    bends_m: Array
+    top_mps: Array
 
 
 class AutopilotFlight:
@@ -57,14 +63,21 @@ class AutopilotFlight:
         """The flight of these orders. Raises `VerificationError` if the model does not complete them."""
         for known, others, segment in self._flown:
             if known is firmware and _alike(orders, others):
-                return segment
+                return replace(segment, bends_m=segment.bends_m + _apart_m(orders, others))
         flown = predict(firmware.navigator.within(self._ability), orders)
         rows = np.append(np.flatnonzero(np.diff(np.floor(flown.t_s / _STEP_S)) > 0) + 1, len(flown.t_s) - 1)
         rows = np.concatenate([[0], rows[rows > 0]])
         stop = np.minimum(np.searchsorted(flown.completed_s, flown.t_s[rows]), orders.count - 1)
         moved = flown.position_ned_m[rows] - np.array(orders.start_ned_m)
         kept = _bends(flown.t_s[rows], moved, stop)
-        segment = _Segment(flown.t_s[rows][kept], moved[kept], stop[kept])
+        steps = rows[kept]
+        segment = _Segment(
+            flown.t_s[steps],
+            moved[kept],
+            stop[kept],
+            np.append(0.0, bends_m(flown, steps)),
+            np.append(np.zeros((1, 3)), fastest_mps(flown, steps), axis=0),
+        )
         self._flown = [*self._flown[-_CACHED_MAX:], (firmware, orders, segment)]
         return segment
 
@@ -74,8 +87,13 @@ def _alike(one: NavigatorOrders, other: NavigatorOrders) -> bool:
         return False
     if not np.allclose((*one.holds_s, one.airborne_s), (*other.holds_s, other.airborne_s), rtol=0, atol=_ALIKE_S):
         return False
-    places = [np.array(orders.waypoints_ned_m) - np.array(orders.start_ned_m) for orders in (one, other)]
-    return bool(np.allclose(places[0], places[1], rtol=0, atol=_ALIKE_M))
+    return _apart_m(one, other) <= _ALIKE_M
+
+
+def _apart_m(one: NavigatorOrders, other: NavigatorOrders) -> float:
+    """The largest distance between waypoints of two vehicles, each seen from its own start."""
+    first, second = (np.array(orders.waypoints_ned_m) - np.array(orders.start_ned_m) for orders in (one, other))
+    return float(np.max(np.linalg.norm(second - first, axis=1)))
 
 
 def _bends(t_s: Array, places: Array, stop: Array) -> list[int]:
@@ -152,9 +170,11 @@ class _Modelled(Flying):
                 super()._wait(stop.hold_s, stop.index)
             return
         begin_s, begin = self.t_s, self.here
-        for t_s, moved, number in zip(segment.t_s.tolist(), segment.moved_ned_m, segment.stop.tolist(), strict=True):
-            self.t_s, self.here = begin_s + t_s, begin + moved
+        for row, (t_s, number) in enumerate(zip(segment.t_s.tolist(), segment.stop.tolist(), strict=True)):
+            self.t_s, self.here = begin_s + t_s, begin + segment.moved_ned_m[row]
             self._knot(stops[number].index)
+            if row:
+                self.bends[len(self.knots) - 1] = float(segment.bends_m[row]), segment.top_mps[row]
         self.last_place = stops[-1].place
 
     def _hold(self, seconds: float, index: int) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from gcs.mavlink import MavCommand, WireFrame
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import Home, MissionItem
 from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.ground_bounds import Highest, from_heights
 
 Ground = Callable[[Array, Array], Array]  # height in m above the origin's height, at metres north and east
 
@@ -54,7 +55,8 @@ class PredictedFlight:
     """The motion of a vehicle: straight at constant speed between knots, at rest before the first and after the last.
 
     `item` is the index of the item that brought the vehicle to each knot. Take-off ends at `up_s`; the vertical
-    descent of the landing begins at `down_s`.
+    descent of the landing begins at `down_s`. The flight of a model is bent: at no instant is it farther than `bent_m`
+    from the straight pieces, nor faster than `fastest_mps` along each axis.
     """
 
     t_s: Array  # (K,)
@@ -64,14 +66,40 @@ class PredictedFlight:
     down_s: float
     ends_s: float  # on the ground again; infinity if it stays in the air
     remarks: tuple[tuple[int, str], ...] = ()  # item index, and what the model leaves out
+    bends_m: Array | None = None  # (K - 1,); None where all pieces are straight
+    top_mps: Array | None = None  # (K - 1, 3); None where speeds are constant on every piece
+
+    @property
+    def bent_m(self) -> Array:
+        """How far (K - 1,) the vehicle may be from each straight piece at the same instant."""
+        return np.zeros(len(self.t_s) - 1) if self.bends_m is None else self.bends_m
+
+    @property
+    def fastest_mps(self) -> Array:
+        """The highest speeds (K - 1, 3) on each piece; 0 where a piece takes no time."""
+        if self.top_mps is not None:
+            return self.top_mps
+        return np.abs(np.diff(self.ned_m, axis=0)) / np.where(np.diff(self.t_s) > 0, np.diff(self.t_s), np.inf)[:, None]
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The local frame of all flights, and the ground if it is known."""
+    """The local frame of all flights, and the ground if it is known.
+
+    `bounded` are upper bounds of the ground over rectangles. Without them it is nowhere steeper than `slope_max`.
+    """
 
     origin: Origin
     ground: Ground | None = None
+    bounded: Highest | None = None
+    slope_max: float = 1.0
+
+    @property
+    def highest(self) -> Highest | None:
+        """Upper bounds of the ground over rectangles; None if it is unknown."""
+        if self.bounded is not None or self.ground is None:
+            return self.bounded
+        return from_heights(self.ground, self.slope_max)
 
     def height_of_ground_m(self, ned_m: Array, otherwise_m: float) -> Array:
         """Heights of the ground under points (..., 3), above the origin's height; `otherwise_m` if it is unknown."""
@@ -123,7 +151,8 @@ def _waiting(flight: PredictedFlight, wait_s: float) -> PredictedFlight:
     t_s = np.concatenate([flight.t_s[: top + 1], flight.t_s[top:] + wait_s])
     rows = np.concatenate([np.arange(top + 1), np.arange(top, len(flight.t_s))])
     ends = (flight.up_s + wait_s, flight.down_s + wait_s, flight.ends_s + wait_s)
-    return PredictedFlight(t_s, flight.ned_m[rows], flight.item[rows], *ends, flight.remarks)
+    bent_m, fastest_mps = np.insert(flight.bent_m, top, 0.0), np.insert(flight.fastest_mps, top, 0.0, axis=0)
+    return PredictedFlight(t_s, flight.ned_m[rows], flight.item[rows], *ends, flight.remarks, bent_m, fastest_mps)
 
 
 @dataclass
@@ -135,6 +164,7 @@ class Flying:
     knots: list[tuple[float, tuple[float, float, float], int]] = field(default_factory=list)
     remarks: dict[int, str] = field(default_factory=dict)
     clock_s: float | None = None  # time of day at time 0, from the first item that waits for one
+    bends: dict[int, tuple[float, Array]] = field(default_factory=dict)  # by knot that ends a piece, and its top speeds
 
     def run(self) -> PredictedFlight:
         """The flight of the whole mission."""
@@ -155,7 +185,13 @@ class Flying:
         down_s = min(self.down_s, self.t_s)
         t_s, ned_m, item = zip(*self.knots, strict=True)
         remarks = tuple(self.remarks.items())
-        return PredictedFlight(np.array(t_s), np.array(ned_m), np.array(item), up_s, down_s, self.ends_s, remarks)
+        flight = PredictedFlight(np.array(t_s), np.array(ned_m), np.array(item), up_s, down_s, self.ends_s, remarks)
+        if not self.bends:
+            return flight
+        bent_m, fastest_mps = flight.bent_m, flight.fastest_mps
+        for knot, (bend_m, top_mps) in self.bends.items():
+            bent_m[knot - 1], fastest_mps[knot - 1] = bend_m, top_mps
+        return replace(flight, bends_m=bent_m, top_mps=fastest_mps)
 
     def _follow(self) -> None:
         items = self.mission.items

@@ -10,11 +10,11 @@ import numpy as np
 from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.navigation.predict import Prediction, predict
 from gcs.mission.check.flight_limits import limits_of
+from gcs.mission.waypoints.clear_legs import short_of_m
 from gcs.mission.waypoints.leg_profile import LegProfile
 from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -70,8 +70,7 @@ class TerrainRaise:
     def _short_m(self, flown: Prediction, row: int | None) -> Array:
         """The largest shortfall of the clearance of any vehicle at each step (M,)."""
         places = self._places(flown, row)
-        ground_m = ground_height_m(self._plan.scenario.terrain, places[..., 0], places[..., 1])
-        short_m = (self._clearance_m + ground_m + places[..., 2]).max(axis=0)
+        short_m = short_of_m(self._plan.scenario.terrain, places, self._clearance_m).max(axis=0)
         return np.asarray(np.repeat(short_m, _EVERY)[: len(flown.t_s)])
 
     def _places(self, flown: Prediction, row: int | None) -> Array:

@@ -126,6 +126,20 @@ def outside_m(zone: NoFlyZone, t_s: Array, north_m: Array, east_m: Array) -> Arr
     )
 
 
+def signed_distance_m(zone: NoFlyZone, north_m: Array, east_m: Array) -> Array:
+    """Distance (N,) of places (N,) to the edge of the zone where it has not moved: negative inside, true everywhere.
+
+    It changes by no more than a place moves.
+    """
+    if zone.radius_m is not None:
+        return pieces(zone)[0].outside_m(north_m, east_m)
+    area = outline(zone)
+    shapely.prepare(area)
+    points = shapely.points(north_m, east_m)
+    away_m = shapely.distance(area.exterior, points)
+    return np.asarray(np.where(shapely.intersects(area, points), -away_m, away_m))
+
+
 def _is_convex(polygon: shapely.Polygon) -> bool:
     return bool(polygon.area >= _CONVEX * polygon.convex_hull.area)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -150,7 +151,9 @@ def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
 
 
 def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
-    legs = corrected_legs(simulation1_plan, Autopilot.ARDUPILOT)
+    limits = simulation1_plan.scenario.limits.model_copy(update={"clearance_min_m": 2.0})  # the plan is lower
+    higher = simulation1_plan.scenario.model_copy(update={"limits": limits})
+    legs = corrected_legs(replace(simulation1_plan, scenario=higher), Autopilot.ARDUPILOT)
     assert legs.raised_m is not None
     assert legs.raised_m[0] == legs.raised_m[-1] == 0.0
-    assert 0.0 < legs.raised_m.max() < 1.0
+    assert 0.0 < legs.raised_m.max() < 5.0
