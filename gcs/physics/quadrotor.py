@@ -114,6 +114,17 @@ def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
     return np.asarray(np.square(rotor_radps) @ _MIXER.T * k)
 
 
+def squared_rotor_speeds(control: Sequence[Any], q: Quadrotor) -> tuple[Any, ...]:
+    """Return the four squared rotor speeds (rad/s)^2 that Eq. 2 requires for the control components; no motor limits."""
+    k = (q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.moment_coeff_Nms2)
+    wanted = [u * (1.0 / size) for u, size in zip(control, k, strict=True)]
+    first, second, third, fourth = wanted
+    return tuple(
+        first * float(row[0]) + second * float(row[1]) + third * float(row[2]) + fourth * float(row[3])
+        for row in _UNMIXER
+    )
+
+
 def rotors_from_control(control: Array, q: Quadrotor) -> Array:
     """Return rotor speeds (..., 4) in [0, rotor_max_radps] of controls (..., 4): Eq. 2 inverted, with motor limits.
 

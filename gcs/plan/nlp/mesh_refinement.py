@@ -24,7 +24,7 @@ from gcs.plan.nlp.violations import complaints, find_violations, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.reintegration import STEP_S, WINDOW_S, window_errors
+from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 
 DEGREE = 5

@@ -8,23 +8,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PPoly
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.spatial import KDTree
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import cdist, pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import VELOCITY, Array
 from gcs.plan.formation.changes.reshape import reshape
-from gcs.plan.formation.changes.timeline import gate_crossing_s
+from gcs.plan.formation.assignment import bottleneck
 from gcs.plan.formation.coordinates import Name, bent, target_ned_m
-from gcs.plan.formation.shape import Rows, Shape
-from gcs.plan.nlp import margins
-from gcs.plan.nlp.margins import Margin
+from gcs.plan.formation.separation import least_distance
+from gcs.plan.formation.shape import Rows
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import ChangeTable, Scenario
 from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 
-_GATE_S = 0.01  # sampling of the leader's track
+# A formation that turns with its course must face where it flies above this speed.
+COURSE_SPEED_MPS = 1.0
+_LONGER = 1.0 + 1e-6  # ways that differ by rounding are equally long
 _BEYOND = 0.05  # share of its range: an automatic change rests a little inside it
 _SLACK = 1e-3  # share of its size, as for every limit
 _TRIED, _ZOOMS = 21, 6
@@ -67,15 +71,13 @@ def landing_points(plan: Plan) -> Array:
 def late_s(plan: Plan) -> list[tuple[float, float]]:
     """Lateness of each scheduled change, and the instant at which it should begin, s."""
     mission = plan.phase("mission")
-    times = np.linspace(mission.start_s, mission.end_s, int(np.ceil((mission.end_s - mission.start_s) / _GATE_S)) + 1)
-    track = plan.leader_trajectory.state(np.minimum(times, np.nextafter(mission.end_s, 0.0)))[:, :3]
     changes = [change for change in plan.scenario.formation.change if not change.auto]
     moves = [move for move in plan.moves if move.trigger != "auto"]
     found = [(np.inf, mission.end_s)] * abs(len(changes) - len(moves))
     for change, move in zip(changes, moves, strict=False):
         if plan.begin_state is not None and move.start_s < plan.t_start_s:
             continue  # it began before this plan
-        required = change.at_s if change.gate_m is None else gate_crossing_s(change.gate_m, times, track)
+        required = change.at_s if change.gate_m is None else crossing_s(plan, change.gate_m)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
         found.append(
             (np.inf, move.start_s) if required is None else (float(np.ptp([move.start_s, begun, required])), required)
@@ -83,24 +85,45 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     return found
 
 
-def place_in_formation(plan: Plan, places_ned_m: Array, times: Array) -> Margin:
-    """Eq. 22: distance (negative) of every vehicle from its place relative to the leader; positions (V, N, 3)."""
-    seen = places_ned_m - places_ned_m[plan.leader]
-    off = np.zeros(seen.shape[:2])
-    bends = _Bends.of(plan.scenario)
+def crossing_s(plan: Plan, gate_m: tuple[tuple[float, float], tuple[float, float]]) -> float | None:
+    """The instant of the mission at which the leader first crosses a gate (two points north, east), or None.
+
+    The leader's side of the gate's line is a polynomial of time: its roots are the crossings.
+    """
+    mission, state = plan.phase("mission"), plan.leader_trajectory.state
+    a, b = np.array(gate_m)
+    along = b - a
+    side = along[0] * (state.c[:, :, 1]) - along[1] * state.c[:, :, 0]
+    side[-1] -= along[0] * a[1] - along[1] * a[0]
+    roots = np.sort(PPoly(side, state.x).roots(extrapolate=False))
+    roots = roots[np.isfinite(roots) & (roots >= mission.start_s) & (roots <= mission.end_s)]
+    where = (state(roots)[:, :2] - a) @ along / (along @ along)
+    hits = roots[(where >= -_SLACK) & (where <= 1.0 + _SLACK)]
+    return float(hits[0]) if len(hits) else None
+
+
+def bends(plan: Plan) -> bool:
+    """Whether automatic changes or the course may bend the scheduled shape."""
+    return _Bends.of(plan.scenario) is not None
+
+
+def away_m(plan: Plan, seen_ned_m: Array, times: Array) -> Array:
+    """Distance (V, N) of every vehicle from the nearest place that is allowed; offsets (V, N, 3) from the leader."""
+    off = np.zeros(seen_ned_m.shape[:2])
+    allowed = _Bends.of(plan.scenario)
     for start_s, end_s, expected in expected_places(plan):
         inside = (times >= start_s) & (times <= end_s)
-        if not inside.any():
-            continue
-        wanted = expected[:, None] if bends is None else bends.nearest(seen[:, inside], expected)[0]
-        off[:, inside] = np.linalg.norm(seen[:, inside] - wanted, axis=-1)
-    return Margin("place in formation", "m", -off, 1.0)
+        if inside.any():
+            seen = seen_ned_m[:, inside]
+            wanted = expected[:, None] if allowed is None else allowed.nearest(seen, expected)[0]
+            off[:, inside] = np.linalg.norm(seen - wanted, axis=-1)
+    return off
 
 
-def course(plan: Plan, times: Array) -> tuple[Margin, Array]:
-    """Margin of the heading along the course (1, N), and its instants (N,): where the shape is rigid."""
-    bends = _Bends.of(plan.scenario)
-    assert bends is not None
+def course(plan: Plan, times: Array) -> tuple[Array, Array]:
+    """Margin of the heading along the course (N,), deg, and its instants (N,): where the shape is rigid."""
+    allowed = _Bends.of(plan.scenario)
+    assert allowed is not None
     begin = plan.scenario.start
     north, east = begin.velocity_mps[:2]
     facing = np.arctan2(east, north) if north or east else np.radians(begin.roll_pitch_yaw_deg[2])
@@ -109,9 +132,45 @@ def course(plan: Plan, times: Array) -> tuple[Margin, Array]:
     for start_s, end_s, expected in expected_places(plan):
         inside = (times >= start_s) & (times <= end_s)
         if inside.any():
-            headings[inside] = bends.nearest(plan.offsets(times[inside]), expected)[1]
+            headings[inside] = allowed.nearest(plan.offsets(times[inside]), expected)[1]
     known = np.isfinite(headings)
-    return margins.course(plan.scenario, velocity[known], headings[known] + facing), times[known]
+    away = np.angle(np.exp(1j * (np.arctan2(velocity[known, 1], velocity[known, 0]) - headings[known] - facing)))
+    fast = np.hypot(velocity[known, 0], velocity[known, 1]) > COURSE_SPEED_MPS
+    return plan.scenario.formation.course_tolerance_deg - np.where(fast, np.degrees(np.abs(away)), 0.0), times[known]
+
+
+def assignments_m(plan: Plan) -> list[tuple[float, float]]:
+    """For each scheduled change with a free assignment: how much longer its longest way is than need be (Eq. 14), and
+    when it begins.
+
+    Longer ways are needed where vehicles on the shortest ones would come too near to each other.
+    """
+    changes = [change for change in plan.scenario.formation.change if not change.auto]
+    moves = [move for move in plan.moves if move.trigger != "auto"]
+    found = []
+    for change, move in zip(changes, moves, strict=False):
+        if change.kind != "reshape" or change.assignment == "fixed" or bends(plan):
+            continue
+        before, after = plan.shape.at(move.start_s), plan.shape.at(move.end_s)
+        ways = cdist(before, after)
+        others = np.arange(len(ways)) != plan.leader
+        ways[plan.leader, others], ways[others, plan.leader] = np.inf, np.inf
+        flown_m = float(np.diagonal(ways).max())
+        if not _possible(ways < flown_m / _LONGER):
+            found.append((0.0, move.start_s))
+            continue
+        fastest = bottleneck(ways)
+        assert fastest is not None
+        straight_m = least_distance(before, after[fastest])[0]
+        limit_m = plan.scenario.limits.separation_min_m
+        shortest_m = float(ways[np.arange(len(ways)), fastest].max())
+        found.append((flown_m - shortest_m if straight_m >= limit_m else 0.0, move.start_s))
+    return found
+
+
+def _possible(allowed: Rows) -> bool:
+    """Whether every vehicle can have a place of its own with the allowed ways (V, V)."""
+    return bool((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).all())
 
 
 @dataclass(frozen=True)
@@ -186,20 +245,6 @@ def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s
     return (
         taken if len(np.unique(taken)) == len(taken) else fixed
     )  # two on one place: the check names the vehicle that is off
-
-
-def least_separation(shape: Shape, times: Array) -> tuple[float, float]:
-    """Least distance between any two vehicles over `times`, and its instant; a rigid part is measured once."""
-    moving = shape.is_moving(times)
-    piece = np.searchsorted(shape.joints_s, times, side="right")
-    once = np.unique(piece[~moving], return_index=True)[1]
-    worth = np.concatenate([times[~moving][once], times[moving]])
-    least, when = np.inf, float(times[0])
-    for t in worth:
-        distance = nearest_pair_m(shape.at(float(t)))
-        if distance < least:
-            least, when = distance, float(t)
-    return least, when
 
 
 def nearest_pair_m(places: Array) -> float:

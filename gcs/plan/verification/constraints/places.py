@@ -1,0 +1,115 @@
+"""Places: the box and the height limits of Eq. 51, and the no-fly zones (Eqs. 21, 24), for every vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.constraints.motion_limits import divided
+from gcs.plan.verification.proof.ground_patches import GroundPatches
+from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.plan.verification.proof.subdivision import Cells, Constraint, Rows
+from gcs.plan.verification.proof.taylor import Taylor
+from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
+from gcs.plan.verification.report import LENGTH_TOLERANCE_M
+from gcs.scenario.environment.no_fly import Convex, Disk, displacement_m, pieces
+from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.schema.scenario import NoFlyZone
+
+ORDER = 2
+RESOLUTION_M = 0.25e-3
+
+
+def enclosed_places(plan: Plan, tree: VehicleTree, cells: Cells) -> Taylor:
+    """Places (3, N), NED, of all vehicles of each cell."""
+    leader = enclosed(plan.leader_trajectory.state, cells.start_s, cells.end_s, ORDER)[:3]
+    return leader + enclosed_offsets(plan.shape, tree, cells.who[:, 0], cells.start_s, cells.end_s, ORDER)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Box, height limits and no-fly zones. The lower height limit and the narrow box hold in some phases only."""
+
+    plan: Plan
+    tree: VehicleTree
+    airborne: Rows  # numbers of the phases in which the formation flies
+    mission: int
+    ground: GroundPatches
+    area_m: tuple[tuple[float, float], tuple[float, float]]  # north and east: the box, and all pads in other phases
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """In the order of the margins."""
+        lengths = ["height", "height above ground", "north position", "east position"]
+        lengths += [f"no-fly zone {number}" for number in range(1, len(self.plan.scenario.no_fly) + 1)]
+        return tuple(Constraint(name, "m", LENGTH_TOLERANCE_M, RESOLUTION_M) for name in lengths)
+
+    def bounds(self, cells: Cells) -> tuple[Array, Array]:
+        """See `Family`."""
+        place = enclosed_places(self.plan, self.tree, cells)
+        limits = self.plan.scenario.limits
+        flies, is_mission = np.isin(cells.phase, self.airborne), cells.phase == self.mission
+        floor = np.where(flies, limits.height_m[0], -np.inf)
+        found = [_between(-place[2], floor, np.full(len(cells), limits.height_m[1]))]
+        found.append(self._above_ground(place, flies))
+        for axis, narrow in enumerate((limits.north_m, limits.east_m)):
+            wide = self.area_m[axis]
+            low, high = (np.where(is_mission, narrow[end], wide[end]) for end in (0, 1))
+            found.append(_between(place[axis], low, high))
+        found += [_outside(zone, place, cells) for zone in self.plan.scenario.no_fly]
+        return np.stack([f[0] for f in found]), np.stack([f[1] for f in found])
+
+    def _above_ground(self, place: Taylor, flies: Array) -> tuple[Array, Array]:
+        """The height above the ground, which only the ground phases may use up; the distance is a constraint of its own."""
+        low, seen = np.full(len(flies), np.inf), np.full(len(flies), np.inf)
+        if not flies.all():
+            here = place[:, ~flies]
+            column = self.ground.around(*here.middle[:2], np.hypot(here[0].deviation(), here[1].deviation()))
+            straight_up = np.broadcast_to([0.0, 0.0, -1.0], (len(column), 3))
+            low[~flies] = (-here[2]).low() - self.ground.support(column, straight_up)
+            seen[~flies] = -here.middle[2] - ground_height_m(self.plan.scenario.terrain, *here.middle[:2])
+        return low, seen
+
+    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+        """See `Family`."""
+        return divided(cells, self.tree)
+
+    def row(self, who: Rows) -> int:
+        """See `Family`."""
+        return int(self.tree.row[who[0]])
+
+
+def _between(value: Taylor, low: Array, high: Array) -> tuple[Array, Array]:
+    least, most = value.range()
+    return np.minimum(least - low, high - most), np.minimum(value.middle - low, high - value.middle)
+
+
+def _outside(zone: NoFlyZone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
+    """The distance outside a zone, where it is at the time: it moves evenly within a cell."""
+    ends = [displacement_m(zone, t_s) for t_s in (cells.start_s, cells.end_s)]  # (N, 2)
+    moved = np.zeros((ORDER + 1, 2, len(cells)))
+    moved[0], moved[1] = 0.5 * (ends[0] + ends[1]).T, 0.5 * (ends[1] - ends[0]).T
+    north, east = (place[axis] - Taylor(moved[:, axis], np.zeros(len(cells))) for axis in (0, 1))
+    low, seen = np.full(len(cells), np.inf), np.full(len(cells), np.inf)
+    for piece in pieces(zone):
+        of_piece, at_middle = _outside_piece(piece, north, east)
+        low, seen = np.minimum(low, of_piece), np.minimum(seen, at_middle)
+    return low, seen
+
+
+def _outside_piece(piece: Disk | Convex, north: Taylor, east: Taylor) -> tuple[Array, Array]:
+    if isinstance(piece, Disk):
+        away = [north - piece.centre_m[0], east - piece.centre_m[1]]
+        # Beyond the tangent in the middle's direction, and beyond the circle by the square of the distance.
+        length = np.maximum(np.hypot(away[0].middle, away[1].middle), 1e-9)
+        tangent = (away[0] * (away[0].middle / length) + away[1] * (away[1].middle / length)).low()
+        squared = (away[0].square() + away[1].square()).low()
+        return np.maximum(tangent, np.sqrt(np.maximum(squared, 0.0))) - piece.radius_m, length - piece.radius_m
+    low, seen = np.full(len(north.middle), -np.inf), np.full(len(north.middle), -np.inf)
+    for (n, e), offset in zip(piece.normals, piece.offsets_m, strict=True):
+        beyond = north * n + east * e - offset
+        low, seen = np.maximum(low, beyond.low()), np.maximum(seen, beyond.middle)
+    return low, seen

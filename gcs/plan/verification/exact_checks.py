@@ -1,0 +1,166 @@
+"""What is checked at instants, exactly: ends, joints, pads, the begin of changes, the assignment of places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.formation_checks import (
+    assignments_m,
+    away_m,
+    bends,
+    course,
+    landing_points,
+    late_s,
+)
+from gcs.plan.verification.position_errors import climb_separation_m
+from gcs.plan.verification.report import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, Check
+from gcs.scenario.si import boundary_state, torque_limits
+
+SPEED_TOLERANCE_MPS = 1e-3
+ANGLE_TOLERANCE_DEG = 0.01
+START_TOLERANCE_S = 0.06
+COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
+_SAMPLED_S = 0.01
+# Eq. 1 has the thrust's direction change with the controls at once, so a corner of the plan is allowed, a step is not.
+_CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
+
+
+def exact_checks(plan: Plan) -> tuple[list[Check], float]:
+    """All of them, and the position error at the end."""
+    boundary, terminal_m = _boundary_checks(plan)
+    return [*_joint_checks(plan), *_change_checks(plan), *_climb_checks(plan), *boundary], terminal_m
+
+
+def _exact(
+    name: str, phase: str, unit: str, worst: float, tolerance: float, sysid: int | None, t_s: float | None
+) -> Check:
+    return Check(name, phase, unit, worst, tolerance, sysid, t_s, proved=worst)
+
+
+def _joint_checks(plan: Plan) -> list[Check]:
+    """The largest jump of a state where polynomials join, and of a control within a phase."""
+    joints = plan.joints_s[1:-1]
+    if not len(joints):
+        return []
+    after, before = plan.motion(joints), plan.motion(np.nextafter(joints, -np.inf))
+    jump = np.nan_to_num(np.abs(after[0] - before[0]), nan=np.inf).max(axis=(0, 2))
+    worst = int(np.argmax(jump))
+    found = [
+        _exact("state continuous at joints", "all", "SI", -float(jump[worst]), LENGTH_TOLERANCE_M, None, float(joints[worst]))
+    ]
+    within = ~np.isclose(joints[:, None], [phase.start_s for phase in plan.phases], rtol=0.0, atol=1e-6).any(axis=1)
+    if within.any():
+        limits = plan.scenario.limits
+        sizes = np.array([max(limits.thrust_N), *torque_limits(limits, plan.scenario.vehicle.arm_m)])
+        steps = np.abs(after[1] - before[1])[:, within] / sizes  # (V, N, 4)
+        vehicle, joint, _ = np.unravel_index(int(np.nan_to_num(steps, nan=np.inf).argmax()), steps.shape)
+        found.append(
+            _exact(
+                "control continuous at joints",
+                "all",
+                "of its limit",
+                -float(np.nan_to_num(steps, nan=np.inf).max()),
+                _CONTROL_TOLERANCE,
+                plan.sysids[vehicle],
+                float(joints[within][joint]),
+            )
+        )
+    return found
+
+
+def _climb_checks(plan: Plan) -> list[Check]:
+    """Autopilots climb at their own rates, so over the pads only the distance between the columns counts."""
+    if plan.begin_state is not None or len(plan.sysids) < 2:
+        return []
+    missing = climb_separation_m(plan) - plan.scenario.judge.separation_min_m
+    return [_exact("separation over the pads", "takeoff", "m", missing, LENGTH_TOLERANCE_M, None, plan.t_start_s)]
+
+
+def _change_checks(plan: Plan) -> list[Check]:
+    """Scheduled changes begin on time; a formation that turns with its course faces where it flies."""
+    checks: list[Check] = []
+    if late := late_s(plan):
+        worst_s, t_s = max(late)
+        checks.append(_exact("changes begin when they should", "mission", "s", -worst_s, START_TOLERANCE_S, None, t_s))
+    if longer := assignments_m(plan):
+        worst_m, t_s = max(longer)
+        checks.append(
+            _exact("shortest assignment of a reshape (Eq. 14)", "mission", "m", -worst_m, LENGTH_TOLERANCE_M, None, t_s)
+        )
+    return checks
+
+
+def sampled_checks(plan: Plan, airborne: tuple[str, ...]) -> list[Check]:
+    """What is known at instants only: automatic changes and the course bend the shape by coordinates of their own."""
+    if not bends(plan):
+        return []
+    checks = []
+    for phase in plan.phases:
+        if phase.name not in airborne:
+            continue
+        times = np.arange(phase.start_s, phase.end_s, _SAMPLED_S)
+        places = plan.offsets(times)
+        off = np.nan_to_num(away_m(plan, places - places[plan.leader], times), nan=np.inf)
+        vehicle, instant = np.unravel_index(int(off.argmax()), off.shape)
+        worst, sysid = -float(off[vehicle, instant]), plan.sysids[vehicle]
+        t_s = float(times[instant])
+        checks.append(Check("place in formation", phase.name, "m", worst, LENGTH_TOLERANCE_M, sysid, t_s))
+    if plan.scenario.formation.frame == "course":
+        mission = plan.phase("mission")
+        margin_deg, known_s = course(plan, np.arange(mission.start_s, mission.end_s, _SAMPLED_S))
+        worst = int(np.nan_to_num(margin_deg, nan=-np.inf).argmin())
+        tolerance = COURSE_TOLERANCE * plan.scenario.formation.course_tolerance_deg
+        sysid, t_s = plan.sysids[plan.leader], float(known_s[worst])
+        checks.append(
+            Check("heading along the course", "mission", "deg", float(margin_deg[worst]), tolerance, sysid, t_s)
+        )
+    return checks
+
+
+def _boundary_checks(plan: Plan) -> tuple[list[Check], float]:
+    """Eqs. 15 and 16 at T0 and at the arrival, the arrival time (exact), take-off and landing points."""
+    checks: list[Check] = []
+    scenario, leader, sysid = plan.scenario, plan.leader, plan.sysids[plan.leader]
+    mission = plan.phase("mission")
+    late = abs(mission.end_s - scenario.time.flight_s)
+    checks.append(_exact("arrival time", "mission", "s", -late, 0.0, None, mission.end_s))
+    terminal = 0.0
+    begin = boundary_state(scenario, scenario.start) if plan.begin_state is None else np.array(plan.begin_state)
+    for name, t_s, boundary in (
+        ("start", mission.start_s, begin),
+        ("end", np.nextafter(mission.end_s, 0.0), boundary_state(scenario, scenario.end)),
+    ):
+        error = plan.states(np.array([t_s]))[leader, 0] - boundary
+        off = float(np.linalg.norm(error[POSITION]))
+        terminal = off
+        checks += [
+            _exact(f"{name} position", "mission", "m", -off, LENGTH_TOLERANCE_M, sysid, float(t_s)),
+            _exact(
+                f"{name} velocity",
+                "mission",
+                "m/s",
+                -float(np.abs(error[VELOCITY]).max()),
+                SPEED_TOLERANCE_MPS,
+                sysid,
+                float(t_s),
+            ),
+            _exact(
+                f"{name} attitude",
+                "mission",
+                "deg",
+                -float(np.degrees(np.abs(error[ATTITUDE]).max())),
+                ANGLE_TOLERANCE_DEG,
+                sysid,
+                float(t_s),
+            ),
+        ]
+    grounds = [("landing point", plan.t_end_s, landing_points(plan))]
+    if plan.begin_state is None:
+        grounds.insert(0, ("take-off point", plan.t_start_s, plan.pads_ned_m))
+    for name, t_s, points in grounds:
+        distance = np.linalg.norm(plan.states(np.array([t_s]))[:, 0, POSITION] - points, axis=1)
+        worst = int(np.argmax(distance))
+        checks.append(_exact(name, "all", "m", -float(distance[worst]), LENGTH_TOLERANCE_M, plan.sysids[worst], t_s))
+    return checks, terminal

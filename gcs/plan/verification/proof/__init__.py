@@ -1,0 +1,1 @@
+"""Bounds that hold at every instant of an interval, and the subdivision that makes them tight."""

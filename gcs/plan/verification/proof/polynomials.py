@@ -1,0 +1,39 @@
+"""Piecewise polynomials as Taylor models over intervals that lie within one piece."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.verification.proof.taylor import Taylor
+
+
+def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, derivative: int = 0) -> Taylor:
+    """A polynomial of time, or a derivative, over intervals (N,): Taylor models of shape (n, N), one of n components.
+
+    No interval may reach over a joint.
+    """
+    middle, radius = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
+    piece = np.clip(np.searchsorted(polynomial.x, middle, side="right") - 1, 0, len(polynomial.x) - 2)
+    shifted = shifted_coefficients(polynomial, piece, middle, derivative)  # (D+1, N, n), lowest power first
+    powers = radius[None, :] ** np.arange(len(shifted))[:, None]
+    scaled = np.moveaxis(shifted * powers[:, :, None], 2, 1)  # (D+1, n, N)
+    if len(scaled) <= order + 1:
+        c = np.concatenate([scaled, np.zeros((order + 1 - len(scaled), *scaled.shape[1:]))])
+        return Taylor(c, np.zeros(scaled.shape[1:]))
+    return Taylor(scaled[: order + 1], np.abs(scaled[order + 1 :]).sum(axis=0))
+
+
+def shifted_coefficients(polynomial: PPoly, piece: NDArray[np.intp], at_s: Array, derivative: int = 0) -> Array:
+    """Coefficients (D+1, N, n) of the pieces (N,) in powers of t - at_s, the lowest first."""
+    c = polynomial.c[::-1][:, piece, :]  # (D+1, N, n), lowest power first
+    for _ in range(derivative):
+        c = c[1:] * np.arange(1.0, len(c))[:, None, None] if len(c) > 1 else np.zeros_like(c[:1])
+    away = (at_s - polynomial.x[piece])[:, None]
+    c = c.copy()
+    for low in range(len(c) - 1):  # Horner's shift
+        for k in range(len(c) - 2, low - 1, -1):
+            c[k] += away * c[k + 1]
+    return np.asarray(c)

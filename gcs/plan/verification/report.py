@@ -1,0 +1,90 @@
+"""The verdict on one criterion, and on a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from gcs.errors import VerificationError
+
+LENGTH_TOLERANCE_M = 0.8e-3  # every length; exact places at ends and joints too
+LIMIT_TOLERANCE = 1e-3  # share of the limit
+WINDOW_TOLERANCE_M = 10e-3
+Verdict = Literal["proved", "violated", "undecided", "sampled"]
+_LISTED = 5  # failures in an error
+
+
+@dataclass(frozen=True)
+class Check:
+    """One criterion in one phase: the least margin that was found, `worst`, with vehicle and time (negative: violated).
+
+    `proved` is a bound: no vehicle has a smaller margin at any instant. A criterion that is only sampled has none.
+    """
+
+    name: str
+    phase: str
+    unit: str
+    worst: float
+    tolerance: float
+    sysid: int | None
+    t_s: float | None
+    proved: float | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Proved, violated at `t_s`, undecided at the finest resolution, or sampled only."""
+        if not self.worst >= -self.tolerance:
+            return "violated"
+        if self.proved is None:
+            return "sampled"
+        return "proved" if self.proved >= -self.tolerance else "undecided"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the criterion is met: undecided counts as failed."""
+        return self.verdict in ("proved", "sampled")
+
+    def __str__(self) -> str:
+        vehicle = "" if self.sysid is None else f" (vehicle {self.sysid})"
+        when = "" if self.t_s is None else f" at t = {self.t_s:.2f} s"
+        if self.verdict == "undecided":
+            assert self.proved is not None
+            return f"{self.name}, {self.phase}: undecided, margin between {self.proved:.3g} and {self.worst:.3g} {self.unit}{when}{vehicle}"
+        verdict = "margin" if self.worst >= 0 else "violated by"
+        return f"{self.name}, {self.phase}: {verdict} {abs(self.worst):.3g} {self.unit}{when}{vehicle}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """All checks of a plan, and its four key figures: bounds, not samples."""
+
+    checks: tuple[Check, ...]
+    clearance_min_m: float
+    separation_min_m: float | None  # of one vehicle there is none
+    window_error_max_m: float
+    terminal_error_m: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the plan is verified: all checks passed."""
+        return all(c.ok for c in self.checks)
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(c for c in self.checks if not c.ok)
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """The names of criteria that are not proved between samples."""
+        return tuple(dict.fromkeys(c.name for c in self.checks if c.verdict == "sampled"))
+
+
+def refusal(report: Report) -> VerificationError:
+    """The error for a plan that failed verification, with its worst checks."""
+    worst = "; ".join(str(c) for c in report.failures[:_LISTED])
+    more = f"; and {len(report.failures) - _LISTED} more" if len(report.failures) > _LISTED else ""
+    return VerificationError(
+        f"the plan failed verification: {worst}{more}",
+        hint="change the scenario and plan again, or add --unverified to use the plan for inspection",
+    )
