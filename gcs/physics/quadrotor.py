@@ -115,7 +115,7 @@ def control_from_rotors(rotor_radps: Array, q: Quadrotor) -> Array:
 
 
 def squared_rotor_speeds(control: Sequence[Any], q: Quadrotor) -> tuple[Any, ...]:
-    """Return the four squared rotor speeds (rad/s)^2 that Eq. 2 requires for the control components; no motor limits."""
+    """Return the four squared rotor speeds, (rad/s)^2, that Eq. 2 requires for control components; no motor limits."""
     k = (q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.thrust_coeff_Ns2, q.moment_coeff_Nms2)
     wanted = [u * (1.0 / size) for u, size in zip(control, k, strict=True)]
     first, second, third, fourth = wanted

@@ -17,7 +17,7 @@ from gcs.errors import UsageError, VerificationError
 from gcs.mission.machine_independent import on_grid
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 from gcs.plan.nlp import margins
-from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M
+from gcs.plan.verification.report import LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -27,6 +27,7 @@ LONGEST_KNOT_S, SHORTEST_KNOT_S = 16.0, 0.25
 # Of a limit's scale, ten times the verifier's: a spline oscillates a little where the plan is at a rate limit.
 LIMIT_TOLERANCE = 1e-2
 _COEFFICIENT_GRID = 2.0**-17  # m and rad: far above what solvers on two machines differ by
+_GRID_S = 0.05
 _AT_REST = 3  # coefficients at each end of a clamped quintic: they fix its position, velocity and acceleration there
 
 
@@ -63,7 +64,7 @@ def smoothed(plan: Plan, tolerance_m: float) -> SmoothPath:
     if not tolerance_m > 0:
         raise UsageError(f"the smoothing tolerance is {tolerance_m:g} m", hint="give --smooth a positive number")
     start_s, end_s = plan.airborne_s, plan.phase("landing").start_s
-    t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / GRID_S)) + 1)
+    t_s = np.linspace(start_s, np.nextafter(end_s, start_s), int(np.ceil((end_s - start_s) / _GRID_S)) + 1)
     planned = plan.states(t_s)[plan.leader][:, [0, 1, 2, 8]]
     knots_s = LONGEST_KNOT_S
     while True:

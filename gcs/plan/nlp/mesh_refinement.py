@@ -22,9 +22,9 @@ from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.violations import complaints, find_violations, tightenings
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 
 DEGREE = 5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import (
     assignments_m,
@@ -48,7 +48,15 @@ def _joint_checks(plan: Plan) -> list[Check]:
     jump = np.nan_to_num(np.abs(after[0] - before[0]), nan=np.inf).max(axis=(0, 2))
     worst = int(np.argmax(jump))
     found = [
-        _exact("state continuous at joints", "all", "SI", -float(jump[worst]), LENGTH_TOLERANCE_M, None, float(joints[worst]))
+        _exact(
+            "state continuous at joints",
+            "all",
+            "SI",
+            -float(jump[worst]),
+            LENGTH_TOLERANCE_M,
+            None,
+            float(joints[worst]),
+        )
     ]
     within = ~np.isclose(joints[:, None], [phase.start_s for phase in plan.phases], rtol=0.0, atol=1e-6).any(axis=1)
     if within.any():

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import VELOCITY, Array
-from gcs.plan.formation.changes.reshape import reshape
 from gcs.plan.formation.assignment import bottleneck
+from gcs.plan.formation.changes.reshape import reshape
 from gcs.plan.formation.coordinates import Name, bent, target_ned_m
 from gcs.plan.formation.separation import least_distance
 from gcs.plan.formation.shape import Rows

@@ -49,7 +49,8 @@ class Check:
         when = "" if self.t_s is None else f" at t = {self.t_s:.2f} s"
         if self.verdict == "undecided":
             assert self.proved is not None
-            return f"{self.name}, {self.phase}: undecided, margin between {self.proved:.3g} and {self.worst:.3g} {self.unit}{when}{vehicle}"
+            between = f"margin between {self.proved:.3g} and {self.worst:.3g} {self.unit}"
+            return f"{self.name}, {self.phase}: undecided, {between}{when}{vehicle}"
         verdict = "margin" if self.worst >= 0 else "violated by"
         return f"{self.name}, {self.phase}: {verdict} {abs(self.worst):.3g} {self.unit}{when}{vehicle}"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -164,10 +165,7 @@ class _Proofs:
         plan = self.plan
         edges = np.unique(np.concatenate([plan.joints_s, more_s, [p.start_s for p in plan.phases], [plan.t_end_s]]))
         edges = edges[(edges >= plan.t_start_s) & (edges <= plan.t_end_s)]
-        parts = [
-            np.linspace(a, b, int(np.ceil((b - a) / _LONGEST_S)), endpoint=False)
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
-        ]
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / _LONGEST_S)), endpoint=False) for a, b in pairwise(edges)]
         every = np.concatenate([*parts, edges[-1:]])
         return every[:-1], every[1:]
 
@@ -205,7 +203,16 @@ class _Proofs:
                 row, t_s = int(proof.row[number, phase]), float(proof.t_s[number, phase])
                 sysid = None if constraint.name == "separation" else self.plan.sysids[row]
                 found.append(
-                    Check(constraint.name, name, constraint.unit, seen, constraint.tolerance, sysid, t_s, min(proved, seen))
+                    Check(
+                        constraint.name,
+                        name,
+                        constraint.unit,
+                        seen,
+                        constraint.tolerance,
+                        sysid,
+                        t_s,
+                        min(proved, seen),
+                    )
                 )
         return found
 

@@ -97,7 +97,9 @@ def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, *, apart: bool)
 def _tiled(value: Taylor, count: int) -> Taylor:
     """The same quantities (..., S) for so many vehicles: (..., count * S)."""
     shape = value.remainder.shape
-    return Taylor(np.tile(value.c, (*[1] * len(shape), count)), np.tile(value.remainder, (*[1] * (len(shape) - 1), count)))
+    return Taylor(
+        np.tile(value.c, (*[1] * len(shape), count)), np.tile(value.remainder, (*[1] * (len(shape) - 1), count))
+    )
 
 
 def _offsets(plan: Plan, rows: Rows, start_s: Array, end_s: Array, derivative: int) -> Taylor:
@@ -116,6 +118,8 @@ def _outermost(plan: Plan) -> Rows:
         return np.arange(tables.shape[1])
     size = np.linalg.norm(tables, axis=2)  # (K, V)
     order = np.argsort(-size.max(axis=0), kind="stable")
-    ends = [tables[..., axis].argmax(axis=1) for axis in range(3)] + [tables[..., axis].argmin(axis=1) for axis in range(3)]
+    ends = [tables[..., axis].argmax(axis=1) for axis in range(3)] + [
+        tables[..., axis].argmin(axis=1) for axis in range(3)
+    ]
     chosen = dict.fromkeys([plan.leader, *order[: FEW // 3].tolist(), *np.concatenate(ends).tolist()])
     return np.array(list(chosen)[:FEW])

@@ -114,7 +114,7 @@ class FormationLaw:
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))
         off = _off(self.spans[cells.who[0, 0]], self._offsets(cells))
-        return int(sum(part.middle**2 for part in off)[:, 0].argmax())
+        return int(np.sum([part.middle[:, 0] ** 2 for part in off], axis=0).argmax())
 
     def _offsets(self, cells: Cells) -> list[Taylor]:
         """Offsets from the leader: three components (V, N)."""
@@ -140,7 +140,10 @@ def _off(span: Span, offsets: list[Taylor]) -> list[Taylor]:
     if length == 0.0:
         return [offset - before[:, axis, None] for axis, offset in enumerate(offsets)]
     flown = total(
-        [(offset[longest] - before[longest, axis]) * (way[longest, axis] / length**2) for axis, offset in enumerate(offsets)]
+        [
+            (offset[longest] - before[longest, axis]) * (way[longest, axis] / length**2)
+            for axis, offset in enumerate(offsets)
+        ]
     )
     share = Taylor(flown.c[:, None], flown.remainder[None])
     return [offset - before[:, axis, None] - share * way[:, axis, None] for axis, offset in enumerate(offsets)]

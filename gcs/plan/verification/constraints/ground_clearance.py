@@ -17,7 +17,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.places import RESOLUTION_M, enclosed_places
 from gcs.plan.verification.proof.ground_patches import GroundPatches
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.report import LENGTH_TOLERANCE_M
@@ -89,7 +89,7 @@ class GroundClearance:
         place: Taylor,
         along: Taylor,
         supported: Array,
-        flies: Array,
+        flies: Mask,
         seen: Array,
         found: tuple[Array, Array],
     ) -> None:
@@ -98,15 +98,14 @@ class GroundClearance:
         pad = self.pad_down_m[cells.phase, cells.who[:, 0]]
         above = (-place[2]) + (pad - PAD_FREE_M)
         required = PAD_SHARE * np.minimum(above.middle, limit)
-        low = np.maximum(
-            (along - above * PAD_SHARE).low() - supported, along.low() - supported - PAD_SHARE * limit
-        )
+        low = np.maximum((along - above * PAD_SHARE).low() - supported, along.low() - supported - PAD_SHARE * limit)
         found[0][BESIDE] = np.where(flies, np.inf, low)
         found[1][BESIDE] = np.where(flies, np.inf, seen - required)
 
     def _supported(self, cells: Cells) -> tuple[Taylor, Taylor, Array, Array, Array]:
-        """Places; how far they and the patch reach along a direction out of the ground; a point (N, 3) of the patch; how
-        much (2, N) the spread of places and the unevenness of the patch take from the distance.
+        """Places; how far they and the patch reach along a direction out of the ground; a point (N, 3) of the patch.
+
+        Last, how much (2, N) the spread of places and the unevenness of the patch take from the distance.
         """
         place = enclosed_places(self.plan, self.tree, cells)
         middle = place.middle
@@ -167,11 +166,9 @@ class GroundClearance:
     def _height_m(self, places: Array) -> Array:
         """Height (N,) of places (3, N) above the ground."""
         terrain = self.plan.scenario.terrain
-        return -places[2] - ground_height_m(terrain, places[0], places[1])
+        return np.asarray(-places[2] - ground_height_m(terrain, places[0], places[1]))
 
-    def _foot(
-        self, patches: Array, first: Array, second: Array, places: Array
-    ) -> tuple[tuple[Array, Array], Array]:
+    def _foot(self, patches: Array, first: Array, second: Array, places: Array) -> tuple[tuple[Array, Array], Array]:
         """Coordinates (N,) near the nearest ground of a patch, from the slope below, and that slope's normal (N, 3).
 
         Any ground would do: these only make the bound good.

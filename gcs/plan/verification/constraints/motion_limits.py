@@ -125,7 +125,8 @@ class MotionLimits:
         rounded = rounded_thrust_polynomial(leader.control)
         thrust = tuple(enclosed(rounded, cells.start_s, cells.end_s, ORDER, n)[0] for n in range(3))
         offsets = [self._offsets(cells, n) for n in range(5)]
-        moved = follower_state_and_control(state, control, thrust, offsets, self.plan.quadrotor, FUNCTIONS)  # type: ignore[arg-type]
+        q = self.plan.quadrotor
+        moved = follower_state_and_control(state, control, thrust, offsets, q, FUNCTIONS)  # type: ignore[arg-type]
         return list(moved[0]), list(moved[1])
 
 

@@ -11,7 +11,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.motion_limits import divided
 from gcs.plan.verification.proof.ground_patches import GroundPatches
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import Cells, Constraint, Rows
+from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
 from gcs.plan.verification.report import LENGTH_TOLERANCE_M
@@ -62,12 +62,14 @@ class Places:
         found += [_outside(zone, place, cells) for zone in self.plan.scenario.no_fly]
         return np.stack([f[0] for f in found]), np.stack([f[1] for f in found])
 
-    def _above_ground(self, place: Taylor, flies: Array) -> tuple[Array, Array]:
-        """The height above the ground, which only the ground phases may use up; the distance is a constraint of its own."""
+    def _above_ground(self, place: Taylor, flies: Mask) -> tuple[Array, Array]:
+        """The height above the ground, in the ground phases."""
         low, seen = np.full(len(flies), np.inf), np.full(len(flies), np.inf)
         if not flies.all():
             here = place[:, ~flies]
-            column = self.ground.around(*here.middle[:2], np.hypot(here[0].deviation(), here[1].deviation()))
+            column = self.ground.around(
+                here.middle[0], here.middle[1], np.hypot(here[0].deviation(), here[1].deviation())
+            )
             straight_up = np.broadcast_to([0.0, 0.0, -1.0], (len(column), 3))
             low[~flies] = (-here[2]).low() - self.ground.support(column, straight_up)
             seen[~flies] = -here.middle[2] - ground_height_m(self.plan.scenario.terrain, *here.middle[:2])

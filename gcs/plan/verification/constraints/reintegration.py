@@ -10,6 +10,7 @@ derivatives of Eq. 1. The reported error contains both: the distance to the plan
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import expm
@@ -28,7 +29,7 @@ _BLOCK = 8192
 
 @dataclass(frozen=True)
 class Steps:
-    """S steps, those of one vehicle in order and then those of the next: what is planned, and the control, as Taylor models over each step."""
+    """S steps, those of one vehicle in order and then those of the next."""
 
     start_s: Array  # (S,)
     end_s: Array  # (S,)
@@ -51,10 +52,7 @@ def step_edges(joints_s: Array, start_s: float, end_s: float) -> Array:
     marks = np.union1d(marks, [start_s, end_s])
     marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
     marks[-1] = end_s
-    parts = [
-        np.linspace(a, b, int(np.ceil((b - a) / STEP_S - 1e-9)), endpoint=False)
-        for a, b in zip(marks[:-1], marks[1:], strict=True)
-    ]
+    parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP_S - 1e-9)), endpoint=False) for a, b in pairwise(marks)]
     return np.concatenate([*parts, [end_s]])
 
 
@@ -64,7 +62,7 @@ def window_errors(steps: Steps, first: Rows, last: Rows, q: Quadrotor) -> Bounde
     control, place = _from_the_left(steps.control.c), _from_the_left(steps.place.c)
     powers = 2.0 ** np.arange(ORDER + 1)[:, None, None]
     state = steps.state[first].T.copy()  # (12, W)
-    flown: list[tuple[Array, Array]] = []
+    flown: list[tuple[Rows, Rows]] = []
     distances: list[Array] = []
     series: list[Array] = []
     for advance in range(int(np.max(last - first))):

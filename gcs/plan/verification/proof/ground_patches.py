@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.verification.proof.subdivision import Mask
 from gcs.scenario.environment.heightmap import Relief, terms_of
 from gcs.scenario.environment.terrain import ground_height_m, mountain_height_m, ripple_peak_m
 from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
@@ -79,7 +80,9 @@ class SmoothGround:
         flat = direction_ned[:, :1] * north + direction_ned[:, 1:2] * east
         up = -direction_ned[:, 2:]
         bend_m, highest_m = self._mountain_bounds_m(patches)
-        surfaces = [(mountain_height_m(self.terrain.mountains, north, east), bend_m, highest_m)]
+        surfaces: list[tuple[Array, Array, Array | float]] = [
+            (mountain_height_m(self.terrain.mountains, north, east), bend_m, highest_m)
+        ]
         if (ripple := self.terrain.ripple) is not None:
             wave, bend_m, peak_m = _wave_m(ripple, north, east), _wave_bend_m(ripple, patches), ripple_peak_m(ripple)
             surfaces += [(wave, bend_m, peak_m), (-wave, bend_m, peak_m)]
@@ -246,23 +249,27 @@ class ReliefGround:
     @cached_property
     def _affine(self) -> tuple[Array, Array]:
         """The coordinates at the centre (2,), and the inverse of their derivatives there (2, 2), m per pixel."""
-        polynomials = np.array([self.relief.row, self.relief.column])
-        return polynomials[:, 0], np.linalg.inv(polynomials[:, 1:3] / self.relief.reach_m)
+        polynomials: Array = np.array([self.relief.row, self.relief.column], dtype=np.float64)
+        back: Array = np.asarray(np.linalg.inv(polynomials[:, 1:3] / self.relief.reach_m), dtype=np.float64)
+        return polynomials[:, 0], back
 
     def _coordinates(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         relief = self.relief
         north, east = (north_m - relief.centre_m[0]) / relief.reach_m, (east_m - relief.centre_m[1]) / relief.reach_m
-        terms = terms_of(north, east)
-        return tuple(np.tensordot(np.array(p), terms, axes=1) for p in (relief.row, relief.column))  # type: ignore[return-value]
+        place: Array = np.tensordot(np.array([relief.row, relief.column]), terms_of(north, east), axes=1)
+        return place[0], place[1]
 
     def _places(self, rows: Array, columns: Array) -> tuple[Array, Array]:
         """North and east (...) of coordinates (...): Newton's iteration from the affine part."""
-        centre, back = self._affine
+        back = self._affine[1]
         north, east = np.full_like(rows, self.relief.centre_m[0]), np.full_like(columns, self.relief.centre_m[1])
         for _ in range(_NEWTON):
             first, second = self._coordinates(north, east)
             off = rows - first, columns - second
-            north, east = north + back[0, 0] * off[0] + back[0, 1] * off[1], east + back[1, 0] * off[0] + back[1, 1] * off[1]
+            north, east = (
+                north + back[0, 0] * off[0] + back[0, 1] * off[1],
+                east + back[1, 0] * off[0] + back[1, 1] * off[1],
+            )
         return north, east
 
     def _height_m(self, rows: Array, columns: Array) -> Array:
@@ -276,13 +283,13 @@ class ReliefGround:
             + a * ((1.0 - b) * table[i + 1, j] + b * table[i + 1, j + 1])
         )
 
-    def _whole(self, patches: Array) -> Array:
+    def _whole(self, patches: Array) -> Mask:
         """Whether each patch (N,) lies within one pixel."""
-        return self._pixels(patches) <= 1.0
+        return np.asarray(self._pixels(patches) <= 1.0)
 
-    def _few(self, patches: Array) -> Array:
+    def _few(self, patches: Array) -> Mask:
         """Whether each patch (N,) crosses one edge of pixels at most, each way."""
-        return self._pixels(patches) <= 2.0
+        return np.asarray(self._pixels(patches) <= 2.0)
 
     @staticmethod
     def _pixels(patches: Array) -> Array:

@@ -14,7 +14,9 @@ _FLOOR_M = 1.0  # of `gcs.physics.wind`: below it the power law is smoothed
 
 
 def motion_series(state: Array, control: Array, unit_s: Array, q: Quadrotor) -> Array:
-    """Coefficients (K+1, 12, N) of the solution from states (12, N), for controls (K+1, 4, N), in units (N,) of time."""
+    """Coefficients (K+1, 12, N) of the solution from states (12, N), under controls (K+1, 4, N).
+
+    Time is counted in units (N,)."""
     top = len(control) - 1
     count = state.shape[1]
     x = np.zeros((top + 1, 12, count))

@@ -49,9 +49,7 @@ class Cells:
         return len(self.start_s)
 
     def __getitem__(self, index: Rows | Mask | slice) -> Cells:
-        return Cells(
-            self.who[index], self.start_s[index], self.end_s[index], self.phase[index], self.patch[index]
-        )
+        return Cells(self.who[index], self.start_s[index], self.end_s[index], self.phase[index], self.patch[index])
 
     @property
     def middle_s(self) -> Array:

@@ -23,6 +23,9 @@ ROUNDING = 1e-11  # share of the terms' sizes
 class Taylor:
     """Taylor models of many quantities at once: coefficients (K+1, ...) and remainders (...) >= 0."""
 
+    c: Array
+    remainder: Array
+
     __array_ufunc__ = None  # so that array * Taylor comes here
 
     def __init__(self, coefficients: Array, remainder: Array) -> None:
@@ -37,7 +40,7 @@ class Taylor:
     @property
     def middle(self) -> Array:
         """The polynomial (...) in the middle of the interval; the quantity itself where the remainder is 0."""
-        return self.c[0]
+        return np.asarray(self.c[0])
 
     def __getitem__(self, index: object) -> Taylor:
         """A part of the quantities, by an index into their shape."""
@@ -200,7 +203,9 @@ def arctan2(y: Taylor, x: Taylor) -> Taylor:
     """The angle (...) of (x, y), continuous over the interval: seen from the direction in its middle."""
     middle = np.arctan2(y.c[0], x.c[0])
     c, s = np.cos(middle), np.sin(middle)
-    return (y * c - x * s).__truediv__(x * c + y * s).atan() + middle
+    across: Taylor = y * c - x * s
+    ahead: Taylor = x * c + y * s
+    return (across / ahead).atan() + middle
 
 
 def stacked(parts: Sequence[Taylor]) -> Taylor:
@@ -210,7 +215,8 @@ def stacked(parts: Sequence[Taylor]) -> Taylor:
 
 def total(parts: Sequence[Taylor]) -> Taylor:
     """The sum of quantities (...)."""
-    return reduce(lambda a, b: a + b, parts)
+    found: Taylor = reduce(Taylor.__add__, parts)
+    return found
 
 
 def constant(value: Array, order: int) -> Taylor:

@@ -30,7 +30,6 @@ class VehicleTree:
         """The groups (V,) of one vehicle."""
         return np.flatnonzero(self.parts[:, 0] < 0)
 
-
     def largest(self, values: Array) -> Array:
         """The largest value (M,) among the members of each group, of values (V,) of the vehicles."""
         found = np.array(values)[self.row]

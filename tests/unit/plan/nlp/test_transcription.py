@@ -17,8 +17,8 @@ from gcs.plan.nlp.transcription import Program, transcribe
 from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along, straight_route
-from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.trajectory.integration_windows import window_errors
+from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds
