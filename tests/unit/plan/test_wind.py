@@ -15,6 +15,9 @@ from scipy.optimize import root
 from gcs.errors import PlanningError, ScenarioError
 from gcs.physics.quadrotor import Array, derivative, hover_trim
 from gcs.physics.wind import SteadyWind
+from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.active_vehicles import active_vehicles
+from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.ground_phases import vertical
 from gcs.plan.trajectory.plan import Plan
@@ -126,39 +129,44 @@ def test_wind_stronger_than_the_vehicle_is_refused_in_a_sentence(tmp_path: Path,
         load_scenario(tmp_path)
 
 
-SHEARED = "\n[wind]\nspeed_mps = 8.0\nfrom_deg = 0.0\nshear = 0.4\n"
+def in_shear(repo_root: Path) -> Scenario:
+    """The first 200 m of the bundled field, with vehicles up to 8 m above the leader, into a wind that leaves it little
+    tilt."""
+    return changed(
+        load_scenario(repo_root / "missions" / "field"),
+        wind={"speed_mps": 8.0, "from_deg": 0.0, "shear": 0.4},
+        ground_phases={"takeoff_s": 60.0, "landing_s": 90.0},
+        no_fly=[],
+        time={"flight_s": 62.0},
+        end={"position_m": [200.0, 0.0, 25.0]},
+    )
 
 
 @pytest.fixture(scope="module")
-def sheared(tmp_path_factory: pytest.TempPathFactory, repo_root: Path) -> Plan:
-    """The bundled field, with vehicles up to 8 m above the leader, in a wind that leaves it little tilt."""
-    text = (repo_root / "missions" / "field" / "scenario.toml").read_text() + SHEARED
-    folder = tmp_path_factory.mktemp("sheared")
-    for short, long in (("takeoff_s = 30.0", "takeoff_s = 60"), ("landing_s = 45.0", "landing_s = 90")):
-        assert short in text
-        text = text.replace(short, long)
-    (folder / "scenario.toml").write_text(text)
-    return make_plan(load_scenario(folder))
+def sheared(repo_root: Path) -> Plan:
+    return make_plan(in_shear(repo_root))
 
 
-def tilt_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
-    """Roll and pitch, deg, that fly a vehicle's path in the wind at its own height: Eq. 1 solved for three unknowns.
-
-    The path alone is the plan's: positions of the leader and the offset, with differences for speed and acceleration.
-    """
-    scenario = plan.scenario
-    body, wind = scenario.vehicle, scenario.wind
-    assert wind is not None
+def flown_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
+    """Roll and pitch, deg, that fly a vehicle's path: of the plan it uses positions and their differences alone."""
     step = 2e-3
     times = t_s + step * np.arange(-2.0, 3.0)
     path = plan.leader_trajectory.state(times)[:, :3] + plan.offsets(times)[vehicle]
     speed = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ path / (12.0 * step)
     acceleration = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) @ path / (12.0 * step**2)
-    height_m = -path[2, 2]
+    yaw = float(plan.leader_trajectory.state(np.array([t_s]))[0, 8])
+    return tilt_by_hand(plan.scenario, -float(path[2, 2]), speed, acceleration, yaw)[1:]
+
+
+def tilt_by_hand(
+    scenario: Scenario, height_m: float, speed: Array, acceleration: Array, yaw: float
+) -> tuple[float, float, float]:
+    """Thrust in N, roll and pitch in deg that fly a motion in the wind at its height: Eq. 1 solved by a root finder."""
+    body, wind = scenario.vehicle, scenario.wind
+    assert wind is not None
     toward = np.radians(wind.from_deg + 180.0)
     smooth_m = 0.5 * (height_m + np.hypot(height_m, 1.0))  # the power law, without its infinite slope at the ground
     air = wind.speed_mps * (smooth_m / wind.height_m) ** wind.shear * np.array([np.cos(toward), np.sin(toward), 0.0])
-    yaw = float(plan.leader_trajectory.state(np.array([t_s]))[0, 8])
 
     def unbalanced(unknown: Array) -> Array:
         thrust, roll, pitch = unknown
@@ -175,9 +183,43 @@ def tilt_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
 
     found = root(unbalanced, [body.mass_kg * body.gravity_mps2, 0.0, 0.0], tol=1e-12)
     assert found.success
-    return float(np.degrees(found.x[1])), float(np.degrees(found.x[2]))
+    return float(found.x[0]), float(np.degrees(found.x[1])), float(np.degrees(found.x[2]))
 
 
+def test_the_program_limits_tilt_and_thrust_of_the_highest_and_the_lowest_vehicle(repo_root: Path) -> None:
+    """Each constraint is zero exactly where Eq. 1, solved by hand at the vehicle's own height, is at its limit."""
+    scenario = in_shear(repo_root)
+    problem = flight_problem(scenario)
+    random = np.random.default_rng(3)
+    times = np.array([20.0])
+    for _ in range(10):
+        z = np.zeros(16)
+        z[:3], z[3:6] = random.uniform([20.0, -5.0, -20.0], [90.0, 5.0, -12.0]), random.uniform(-3.0, 3.0, 3)
+        z[6:9], z[12] = random.uniform(-0.4, 0.4, 3), random.uniform(15.0, 30.0)
+        chosen = active_vehicles(problem, times, z[None, :12])
+        counts = chosen.ground.shape[1], max(rows.shape[1] for rows in (*chosen.zones, chosen.moving[:, :0]))
+        path = stage_functions.functions(problem, *counts, chosen.moving.shape[1]).path
+        values = np.array(path(z, chosen.parameters[0])).ravel()
+        found = dict(zip(stage_functions.path_names(problem, chosen)[0], values, strict=True))
+        free = dict(zip(found, stage_functions.path_is_free(problem, chosen)[0], strict=True))
+        acceleration = derivative(z[:12], z[12:], problem.quadrotor)[3:6]
+        for vehicle in (0, 2):  # the leader is among the lowest, vehicle 3 among the highest
+            height_m = -(z[2] + problem.shape.at(20.0)[vehicle, 2])
+            thrust, roll, pitch = tilt_by_hand(scenario, height_m, z[3:6], acceleration, z[8])
+            who, weight = f" of vehicle {vehicle + 1}", problem.quadrotor.weight_N
+            if vehicle:
+                assert not any(free[name + who] for name in ("roll", "pitch", "least thrust", "largest thrust"))
+            low, high = scenario.limits.thrust_N
+            share = np.sin(np.radians(roll)) / np.sin(np.radians(25.0))
+            assert found[f"roll{who}"] == pytest.approx((thrust / weight) ** 2 * (1.0 - share**2), rel=1e-6)
+            down = thrust * np.cos(np.radians(roll)) * np.cos(np.radians(pitch)) / weight
+            share = np.tan(np.radians(pitch)) / np.tan(np.radians(25.0))
+            assert found[f"pitch{who}"] == pytest.approx(down**2 * (1.0 - share**2), rel=1e-6)
+            assert found[f"least thrust{who}"] == pytest.approx((thrust**2 - low**2) / weight**2)
+            assert found[f"largest thrust{who}"] == pytest.approx((high**2 - thrust**2) / weight**2)
+
+
+@pytest.mark.slow
 def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(sheared: Plan) -> None:
     """Every vehicle by Eq. 1 in the wind at its own height, with the code's own followers left out."""
     most_deg = sheared.scenario.limits.roll_pitch_yaw_deg[:2]
@@ -187,7 +229,7 @@ def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(
         [np.linspace(mission.start_s + 0.1, 6.0, 60), np.linspace(6.0, mission.end_s - 0.1, 150)]
     ):
         for vehicle in range(len(sheared.sysids)):
-            tilt = np.abs(tilt_by_hand(sheared, vehicle, float(t_s)))
+            tilt = np.abs(flown_by_hand(sheared, vehicle, float(t_s)))
             steepest[vehicle] = np.maximum(steepest[vehicle], tilt)
     assert np.all(steepest <= 1.001 * np.array(most_deg)), steepest
     # The limit binds, and those above the leader reach it first.
@@ -197,6 +239,7 @@ def test_no_vehicle_of_a_rigid_formation_leans_beyond_its_limit_in_sheared_wind(
     assert report.ok, report.failures
 
 
+@pytest.mark.slow
 def test_verification_sees_a_higher_vehicle_that_leans_too_far(sheared: Plan) -> None:
     """The same motion under a limit that the leader keeps and the highest vehicles do not."""
     times = np.linspace(0.0, sheared.flight_s, 20_000)[:-1]

@@ -11,11 +11,10 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.transforms import straight as straight_leg
-from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
-from gcs.plan.nlp import margins
-from gcs.plan.nlp.violations import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, check_between_nodes
-from gcs.plan.ocp.problem import Problem, flight_problem
+from gcs.plan.nlp.violations import check_between_nodes, find_violations, tightenings
+from gcs.plan.ocp.bounds import leader_control_bounds
+from gcs.plan.ocp.problem import Problem, control_bounds, flight_problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
@@ -50,28 +49,100 @@ def found(problem: Problem, shape: Shape | None = None, trajectory: Trajectory |
     return {text.split(" violated by")[0]: text for text in complaints}
 
 
-def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: float = 0.05) -> dict[str, float]:
-    """Least value of every constraint of every vehicle, with no vehicle left out."""
-    scenario = problem.scenario
-    times = np.linspace(problem.start_s, problem.end_s, round(problem.duration_s / step_s) + 1)
-    vehicle = trajectory.vehicle
-    states, controls = formation_motion(vehicle.state, vehicle.control, shape, problem.quadrotor, times)
-    every = [
-        margins.clearance(scenario, states),
-        margins.height(scenario, states),
-        *margins.no_fly(scenario, states, times),
-        *margins.box(scenario, states),
-        *margins.state_limits(scenario, states),
-        margins.turning(scenario, states, controls),
-        *margins.acceleration(scenario, states, controls),
-        *margins.shape_motion(scenario, shape.offsets(times, 1), shape.offsets(times, 2)),
-    ]
-    lengths = ("clearance", "no-fly", "position")
-    tolerance = {
-        m.name: LENGTH_TOLERANCE_M if any(word in m.name for word in lengths) else LIMIT_TOLERANCE * m.scale
-        for m in every
+STEP_S = 0.01
+TOLERANCE_M, TOLERANCE = 0.5e-3, 0.5e-3  # in m, and as a share of a limit
+
+
+def differences(values: Array, order: int, step_s: float) -> Array:
+    """A derivative of values (..., N, K) over time by central differences, straight on at both ends."""
+    for _ in range(order):
+        values = np.gradient(values, step_s, axis=-2, edge_order=2)
+    return values
+
+
+def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: float = STEP_S) -> dict[str, float]:
+    """Least value of every violated constraint of all vehicles, every `step_s`, from positions alone.
+
+    Written apart from the code: formulas of the paper on positions and their differences, for a leader that flies
+    level with its weight as thrust.
+    """
+    scenario, limits, body = problem.scenario, problem.scenario.limits, problem.scenario.vehicle
+    times = np.arange(problem.start_s, problem.end_s, step_s)
+    leader = trajectory.vehicle.state(times)
+    offsets = shape.offsets(times)
+    place = leader[:, :3] + offsets
+    velocity = leader[:, 3:6] + differences(offsets, 1, step_s)
+    drag, m, g = np.array(body.drag_Nspm), body.mass_kg, body.gravity_mps2
+    acceleration = -drag / m * leader[:, 3:6] + differences(offsets, 2, step_s)
+    force = m * (np.array([0.0, 0.0, g]) - acceleration) - drag * velocity
+    pitch = np.arctan2(force[..., 0], force[..., 2])
+    roll = np.arctan2(-force[..., 1], np.hypot(force[..., 0], force[..., 2]))
+    tilt = np.stack([roll, pitch], axis=-1)
+    rates, angular = differences(tilt, 1, step_s), differences(tilt, 2, step_s)
+    moments = (np.array(body.inertia_kgm2[:2]) * angular + np.array(body.drag_moment_Nms[:2]) * rates) / body.arm_m
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    turn = np.abs(velocity[..., 0] * acceleration[..., 1] - velocity[..., 1] * acceleration[..., 0])
+    lower, upper = control_bounds(scenario)
+    margin: dict[str, tuple[Array, float]] = {
+        "clearance above ground": (clearance_m(problem, place), TOLERANCE_M),
+        "height": (
+            np.minimum(-place[..., 2] - limits.height_m[0], limits.height_m[1] + place[..., 2]),
+            TOLERANCE * limits.height_m[1],
+        ),
+        "thrust U1": (
+            np.minimum(np.linalg.norm(force, axis=-1) - lower[0], upper[0] - np.linalg.norm(force, axis=-1)),
+            0,
+        ),
+        "turning load factor": (
+            limits.load_factor_max - turn / np.maximum(speed, 0.1) / g,
+            TOLERANCE * limits.load_factor_max,
+        ),
     }
-    return {m.name: float(m.value.min()) for m in every if m.value.min() < -tolerance[m.name]}
+    for number, disk in enumerate(scenario.no_fly, start=1):
+        away = np.hypot(place[..., 0] - disk.north_m, place[..., 1] - disk.east_m) - disk.radius_m
+        margin[f"no-fly zone {number}"] = away, TOLERANCE_M
+    for axis, (name, (low, high)) in enumerate((("north", limits.north_m), ("east", limits.east_m))):
+        margin[f"{name} position"] = np.minimum(place[..., axis] - low, high - place[..., axis]), TOLERANCE_M
+    for axis, name in enumerate(("north speed", "east speed", "vertical speed")):
+        most = limits.speed_ned_mps[axis]
+        margin[name] = most - np.abs(velocity[..., axis]), TOLERANCE * most
+    for axis, name in enumerate(("roll", "pitch")):
+        most, fast = limits.roll_pitch_yaw_deg[axis], limits.rates_degps[axis]
+        margin[name] = most - np.degrees(np.abs(tilt[..., axis])), TOLERANCE * most
+        margin[f"{name} rate"] = fast - np.degrees(np.abs(rates[..., axis])), TOLERANCE * fast
+        margin[f"control U{axis + 2}"] = upper[axis + 1] - np.abs(moments[..., axis]), TOLERANCE * upper[axis + 1]
+    if (most_mps2 := limits.accel_max_mps2) is not None:
+        margin["acceleration"] = most_mps2 - np.linalg.norm(acceleration, axis=-1), TOLERANCE * most_mps2
+    fast, hard = scenario.formation.change_speed_mps, scenario.formation.change_accel_mps2
+    margin["speed in the shape"] = fast - np.linalg.norm(differences(offsets, 1, step_s), axis=-1), TOLERANCE * fast
+    margin["acceleration in the shape"] = (
+        hard - np.linalg.norm(differences(offsets, 2, step_s), axis=-1),
+        TOLERANCE * hard,
+    )
+    return {name: float(value.min()) for name, (value, tolerance) in margin.items() if value.min() < -tolerance}
+
+
+def clearance_m(problem: Problem, place: Array) -> Array:
+    """Distance (V, N) to the mountains minus the least clearance, from points of the ground 2 cm apart."""
+    mountains, least = problem.scenario.terrain.mountains, problem.scenario.limits.clearance_min_m
+    columns = (mountains.height_m, mountains.north_m, mountains.east_m)
+    spreads = (mountains.spread_north_m, mountains.spread_east_m)
+
+    def ground(north: Array, east: Array) -> Array:
+        total = np.zeros_like(north)
+        for height, n, e, spread_n, spread_e in zip(*columns, *spreads, strict=True):
+            total += height * np.exp(-(((north - n) / spread_n) ** 2) - ((east - e) / spread_e) ** 2)
+        return total
+
+    above = -place[..., 2] - ground(place[..., 0], place[..., 1])
+    near = (above > 0.0) & (above < 3.0 * least)
+    axis = np.arange(-1.2 * least, 1.2 * least, 0.02)
+    a, b = (part.ravel() for part in np.meshgrid(axis, axis))
+    for row, instant in np.argwhere(near):
+        north, east, down = place[row, instant]
+        away = np.sqrt(a**2 + b**2 + (down + ground(north + a, east + b)) ** 2)
+        above[row, instant] = min(above[row, instant], away.min())
+    return np.asarray(above - least)
 
 
 @pytest.mark.parametrize("count", [5, 60])
@@ -235,6 +306,47 @@ def test_of_a_few_everything_is_found_that_a_look_at_everyone_finds(simulation1:
     assert len(brute) >= 3
     for name, least in brute.items():
         assert float(complaints[name].split("violated by ")[1].split()[0]) == pytest.approx(-least, rel=6e-3)
+
+
+@pytest.mark.parametrize("count", [5, 60])
+@pytest.mark.parametrize("at_s", [12.01, 12.026, 12.04])
+def test_a_wall_that_is_crossed_between_two_samples_is_found(simulation1: Scenario, count: int, at_s: float) -> None:
+    """A wall 4 cm thick across the whole box: samples stand 0.2 m apart."""
+    north = float(track(crossing(simulation1, count), 0, at_s)[0])
+    wall = {"polygon_m": [[north, -60.0], [north + 0.04, -60.0], [north + 0.04, 60.0], [north, 60.0]]}
+    problem = crossing(simulation1, count, no_fly=[wall])
+    assert set(found(problem)) == {"no-fly zone 1"}
+
+
+@pytest.mark.parametrize("count", [1, 60])
+def test_a_peak_between_two_samples_is_found_to_its_full_height(simulation1: Scenario, count: int) -> None:
+    """A needle of ground, 2 mm too high and passed half way between two samples."""
+    level = crossing(simulation1, count)
+    north, east, _ = track(level, 0, 12.025)
+    least_m = level.scenario.limits.clearance_min_m
+    needle = {"north_m": [float(north)], "east_m": [float(east)], "height_m": [5.002 - least_m]}
+    needle |= {"spread_north_m": [0.15], "spread_east_m": [3.0]}
+    problem = crossing(simulation1, count, terrain={"ripple": None, "mountains": needle})
+    by_m = float(found(problem)["clearance above ground"].split("by ")[1].split(" m")[0])
+    assert by_m == pytest.approx(0.002, abs=5e-5)
+
+
+def test_controls_of_followers_are_found_and_tighten_the_leaders_bounds(simulation1: Scenario) -> None:
+    """A vehicle that changes its place fast needs moments that the leader does not; the next round leaves room."""
+    problem = crossing(simulation1, 5, limits={"accel_max_mps2": 30.0, "load_factor_max": 3.0})
+    for seconds in np.arange(6.0, 1.0, -0.1):
+        shape = one_goes_elsewhere(problem, 2, (0.0, 3.0, 0.0), float(seconds))
+        missed = find_violations(problem, straight(problem), shape)
+        if any(miss.name == "control U2" and miss.share > 0.05 for miss in missed):
+            break
+    worst = max(miss.by for miss in missed if miss.name == "control U2")
+    # Its peak is where the motion begins, and differences smooth it.
+    assert everything(problem, straight(problem), shape, 0.002)["control U2"] == pytest.approx(-worst, rel=0.2)
+    tighter = replace(problem, tightenings=tightenings(problem, missed))
+    times = np.array([5.0, next(miss.t_s for miss in missed if miss.name == "control U2"), 20.0])
+    before, after = (leader_control_bounds(p, times)[1][:, 1] for p in (problem, replace(tighter, shape=problem.shape)))
+    assert after[1] < before[1]
+    np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
 
 
 def test_the_worst_instant_of_every_stretch_is_named(simulation1: Scenario) -> None:
