@@ -1,7 +1,8 @@
 """Exports against those under missions/<name>/expected, as parsed data.
 
-The plan is an optimum found to 1e-6: another build of the solver moves it by less than the tolerances here. After a
-change on purpose: `./tools/run python tools/golden.py`.
+Plans of two machines differ by 5 mm or less (docs/planner.md); the tolerances here are ten times that. What a search
+finds for a plan (speeds, orders of return altitudes, further rally points) is held against what the scenario requires,
+and not against the numbers that it found before. After a change on purpose: `./tools/run python tools/golden.py`.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ from gcs.mission.export.export import export
 from gcs.mission.formats.qgc_plan import read_plan_file
 from gcs.mission.formats.qgc_wpl import read_waypoints
 from gcs.mission.formats.tables.setpoints_csv import read_setpoints
-from gcs.mission.model import Frame, MissionItem
+from gcs.mission.model import Command, Frame, MissionItem
 from gcs.plan.trajectory.plan import Plan
 
 POSITION_M, SPEED_MPS, ACCELERATION_MPS2, YAW_DEG, DELAY_S = 0.05, 0.02, 0.02, 0.5, 0.05
-ASKED_MPS, LEAVING_S, LATE_S = 0.3, 0.3, 2.0  # found step by step: a step more or less, and they differ by as much
-FENCE_M, RETURN_M = 0.5, 0.2
+LEAVING_S, LATE_S = 0.3, 2.0
+FASTEST_MPS = 7.08  # 5 m/s north and 5 m/s east
+FENCE_M, RADIUS_M = 0.5, 0.05
+RTL_UNITS_PM = 100  # of RTL_ALT
 DEGE7 = round(POSITION_M / 0.0075)  # a unit of longitude is 7.5 mm at this latitude
 
 
@@ -41,9 +44,14 @@ def expected(repo_root: Path, name: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def fresh(plan_of: Callable[[str], Plan], name: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def plan(plan_of: Callable[[str], Plan], name: str) -> Plan:
+    return plan_of(f"{name}/scenario.toml")
+
+
+@pytest.fixture(scope="module")
+def fresh(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("golden") / "export"
-    export(plan_of(f"{name}/scenario.toml"), folder, setpoint_rate_hz=1.0)
+    export(plan, folder, setpoint_rate_hz=1.0)
     return folder
 
 
@@ -57,7 +65,10 @@ def assert_close(item: MissionItem, golden: MissionItem) -> None:
     assert abs(item.lon_degE7 - golden.lon_degE7) <= DEGE7
     assert item.alt_m == pytest.approx(golden.alt_m, abs=POSITION_M)
     assert item.params[0] == pytest.approx(golden.params[0], abs=LEAVING_S)
-    assert item.params[1:3] == pytest.approx(golden.params[1:3], abs=ASKED_MPS)
+    if item.command == Command.DO_CHANGE_SPEED:
+        assert 0.0 < item.params[1] <= FASTEST_MPS
+    else:
+        assert item.params[1:3] == golden.params[1:3]
     turn = (item.params[3] - golden.params[3] + 180) % 360 - 180
     assert abs(turn) <= (YAW_DEG if item.frame == Frame.GLOBAL_RELATIVE_ALT else 0)
 
@@ -80,11 +91,13 @@ def test_the_index(fresh: Path, expected: Path) -> None:
         assert ours[key] == golden[key], key
 
 
-def test_what_the_missions_hold(fresh: Path, expected: Path) -> None:
-    ours, golden = (json.loads((folder / INDEX).read_text())["verified"] for folder in (fresh, expected))
-    assert [(f["rule"], f["level"]) for f in ours["findings"]] == [(f["rule"], f["level"]) for f in golden["findings"]]
-    for key in ("clearance_min_m", "separation_min_m"):
-        assert ours[key] == pytest.approx(golden[key], abs=POSITION_M)
+def test_what_the_missions_hold(fresh: Path, expected: Path, plan: Plan) -> None:
+    limits = plan.scenario.limits
+    for folder in (fresh, expected):
+        verified = json.loads((folder / INDEX).read_text())["verified"]
+        assert [f for f in verified["findings"] if f["level"] == "error"] == []
+        assert verified["clearance_min_m"] >= limits.clearance_min_m - plan.scenario.mission.tolerance_m
+        assert verified["separation_min_m"] >= plan.scenario.judge.separation_min_m
 
 
 def test_when_everybody_is_expected(fresh: Path, expected: Path) -> None:
@@ -96,40 +109,49 @@ def test_when_everybody_is_expected(fresh: Path, expected: Path) -> None:
         assert timing["nearest"]["distance_m"] >= 0.3
 
 
-def test_returns(fresh: Path, expected: Path) -> None:
-    """The order of return altitudes is searched; equally good orders may change places."""
-    ours, golden = (json.loads((folder / INDEX).read_text()) for folder in (fresh, expected))
-    through = [[(z["zone"], z["ends"]) for z in index["returns"]["through_zones"]] for index in (ours, golden)]
+def test_returns(fresh: Path, expected: Path, plan: Plan) -> None:
+    """Altitudes are a step apart and clear of the ground, all vehicles may return at once, and fences are higher."""
+    limits = plan.scenario.limits
+    indices = [json.loads((folder / INDEX).read_text()) for folder in (fresh, expected)]
+    through = [[(z["zone"], z["ends"]) for z in index["returns"]["through_zones"]] for index in indices]
     assert through[0] == through[1]
-    for key in ("step_m", "speeds"):
-        assert ours["returns"][key] == golden["returns"][key]
-    for key in ("ground_max_m", "top_m"):
-        assert ours["returns"][key] == pytest.approx(golden["returns"][key], abs=RETURN_M)
-    assert ours["returns"]["worst"]["distance_m"] == pytest.approx(
-        golden["returns"]["worst"]["distance_m"], abs=RETURN_M
-    )
-    heights = [sorted(v["RTL_ALT"] for v in index["parameters"].values()) for index in (ours, golden)]
-    assert heights[0] == pytest.approx(heights[1], abs=100 * RETURN_M)
-    for vehicle, parameters in ours["parameters"].items():
-        same = set(parameters) - {"RTL_ALT"}
-        assert {key: parameters[key] for key in same} == {key: golden["parameters"][vehicle][key] for key in same}
+    for index in indices:
+        returns, parameters = index["returns"], index["parameters"]
+        homes_m = dict(zip(map(str, plan.sysids), -plan.pads_ned_m[:, 2], strict=True))
+        tops_m = sorted(homes_m[key] + values["RTL_ALT"] / RTL_UNITS_PM for key, values in parameters.items())
+        assert np.diff(tops_m).min() >= limits.separation_min_m
+        assert tops_m[0] >= returns["ground_max_m"] + limits.clearance_min_m - 1e-3
+        assert tops_m[-1] == pytest.approx(returns["top_m"], abs=1e-3)
+        for near in (returns["worst"], returns["routed_worst"]):
+            assert near["distance_m"] >= plan.scenario.judge.separation_min_m
+        for key, values in parameters.items():
+            assert values["FENCE_ALT_MAX"] >= returns["top_m"] - homes_m[key] + 9.9
+    assert indices[0]["returns"]["step_m"] == indices[1]["returns"]["step_m"]
+    searched = {"RTL_ALT", "RTL_SPEED", "FENCE_ALT_MAX"}
+    for vehicle, values in indices[0]["parameters"].items():
+        assert values.keys() == indices[1]["parameters"][vehicle].keys()
+        same = values.keys() - searched
+        assert {key: values[key] for key in same} == {key: indices[1]["parameters"][vehicle][key] for key in same}
 
 
 @pytest.mark.parametrize("sysid", range(1, 7))
 def test_fence_and_rally_points(fresh: Path, expected: Path, name: str, sysid: int) -> None:
     ours, golden = (read_plan_file((d / f"uav{sysid}.plan").read_bytes(), str(d)) for d in (fresh, expected))
     assert [p.inclusion for p in ours.geofence.polygons] == [p.inclusion for p in golden.geofence.polygons] == [True]
-    assert ours.geofence.circles == golden.geofence.circles
+    for circle, other in zip(ours.geofence.circles, golden.geofence.circles, strict=True):
+        assert (circle.center, circle.inclusion) == (other.center, other.inclusion)
+        assert circle.radius_m == pytest.approx(other.radius_m, abs=RADIUS_M)
     assert len(ours.geofence.circles) == (2 if name == "field" else 0)
     shapes = [
         shapely.Polygon([(p.lon_degE7, p.lat_degE7) for p in file.geofence.polygons[0].points])
         for file in (ours, golden)
     ]
     assert shapely.hausdorff_distance(*shapes) <= DEGE7 * FENCE_M / POSITION_M
-    assert len(ours.rally) == len(golden.rally) == (8 if name == "field" else 1)
-    for point, other in zip(ours.rally, golden.rally, strict=True):
-        assert abs(point.place.lat_degE7 - other.place.lat_degE7) <= DEGE7
-        assert abs(point.place.lon_degE7 - other.place.lon_degE7) <= DEGE7
+    landing, golden_landing = ours.rally[0].place, golden.rally[0].place
+    assert abs(landing.lat_degE7 - golden_landing.lat_degE7) <= DEGE7
+    assert abs(landing.lon_degE7 - golden_landing.lon_degE7) <= DEGE7
+    assert 1 <= len(ours.rally) <= (8 if name == "field" else 1)
+    assert all(shapes[0].contains(shapely.Point(p.place.lon_degE7, p.place.lat_degE7)) for p in ours.rally)
     for folder, file in ((fresh, ours), (expected, golden)):
         parameters = json.loads((folder / INDEX).read_text())["parameters"][str(sysid)]
         assert all(p.alt_m * 100 == pytest.approx(parameters["RTL_ALT"]) for p in file.rally)

@@ -1,23 +1,21 @@
 """One plan file, exported as other machines would: with other kernels of BLAS, NumPy and the C library, other threads.
 
-Variables tell the libraries which processor they run on. A kernel that this processor cannot run is replaced by the
-library itself. All formats are written, and every file, the index included, must be the same to the byte.
+All formats are written, and every file, the index included, must be the same to the byte.
 """
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import verify
+from tests.machines import OLDEST, OTHERS, environment
 
 EXPORT = """
 import sys
@@ -29,33 +27,10 @@ export(plan, sys.argv[2], formats=["all"], setpoint_rate_hz=5.0, report=report, 
 """
 
 
-def simd(level: int) -> str:
-    """NumPy's kernels above this level of the processor, which has some of them."""
-    return " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])[level:])
-
-
-OLDEST = {
-    "OPENBLAS_CORETYPE": "Nehalem",
-    "OPENBLAS_NUM_THREADS": "1",
-    "NPY_DISABLE_CPU_FEATURES": simd(0),
-    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
-    "PYTHONHASHSEED": "1",
-    "LC_ALL": "C",
-    "TZ": "Asia/Kathmandu",
-}
-OTHERS = [
-    {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "2", "NPY_DISABLE_CPU_FEATURES": simd(1)},
-    {"OPENBLAS_CORETYPE": "SkylakeX", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "2"},
-    {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "2"},
-    {"OPENBLAS_CORETYPE": "Zen", "NPY_DISABLE_CPU_FEATURES": simd(2), "LC_ALL": "C.UTF-8"},
-]
-
-
 def exported(plan: Path, folder: Path, variables: dict[str, str], smooth_m: float = 0.0) -> dict[str, bytes]:
     """The files of an export by a process with these environment variables."""
-    known = {key: value for key, value in os.environ.items() if not key.startswith(("OPENBLAS_", "NPY_"))}
     command = [sys.executable, "-c", EXPORT, str(plan), str(folder), str(smooth_m)]
-    subprocess.run(command, env={**known, **variables}, check=True, cwd=Path(__file__).parents[4])
+    subprocess.run(command, env=environment(variables), check=True, cwd=Path(__file__).parents[4])
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
