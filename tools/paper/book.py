@@ -12,13 +12,14 @@ from types import ModuleType
 from typing import Any
 
 from gcs.files import atomic_write
-from tools.paper import flights, peers, rivals, scale, simulations, weighting
+from tools.paper import flights, peers, readings, rivals, scale, simulations, weighting
 from tools.paper.readme import updated
 from tools.paper.run import DOCS, ROOT, Run, about, about_line
 
 SECTIONS: dict[str, ModuleType] = {
     "weighting": weighting,
     "simulations": simulations,
+    "readings": readings,
     "swarms": rivals,
     "scale": scale,
     "flights": flights,
@@ -58,9 +59,10 @@ def page(record: dict[str, Any]) -> str:
         "# The paper, reproduced",
         "",
         "This page is written by `./tools/run python tools/paper.py` from the scenarios in `missions/`; no "
-        "number is typed by hand. All numbers stand in [paper.json](paper.json). Sentences of the paper are given "
-        "in our words, each with what was measured on our flights. Values the paper leaves out are marked "
-        "in the scenarios.",
+        "number is typed by hand. All numbers stand in [paper.json](paper.json). Each sentence of the paper stands "
+        "with what was measured on our flights. Where its words leave a choice, *read as* names the sense in which it "
+        "is judged. Values the paper leaves out are marked in the scenarios; the last column of the tables names "
+        "those that decide a sentence.",
         "",
     ]
     for name, section in record.items():

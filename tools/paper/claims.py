@@ -1,4 +1,4 @@
-"""A sentence of the paper that can be tested: what it says in our words, what was measured, and the verdict.
+"""A sentence of the paper that can be tested: what it says, how it is read, what was measured, and the verdict.
 
 Knows: how claims are kept and printed. Does not know: flights.
 """
@@ -20,6 +20,7 @@ class Claim:
     numbers: dict[str, float]
     holds: bool
     why: str
+    reading: str = ""  # where its words leave a choice: the sense in which it is judged
 
 
 def kept(claims: list[Claim], prefix: str) -> list[dict[str, Any]]:
@@ -38,17 +39,23 @@ def kept(claims: list[Claim], prefix: str) -> list[dict[str, Any]]:
 
 def verdict(claim: dict[str, Any]) -> str:
     """The verdict on a sentence of the paper."""
-    return "confirmed" if claim["holds"] else "**not confirmed**"
+    if not claim["holds"]:
+        return "**not confirmed**"
+    return "confirmed as read" if claim.get("reading") else "confirmed"
 
 
-def table(claims: list[dict[str, Any]]) -> list[str]:
-    """A row for each."""
-    lines = ["| | the paper says | measured | | why |", "| --- | --- | --- | --- | --- |"]
-    for claim in claims:
+def table(claims: list[dict[str, Any]], decided_by: list[str] | None = None) -> list[str]:
+    """A row for each; `decided_by` names the unstated values that decide it, sentence by sentence."""
+    lines = [
+        "| | the paper says | measured | | why | unstated values that decide it |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for claim, decides in zip(claims, decided_by or ["not varied"] * len(claims), strict=True):
         measured = claim["measured"].format(**claim["numbers"])
-        lines.append(
-            f"| {claim['id']} | {claim['place']}: {claim['says']} | {measured} | {verdict(claim)} | {claim['why']} |"
-        )
+        says = f"{claim['place']}: {claim['says']}"
+        if claim.get("reading"):
+            says += f"<br>*read as:* {claim['reading']}"
+        lines.append(f"| {claim['id']} | {says} | {measured} | {verdict(claim)} | {claim['why']} | {decides} |")
     return lines
 
 

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from tools.paper import curves, first, interactive, second, views
-from tools.paper.claims import beside, kept, table
+import gcs
+from gcs.plan.trajectory.plan import Plan
+from tools.paper import curves, first, interactive, second, unstated, views
+from tools.paper.claims import Claim, beside, kept, table
 from tools.paper.drawing import save
 from tools.paper.run import Run
 from tools.paper.track import Track
@@ -53,6 +55,7 @@ def measure(run: Run) -> dict[str, Any]:
     return {
         "claims": kept(first.claims(one, run.report("simulation1")), "A")
         + kept(second.claims(one, two, run.report("simulation2")), "B"),
+        "varied": unstated.vary(run, list(_VIEWS), judged),
         "plans": {
             name: {
                 "plan_s": sum(run.plan(name).timings_s.values()),
@@ -75,7 +78,28 @@ def page(record: dict[str, Any]) -> list[str]:
     ]
     for number, caption in CAPTIONS.items():
         lines += beside(f"paper/{file_of(number)}", number, caption, found)
-    return [*lines, *table(found)]
+    decides = [unstated.column(record["varied"], number) for number in range(len(found))]
+    return [*lines, *table(found, decides), "", *unstated_page(record["varied"])]
+
+
+def unstated_page(varied: list[dict[str, Any]]) -> list[str]:
+    """What the last column of the tables is made of."""
+    return [
+        "The paper leaves out the values below. Each is varied alone, with all others as chosen, and both simulations "
+        "and the flights of Figs. 6 and 7 are planned anew. The last column of the tables names those that change the "
+        "verdict. `none of them` means that no change of one of these values alone changes it.",
+        "",
+        *unstated.summary(varied),
+        "",
+        "One h_r, one heading scale and one height scale serve all studies. With h_r below both ceilings the two "
+        "simulations cannot differ in height; at 20 m it lies between them.",
+    ]
+
+
+def judged(plans: dict[str, Plan]) -> list[Claim]:
+    """The sentences on other plans of both simulations."""
+    one, two = (Track(plans[name]) for name in _VIEWS)
+    return [*first.claims(one, gcs.verify(one.plan)), *second.claims(one, two, gcs.verify(two.plan))]
 
 
 def file_of(number: int) -> str:

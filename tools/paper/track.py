@@ -19,6 +19,7 @@ STEP_S = 0.05
 ENDS_S = 15.0  # both simulations prescribe attitudes and a stop at their ends, which say nothing of the flight between
 _MOVING_MPS = 0.5  # slower, a course and a radius mean little
 SETTLED_S = 20.0
+_LEVEL_M = 1.0
 _AROUND_M, _AROUND_STEP_M = 40.0, 2.0
 
 
@@ -95,6 +96,16 @@ class Track:
     def ground_m(self) -> Array:
         """Ground below every vehicle (V, N)."""
         return ground_height_m(self.plan.scenario.terrain, self.places_ned_m[..., 0], self.places_ned_m[..., 1])
+
+    @cached_property
+    def level(self) -> tuple[float, float]:
+        """The height, m, near which it stays longest without a break, and how long, s."""
+        best = (0.0, 0.0)
+        for height in np.arange(0.0, self.height_m.max() + _LEVEL_M, 0.25 * _LEVEL_M):
+            edges = np.flatnonzero(np.diff(np.abs(self.height_m - height) <= _LEVEL_M, prepend=False, append=False))
+            longest = float((edges[1::2] - edges[::2]).max(initial=0)) * STEP_S
+            best = max(best, (height, longest), key=lambda found: found[1])
+        return float(best[0]), best[1]
 
     @cached_property
     def clearance_m(self) -> Array:

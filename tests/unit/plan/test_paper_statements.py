@@ -7,13 +7,16 @@ missions/*/README.md has the figures and the reasons.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.load import load_scenario
 
 pytestmark = pytest.mark.slow  # six flights are planned first
 
@@ -50,6 +53,17 @@ def tracks(plan_of: PlanOf) -> dict[str, Track]:
 
 
 @pytest.fixture(scope="session")
+def bent(repo_root: Path) -> dict[str, Track]:
+    """The same flights where a wrong heading costs more: a heading scale of 5 degrees instead of 60."""
+    flights = {}
+    for q, stem in WEIGHTS.items():
+        scenario = load_scenario(repo_root / "missions" / "terminal_weighting" / f"{stem}.toml")
+        objective = scenario.objective.model_copy(update={"heading_scale_deg": 5.0})
+        flights[q] = Track(make_plan(scenario.model_copy(update={"objective": objective})))
+    return flights
+
+
+@pytest.fixture(scope="session")
 def simulations(simulation1_plan: Plan, plan_of: PlanOf) -> tuple[Track, Track]:
     return Track(simulation1_plan), Track(plan_of("simulation2/scenario.toml"))
 
@@ -78,19 +92,25 @@ def test_every_flight_ends_straight(tracks: dict[str, Track], q: str) -> None:
 
 
 @pytest.mark.parametrize(("q", "course_deg", "yaw_deg"), [("1/(tf-t+0.5)", 7.0, 2.0), ("1/(tf-t+0.5)^2", 7.0, 3.0)])
-def test_weights_that_grow_to_the_end_bring_it_in_from_90_degrees(
-    tracks: dict[str, Track], q: str, course_deg: float, yaw_deg: float
+def test_weights_that_grow_to_the_end_bring_it_in_from_90_degrees_where_heading_costs_more(
+    bent: dict[str, Track], q: str, course_deg: float, yaw_deg: float
 ) -> None:
     """From 10 s before the arrival until it creeps, yaw and course are as asked, to a few degrees."""
-    track = tracks[q]
+    track = bent[q]
     last = track.between(10.0, 3.0)
     assert np.abs(track.course_deg[last] - 90.0).max() < course_deg
     assert np.abs(track.yaw_deg[last] - 90.0).max() < yaw_deg
 
 
-def test_t_squared_turns_towards_90_degrees_and_keeps_what_it_has(tracks: dict[str, Track]) -> None:
+def test_with_the_scale_of_all_studies_no_weight_bends_the_path(tracks: dict[str, Track]) -> None:
+    for track in tracks.values():
+        cruise = track.between(285.0, 15.0)
+        assert np.abs(track.course_deg[cruise] - 45.0).max() < 10.0
+
+
+def test_t_squared_turns_towards_90_degrees_and_keeps_what_it_has(bent: dict[str, Track]) -> None:
     """Its weight differs by a twentieth over the last 8 s: nothing asks it to finish the turn."""
-    track = tracks["t^2"]
+    track = bent["t^2"]
     last = track.between(30.0, 4.0)
     assert np.all((track.course_deg[last] > 73.0) & (track.course_deg[last] < 78.0))
     assert np.abs(track.yaw_deg[last] - 90.0).max() < 6.0
@@ -118,8 +138,8 @@ def test_q_1_cannot_guarantee_that_it_lands_from_a_height(tracks: dict[str, Trac
 def test_t_squared_and_the_inverse_square_descend_longer_than_the_papers_choice(tracks: dict[str, Track]) -> None:
     """Counted from the last tenth of each one's own height: half of the sentence "higher, and longer" holds ..."""
     longer = {q: tracks[q].last_at(0.9 * tracks[q].height_m.max()) for q in LATE_WEIGHTS}
-    assert longer["t^2"] > longer["1/(tf-t+0.5)"] + 1.5
-    assert longer["1/(tf-t+0.5)^2"] > longer["1/(tf-t+0.5)"] + 3.0
+    assert longer["t^2"] > longer["1/(tf-t+0.5)"] + 1.0
+    assert longer["1/(tf-t+0.5)^2"] > longer["1/(tf-t+0.5)"] + 1.0
 
 
 def test_the_papers_choice_is_the_highest_before_the_end(tracks: dict[str, Track]) -> None:
@@ -152,14 +172,14 @@ def test_simulation_1_arrives_without_error_and_from_above(simulations: tuple[Tr
 def test_simulation_1_flies_over_what_is_low_enough(simulations: tuple[Track, Track], simulation1_plan: Plan) -> None:
     first, _ = simulations
     ground = ground_height_m(simulation1_plan.scenario.terrain, first.states[:, 0], first.states[:, 1])
-    assert ground.max() > 10.0
+    assert ground.max() > 15.0  # more than Simulation 2 could cross
 
 
 def test_attitude_stays_small(simulations: tuple[Track, Track]) -> None:
     """Between the ends, which prescribe 18 degrees of pitch and a stop."""
     for track in simulations:
         cruise = track.between(track.to_go_s[-1] - 15.0, 15.0)
-        assert np.degrees(np.abs(track.states[cruise, 6:8])).max() < 5.0
+        assert np.degrees(np.abs(track.states[cruise, 6:8])).max() < 6.0
 
 
 # ---- §4.2
