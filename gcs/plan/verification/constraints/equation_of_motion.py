@@ -11,7 +11,6 @@ from gcs.plan.formation.follower_equations import follower_state_and_control
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.reintegration import (
-    ORDER,
     WINDOW_S,
     Steps,
     step_edges,
@@ -21,6 +20,8 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
 
+ORDERS = (6, 9)  # of the Taylor polynomials: the second where the first leaves too much of Eq. 1
+ENOUGH_M = 2e-3  # errors below this need no second look
 FEW = 24  # larger fleets: the outermost vehicles are re-integrated, where they move apart
 
 
@@ -57,22 +58,27 @@ def _worst(plan: Plan, rows: Rows, start_s: float, end_s: float, *, apart: bool)
     first = np.unique(np.clip(np.searchsorted(low, starts_s - 1e-9), 0, count - 1))
     last = np.searchsorted(low, low[first] + WINDOW_S - 1e-9)
     after = (count * np.arange(len(rows)))[:, None]
-    steps = _steps(plan, rows, low, high, apart=apart)
-    windows = window_errors(steps, (after + first).ravel(), (after + last).ravel(), plan.quadrotor)
-    errors = np.nan_to_num(windows.error_m, nan=np.inf)
+    first, last = (after + first).ravel(), (after + last).ravel()
+    errors = np.full(len(first), np.inf)
+    for order in ORDERS:
+        again = errors > ENOUGH_M
+        if again.any():
+            steps = _steps(plan, rows, low, high, order, apart=apart)
+            found = window_errors(steps, first[again], last[again], plan.quadrotor)
+            errors[again] = np.minimum(errors[again], np.nan_to_num(found, nan=np.inf))
     number = int(errors.argmax())
-    step = int(windows.step[number])
+    step = int(first[number])
     return float(errors[number]), int(rows[step // count]), float(low[step % count])
 
 
-def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, *, apart: bool) -> Steps:
+def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, apart: bool) -> Steps:
     leader, count = plan.leader_trajectory, len(rows)
-    x, u = (enclosed(part, start_s, end_s, ORDER) for part in (leader.state, leader.control))
+    x, u = (enclosed(part, start_s, end_s, order) for part in (leader.state, leader.control))
     if not apart:
         return Steps(start_s, end_s, leader.state(start_s), x[:3], u)
     rounded = rounded_thrust_polynomial(leader.control)
-    thrust = tuple(_tiled(enclosed(rounded, start_s, end_s, ORDER, n)[0], count) for n in range(3))
-    offsets = [_offsets(plan, rows, start_s, end_s, n) for n in range(5)]
+    thrust = tuple(_tiled(enclosed(rounded, start_s, end_s, order, n)[0], count) for n in range(3))
+    offsets = [_offsets(plan, rows, (start_s, end_s), order, n) for n in range(5)]
     x, u = _tiled(x, count), _tiled(u, count)
     _, control = follower_state_and_control(
         [x[i] for i in range(12)],
@@ -102,9 +108,9 @@ def _tiled(value: Taylor, count: int) -> Taylor:
     )
 
 
-def _offsets(plan: Plan, rows: Rows, start_s: Array, end_s: Array, derivative: int) -> Taylor:
+def _offsets(plan: Plan, rows: Rows, span_s: tuple[Array, Array], order: int, derivative: int) -> Taylor:
     """Offsets (3, count * S) of the rows, vehicle after vehicle."""
-    functions = enclosed(plan.shape.functions, start_s, end_s, ORDER, derivative)  # (K, S)
+    functions = enclosed(plan.shape.functions, *span_s, order, derivative)  # (K, S)
     table = plan.shape.basis_ned_m[:, rows]  # (K, V, 3)
     c = np.einsum("oks,kva->oavs", functions.c, table)
     remainder = np.einsum("ks,kva->avs", functions.remainder, np.abs(table))

@@ -22,7 +22,6 @@ from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
 
 WINDOW_S = 5.0
 STEP_S = 0.1
-ORDER = 8
 _FASTER_RADPS = 0.1  # rates of the exact solution differ by less from those of the plan
 _BLOCK = 8192
 
@@ -38,14 +37,6 @@ class Steps:
     control: Taylor  # (4, S)
 
 
-@dataclass(frozen=True)
-class BoundedWindows:
-    """A bound on the position error of each window, which begins with a step."""
-
-    step: Rows  # (W,)
-    error_m: Array  # (W,)
-
-
 def step_edges(joints_s: Array, start_s: float, end_s: float) -> Array:
     """The edges of steps: every joint, every second, and no step longer than 0.1 s."""
     marks = np.union1d(np.arange(start_s, end_s, 1.0), joints_s[(joints_s > start_s) & (joints_s < end_s)])
@@ -56,11 +47,11 @@ def step_edges(joints_s: Array, start_s: float, end_s: float) -> Array:
     return np.concatenate([*parts, [end_s]])
 
 
-def window_errors(steps: Steps, first: Rows, last: Rows, q: Quadrotor) -> BoundedWindows:
-    """Bounds on the error of windows from their first steps (W,) to the steps (W,) before which they end."""
+def window_errors(steps: Steps, first: Rows, last: Rows, q: Quadrotor) -> Array:
+    """Bounds (W,) on the error of windows from their first steps (W,) to the steps (W,) before which they end."""
     radius = 0.5 * (steps.end_s - steps.start_s)
     control, place = _from_the_left(steps.control.c), _from_the_left(steps.place.c)
-    powers = 2.0 ** np.arange(ORDER + 1)[:, None, None]
+    powers = 2.0 ** np.arange(len(control))[:, None, None]
     state = steps.state[first].T.copy()  # (12, W)
     flown: list[tuple[Rows, Rows]] = []
     distances: list[Array] = []
@@ -83,7 +74,7 @@ def window_errors(steps: Steps, first: Rows, last: Rows, q: Quadrotor) -> Bounde
         worst[active] = np.maximum(worst[active], distance + np.linalg.norm(error[:3, active], axis=0))
         done += len(step)
     worst[np.any(error[9:] > _FASTER_RADPS, axis=0)] = np.inf
-    return BoundedWindows(first, worst)
+    return worst
 
 
 def _from_the_left(c: Array) -> Array:
@@ -104,7 +95,7 @@ def _defect(series: Array, control: Array, left_out: Array, step: Rows, radius: 
         none = np.zeros(len(chosen))
         state = [Taylor(c[:, i], none) for i in range(12)]
         forces = [Taylor(control[:, i, chosen], left_out[i, chosen]) for i in range(4)]
-        powers = np.arange(1.0, ORDER + 1.0)[:, None, None]
+        powers = np.arange(1.0, len(c))[:, None, None]
         slope = np.concatenate([c[1:] * powers, np.zeros_like(c[:1])]) / radius[chosen]
         moved = equations_of_motion(state, forces, q, xp=FUNCTIONS)
         found.append(np.stack([(m - Taylor(slope[:, i], none)).size() for i, m in enumerate(moved)]))

@@ -31,8 +31,8 @@ def motion_series(state: Array, control: Array, unit_s: Array, q: Quadrotor) -> 
             sines[0], cosines[0] = np.sin(angles[0]), np.cos(angles[0])
         else:
             steps = np.arange(1.0, k + 1.0)[:, None, None] * angles[1:]
-            sines[k] = np.sum(steps * cosines[k - 1 :: -1][:k], axis=0) / k
-            cosines[k] = -np.sum(steps * sines[k - 1 :: -1][:k], axis=0) / k
+            sines[k] = np.einsum("jan,jan->an", steps, cosines[k - 1 :: -1]) / k
+            cosines[k] = -np.einsum("jan,jan->an", steps, sines[k - 1 :: -1]) / k
         (sr, sp, sy), (cr, cp, cy) = np.moveaxis(sines, 1, 0), np.moveaxis(cosines, 1, 0)
         lean[k, 0], lean[k, 1] = _product(cy, sp, k), _product(sy, sp, k)
         lean[k, 2] = _product(lean[:, 0], cr, k) + _product(sy, sr, k)
@@ -59,7 +59,7 @@ def motion_series(state: Array, control: Array, unit_s: Array, q: Quadrotor) -> 
 
 def _product(a: Array, b: Array, k: int) -> Array:
     """The k-th coefficient (N,) of a product of series (K+1, N)."""
-    return np.asarray(np.sum(a[: k + 1] * b[k::-1][: k + 1], axis=0))
+    return np.asarray(np.einsum("kn,kn->n", a[: k + 1], b[k::-1]))
 
 
 class _Wind:
