@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import (
     assignments_m,
@@ -23,7 +23,6 @@ ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
 COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
 _SAMPLED_S = 0.01
-# Eq. 1 has the thrust's direction change with the controls at once, so a corner of the plan is allowed, a step is not.
 _CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
 
 
@@ -58,24 +57,26 @@ def _joint_checks(plan: Plan) -> list[Check]:
             float(joints[worst]),
         )
     ]
+    return [*found, *_control_joints(plan, joints, np.abs(after[1] - before[1]))]
+
+
+def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
+    """Steps (V, N, 4) of the controls at joints: none within a phase.
+
+    Where a scheduled change begins or ends, snap steps, and with it the moments U2 to U4, by design: they are limited,
+    thrust and rates are continuous.
+    """
     within = ~np.isclose(joints[:, None], [phase.start_s for phase in plan.phases], rtol=0.0, atol=1e-6).any(axis=1)
-    if within.any():
-        limits = plan.scenario.limits
-        sizes = np.array([max(limits.thrust_N), *torque_limits(limits, plan.scenario.vehicle.arm_m)])
-        steps = np.abs(after[1] - before[1])[:, within] / sizes  # (V, N, 4)
-        vehicle, joint, _ = np.unravel_index(int(np.nan_to_num(steps, nan=np.inf).argmax()), steps.shape)
-        found.append(
-            _exact(
-                "control continuous at joints",
-                "all",
-                "of its limit",
-                -float(np.nan_to_num(steps, nan=np.inf).max()),
-                _CONTROL_TOLERANCE,
-                plan.sysids[vehicle],
-                float(joints[within][joint]),
-            )
-        )
-    return found
+    limits = plan.scenario.limits
+    sizes = np.array([max(limits.thrust_N), *torque_limits(limits, plan.scenario.vehicle.arm_m)])
+    share = np.nan_to_num(steps / sizes, nan=np.inf)
+    share[:, np.isin(joints, plan.shape.joints_s), 1:] = 0.0
+    share = share[:, within]
+    if not share.size:
+        return []
+    vehicle, joint, _ = np.unravel_index(int(share.argmax()), share.shape)
+    worst, sysid, t_s = -float(share.max()), plan.sysids[vehicle], float(joints[within][joint])
+    return [_exact("control continuous at joints", "all", "of its limit", worst, _CONTROL_TOLERANCE, sysid, t_s)]
 
 
 def _climb_checks(plan: Plan) -> list[Check]:

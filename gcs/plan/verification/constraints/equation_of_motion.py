@@ -20,7 +20,8 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
 
-ORDERS = (6, 9)  # of the Taylor polynomials: the second where the first leaves too much of Eq. 1
+# Order of the Taylor polynomials, and the longest step: the next ones where the first leaves too much of Eq. 1.
+LOOKS = ((6, 0.1), (9, 0.1), (9, 0.03))
 ENOUGH_M = 2e-3  # errors below this need no second look
 FEW = 24  # larger fleets: the outermost vehicles are re-integrated, where they move apart
 
@@ -39,36 +40,38 @@ def reintegrated(plan: Plan) -> Reintegration:
     """The largest position error of all windows."""
     leader, q = plan.leader_trajectory, plan.quadrotor
     apart_s = plan.shape.apart_s(q.wind)
-    worst = _worst(plan, np.array([plan.leader]), plan.t_start_s, plan.t_end_s, apart=False)
+    whole = (plan.t_start_s, plan.t_end_s, plan.t_end_s)
+    worst = _worst(plan, np.array([plan.leader]), whole, apart=False)
     rows = _outermost(plan)
     for start_s, end_s in apart_s:
         low, high = max(start_s - WINDOW_S, leader.start_s), min(end_s + WINDOW_S, leader.end_s)
-        worst = max(worst, _worst(plan, rows, low, high, apart=True))
+        worst = max(worst, _worst(plan, rows, (low, high, end_s), apart=True))
     return Reintegration(*worst, complete=not apart_s or len(rows) == len(plan.sysids))
 
 
-def _worst(plan: Plan, rows: Rows, start_s: float, end_s: float, *, apart: bool) -> tuple[float, int, float]:
-    """The largest error between two instants, of which row it is, and when its window starts."""
+def _worst(plan: Plan, rows: Rows, span_s: tuple[float, float, float], *, apart: bool) -> tuple[float, int, float]:
+    """The largest error between two instants, of which row it is, and when its window starts: none after the third."""
+    start_s, end_s, last_s = span_s
     joints = plan.joints_s
     if apart:
         joints = np.union1d(joints, rounded_thrust_polynomial(plan.leader_trajectory.control).x)
-    edges = step_edges(joints, start_s, end_s)
-    low, high, count = edges[:-1], edges[1:], len(edges) - 1
-    starts_s = np.union1d(np.arange(start_s, end_s, 1.0), joints[(joints >= start_s) & (joints < end_s)])
-    first = np.unique(np.clip(np.searchsorted(low, starts_s - 1e-9), 0, count - 1))
-    last = np.searchsorted(low, low[first] + WINDOW_S - 1e-9)
-    after = (count * np.arange(len(rows)))[:, None]
-    first, last = (after + first).ravel(), (after + last).ravel()
-    errors = np.full(len(first), np.inf)
-    for order in ORDERS:
-        again = errors > ENOUGH_M
-        if again.any():
-            steps = _steps(plan, rows, low, high, order, apart=apart)
-            found = window_errors(steps, first[again], last[again], plan.quadrotor)
-            errors[again] = np.minimum(errors[again], np.nan_to_num(found, nan=np.inf))
-    number = int(errors.argmax())
-    step = int(first[number])
-    return float(errors[number]), int(rows[step // count]), float(low[step % count])
+    starts_s = np.union1d(np.arange(start_s, last_s, 1.0), joints[(joints >= start_s) & (joints < last_s)])
+    errors = np.full((len(rows), len(starts_s)), np.inf)
+    for order, step_s in LOOKS:
+        again, windows = (errors > ENOUGH_M).any(axis=1), (errors > ENOUGH_M).any(axis=0)
+        if not again.any():
+            break
+        edges = step_edges(joints, start_s, end_s, step_s)
+        low, high, count = edges[:-1], edges[1:], len(edges) - 1
+        first = np.clip(np.searchsorted(low, starts_s[windows] - 1e-9), 0, count - 1)
+        last = np.searchsorted(low, low[first] + WINDOW_S - 1e-9)
+        after = (count * np.arange(int(again.sum())))[:, None]
+        steps = _steps(plan, rows[again], low, high, order, apart=apart)
+        found = window_errors(steps, (after + first).ravel(), (after + last).ravel(), plan.quadrotor)
+        part = np.ix_(again, windows)
+        errors[part] = np.minimum(errors[part], np.nan_to_num(found, nan=np.inf).reshape(errors[part].shape))
+    row, window = np.unravel_index(int(errors.argmax()), errors.shape)
+    return float(errors[row, window]), int(rows[row]), float(starts_s[window])
 
 
 def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, apart: bool) -> Steps:

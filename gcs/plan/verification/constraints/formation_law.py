@@ -17,7 +17,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.places import ORDER, RESOLUTION_M
 from gcs.plan.verification.formation_checks import expected_places
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Rows, halved
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
 from gcs.plan.verification.report import LENGTH_TOLERANCE_M
 from gcs.scenario.si import NED_FROM_UP
@@ -100,9 +100,9 @@ class FormationLaw:
             seen[chosen] = -np.sqrt(sum(part.middle**2 for part in off)).max(axis=0)
         return low[None], seen[None]
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`."""
-        long = np.flatnonzero(cells.end_s - cells.start_s > SHORTEST_S)
+        long = np.flatnonzero(chosen & (cells.end_s - cells.start_s > SHORTEST_S))
         return halved(cells[long]), np.concatenate([long, long])
 
     def row(self, who: Rows) -> int:

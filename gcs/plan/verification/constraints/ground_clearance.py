@@ -4,12 +4,13 @@ A plane between a vehicle and a patch of ground proves a distance: along its nor
 patch. Groups of vehicles, intervals of time and patches are divided until the least distance is known.
 
 On the ground phases a vehicle stands or hovers over its pad. There the height above the ground must not be negative,
-and the distance at least half the height above the pad, less 0.25 m: slopes are allowed, a wall beside the pad is not.
+and the distance at least a quarter of the height above the pad, less 0.25 m: slopes are allowed, a wall is not.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from gcs.plan.verification.proof.vehicle_tree import VehicleTree
 from gcs.plan.verification.report import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.terrain import ground_height_m
 
-PAD_SHARE = 0.5  # of the height above the pad: the slope of the ground may be 60 degrees
+PAD_SHARE = 0.25  # of the height above the pad: the slope of the ground may be 75 degrees
 PAD_FREE_M = 0.25  # above the pad, up to which nothing is required: at the pad itself the distance is 0
 _SMALLEST = 1e-4  # of a patch, in metres or pixels
 _TOUCHING_M = 0.02
@@ -31,7 +32,7 @@ _ENOUGH_M = 10.0  # beside a pad only the verdict matters, not the margin
 CLEARANCE, BESIDE = 0, 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GroundClearance:
     """The distance to the ground where the formation flies, and to what is beside the pads elsewhere."""
 
@@ -102,6 +103,7 @@ class GroundClearance:
         found[0][BESIDE] = np.where(flies, np.inf, low)
         found[1][BESIDE] = np.where(flies, np.inf, seen - required)
 
+    @lru_cache(maxsize=1)  # noqa: B019 - asked twice in a row for the same cells; the family lives no longer than a proof
     def _supported(self, cells: Cells) -> tuple[Taylor, Taylor, Array, Array, Array]:
         """Places; how far they and the patch reach along a direction out of the ground; a point (N, 3) of the patch.
 
@@ -132,9 +134,10 @@ class GroundClearance:
         losses = np.linalg.norm(apart, axis=1) - (along.low() - to_point), supported - to_point
         return place, along, supported, point, np.stack(losses)
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`: of group, time and patch what lowers the bound most is divided."""
         place, _, _, _, losses = self._supported(cells)
+        losses = losses.copy()
         group = cells.who[:, 0]
         reach = self.tree.reach_m[group]
         spread = np.sqrt(sum(place[axis].deviation() ** 2 for axis in range(3)))
@@ -142,18 +145,18 @@ class GroundClearance:
         sides = np.hypot(cells.patch[:, 1] - cells.patch[:, 0], cells.patch[:, 3] - cells.patch[:, 2])
         losses[0, ~of_group & (cells.end_s - cells.start_s <= SHORTEST_S)] = -1.0
         losses[1, sides <= _SMALLEST] = -1.0
-        chosen = np.where(losses[0] >= losses[1], np.where(of_group, 0, 1), 2)
-        chosen[losses.max(axis=0) < 0.0] = -1
+        which = np.where(losses[0] >= losses[1], np.where(of_group, 0, 1), 2)
+        which[~chosen | (losses.max(axis=0) < 0.0)] = -1
         parts, origin = [], []
         for side in (0, 1):
-            groups = np.flatnonzero(chosen == 0)
+            groups = np.flatnonzero(which == 0)
             who = self.tree.parts[group[groups], side][:, None]
             parts.append(replace(cells[groups], who=who))
             origin.append(groups)
-        times = np.flatnonzero(chosen == 1)
+        times = np.flatnonzero(which == 1)
         parts.append(halved(cells[times]))
         origin.append(np.concatenate([times, times]))
-        patches = np.flatnonzero(chosen == 2)
+        patches = np.flatnonzero(which == 2)
         for half in self.ground.parts(cells.patch[patches]):
             parts.append(replace(cells[patches], patch=half))
             origin.append(patches)

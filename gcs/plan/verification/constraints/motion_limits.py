@@ -16,7 +16,7 @@ from gcs.plan.formation.follower_equations import follower_state_and_control
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
 from gcs.plan.verification.report import LIMIT_TOLERANCE
@@ -100,9 +100,9 @@ class MotionLimits:
                 margins.append((np.where(outside, np.inf, low), np.where(outside, np.inf, seen)))
         return np.stack([m[0] for m in margins]), np.stack([m[1] for m in margins])
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`: first the group, then the time is divided."""
-        return divided(cells, self.tree)
+        return divided(cells, chosen, self.tree)
 
     def row(self, who: Rows) -> int:
         """See `Family`."""
@@ -130,7 +130,7 @@ class MotionLimits:
         return list(moved[0]), list(moved[1])
 
 
-def divided(cells: Cells, tree: VehicleTree | None) -> tuple[Cells, Rows]:
+def divided(cells: Cells, wanted: Mask, tree: VehicleTree | None) -> tuple[Cells, Rows]:
     """The parts of cells of single groups: of the group where its members are far apart, else of the time."""
     length_s = cells.end_s - cells.start_s
     split = np.zeros(len(cells), dtype=bool)
@@ -138,7 +138,8 @@ def divided(cells: Cells, tree: VehicleTree | None) -> tuple[Cells, Rows]:
         group = cells.who[:, 0]
         whole = tree.parts[group, 0] >= 0
         split = whole & ((tree.reach_m[group] > _GROUP_M_PER_S * length_s) | (length_s <= SHORTEST_S))
-    longer = ~split & (length_s > SHORTEST_S)
+    split &= wanted
+    longer = wanted & ~split & (length_s > SHORTEST_S)
     by_time = halved(cells[longer])
     origin = [np.flatnonzero(longer)] * 2
     parts = [by_time]

@@ -75,9 +75,9 @@ class Places:
             seen[~flies] = -here.middle[2] - ground_height_m(self.plan.scenario.terrain, *here.middle[:2])
         return low, seen
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`."""
-        return divided(cells, self.tree)
+        return divided(cells, chosen, self.tree)
 
     def row(self, who: Rows) -> int:
         """See `Family`."""

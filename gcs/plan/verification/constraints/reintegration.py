@@ -21,7 +21,6 @@ from gcs.plan.verification.proof.subdivision import Rows
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor
 
 WINDOW_S = 5.0
-STEP_S = 0.1
 _FASTER_RADPS = 0.1  # rates of the exact solution differ by less from those of the plan
 _BLOCK = 8192
 
@@ -37,13 +36,13 @@ class Steps:
     control: Taylor  # (4, S)
 
 
-def step_edges(joints_s: Array, start_s: float, end_s: float) -> Array:
-    """The edges of steps: every joint, every second, and no step longer than 0.1 s."""
+def step_edges(joints_s: Array, start_s: float, end_s: float, step_s: float) -> Array:
+    """The edges of steps: every joint, every second, and no step longer than that."""
     marks = np.union1d(np.arange(start_s, end_s, 1.0), joints_s[(joints_s > start_s) & (joints_s < end_s)])
     marks = np.union1d(marks, [start_s, end_s])
     marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
     marks[-1] = end_s
-    parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP_S - 1e-9)), endpoint=False) for a, b in pairwise(marks)]
+    parts = [np.linspace(a, b, int(np.ceil((b - a) / step_s - 1e-9)), endpoint=False) for a, b in pairwise(marks)]
     return np.concatenate([*parts, [end_s]])
 
 

@@ -15,7 +15,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.places import ORDER, RESOLUTION_M
 from gcs.plan.verification.proof.polynomials import enclosed
-from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Rows, halved, joined
+from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_table
 from gcs.plan.verification.report import LENGTH_TOLERANCE_M
@@ -47,8 +47,13 @@ class Separation:
         low = np.where(within, np.where(single, np.inf, -np.inf), low - limit)
         return low[None], np.where(within, np.inf, length - limit)[None]
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
         """See `Family`: the wider group, or the time where vehicles move farther than groups are wide."""
+        numbers = np.flatnonzero(chosen)
+        found, origin = self._parts(cells[numbers])
+        return found, numbers[origin]
+
+    def _parts(self, cells: Cells) -> tuple[Cells, Rows]:
         first, second = cells.who.T
         parts = self.tree.parts
         reach = np.where(parts[cells.who, 0] >= 0, self.tree.reach_m[cells.who], -1.0)

@@ -35,7 +35,7 @@ class Constraint:
     resolution: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cells:
     """N cells: the group or the groups (N, w) of vehicles, the interval of time, and the phase of the flight."""
 
@@ -86,8 +86,8 @@ class Family(Protocol):
         """
         ...
 
-    def children(self, cells: Cells) -> tuple[Cells, Rows]:
-        """The parts of cells, and the number of the cell that each comes from; none of a cell that has no parts."""
+    def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:
+        """The parts of the chosen cells, and the number of the cell that each comes from; none of one without parts."""
         ...
 
     def row(self, who: Rows) -> int:
@@ -129,14 +129,14 @@ def prove(family: Family, cells: Cells, phases: int) -> Proof:
             gap = np.where(worst >= -tolerance, np.minimum(gap, np.maximum(worst + tolerance, finest)), gap)
             is_open = wanted & (low < worst - gap)
             divided = is_open.any(axis=0)
-            children, origin = family.children(batch[divided]) if divided.any() else (batch[:0], np.zeros(0, np.intp))
+            children, origin = family.children(batch, divided) if divided.any() else (batch[:0], np.zeros(0, np.intp))
             has_children = np.zeros(len(batch), dtype=bool)
-            has_children[np.flatnonzero(divided)[origin]] = True
+            has_children[origin] = True
             settled = wanted & ~(is_open & has_children)
             _lower(proof, batch, np.where(settled, low, np.inf))
             if len(children):
                 parts.append(children)
-                masks.append(is_open[:, np.flatnonzero(divided)[origin]])
+                masks.append(is_open[:, origin])
         done += len(level)
         if not parts:
             break

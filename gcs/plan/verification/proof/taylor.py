@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -127,23 +127,27 @@ class Taylor:
     def __rtruediv__(self, other: Array | float) -> Taylor:
         return self.reciprocal() * other
 
-    def _around(self) -> Taylor:
-        """The difference from the middle value."""
+    @cached_property
+    def _powers(self) -> list[Taylor]:
+        """The powers 1 .. K of the difference from the middle value."""
         c = self.c.copy()
         c[0] = 0.0
-        return Taylor(c, self.remainder)
+        found = [Taylor(c, self.remainder)]
+        while len(found) < self.order:
+            found.append(found[-1] * found[0])
+        return found
 
     def _composed(self, derivatives: Sequence[Array], highest: Array) -> Taylor:
         """A function of this: its derivatives at the middle value up to the K-th, and a bound of the next one."""
-        away = self._around()
-        reach = away.deviation()
-        result = Taylor(0.0 * self.c, np.zeros_like(self.remainder))
-        for n in range(self.order, 0, -1):
-            result = (result + derivatives[n] / math.factorial(n)) * away
-        result = result + derivatives[0]
         top = self.order + 1
-        result.remainder = result.remainder + highest * reach**top / math.factorial(top)
-        return result
+        c = np.zeros_like(self.c)
+        remainder = highest * self.deviation() ** top / math.factorial(top)
+        for n, power in enumerate(self._powers, start=1):
+            factor = derivatives[n] / math.factorial(n)
+            c[1:] += factor * power.c[1:]
+            remainder = remainder + np.abs(factor) * power.remainder
+        c[0] = derivatives[0]
+        return Taylor(c, remainder)
 
     def sin(self) -> Taylor:
         """The sine (...)."""
@@ -205,7 +209,9 @@ def arctan2(y: Taylor, x: Taylor) -> Taylor:
     c, s = np.cos(middle), np.sin(middle)
     across: Taylor = y * c - x * s
     ahead: Taylor = x * c + y * s
-    return (across / ahead).atan() + middle
+    seen: Taylor = across / ahead
+    angle: Taylor = seen.atan() + middle
+    return angle
 
 
 def stacked(parts: Sequence[Taylor]) -> Taylor:
