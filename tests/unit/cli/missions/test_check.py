@@ -38,7 +38,7 @@ def test_our_own_export_is_clean(exported: Path, repo_root: Path, capsys: pytest
     assert (
         main.run(["check", *plans(exported), "--terrain", str(repo_root / "missions" / "simulation1"), *PLANNED]) == 0
     )
-    assert re.search(r"clearance above[a-z ]+│ 0\.42 m +│ ≥ 0\.4 m +│ ok ", capsys.readouterr().out)
+    assert re.search(r"clearance above[a-z ]+│ \d\.\d\d m +│ ≥ 0\.4 m +│ ok ", capsys.readouterr().out)
 
 
 def test_the_model_of_the_autopilot_takes_its_time_and_keeps_together(

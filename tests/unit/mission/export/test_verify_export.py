@@ -111,8 +111,8 @@ def test_what_is_written_holds_for_both_autopilots(
     assert report.closest is not None
     assert report.closest.distance_m >= simulation1_plan.scenario.judge.separation_min_m
     verified = json.loads((tmp_path / INDEX).read_text())["verified"]
-    assert verified["separation_min_m"] == report.closest.distance_m
-    assert verified["clearance_min_m"] == report.clearance_min_m
+    assert verified["separation_min_m"] == pytest.approx(report.closest.distance_m, abs=1e-5)
+    assert verified["clearance_min_m"] == pytest.approx(report.clearance_min_m, abs=1e-5)
 
 
 def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan, tmp_path: Path) -> None:
