@@ -94,12 +94,12 @@ class _Proofs:
         airborne = np.array([i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE], dtype=np.intp)
         ground = ground_patches(scenario.terrain)
         box = Places(self.plan, self._tree, airborne, self._number("mission"), ground, self._area_m())
-        pads = np.zeros((len(self.plan.phases), len(self._tree.row)))
+        pads = np.zeros((len(self.plan.phases), len(self.plan.sysids)))
         for number, phase in enumerate(self.plan.phases):
             if phase.name not in AIRBORNE:
                 takes_off = phase.name == "takeoff"
                 points = self.plan.pads_ned_m if takes_off else self.plan.landing_points_ned_m
-                pads[number] = self._tree.largest(points[:, 2])
+                pads[number] = points[:, 2]
         clearance = GroundClearance(self.plan, self._tree, ground, airborne, pads)
         return self._checks(box, cells) + self._checks(clearance, clearance.around(cells))
 

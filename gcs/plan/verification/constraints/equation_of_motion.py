@@ -52,10 +52,10 @@ def reintegrated(plan: Plan) -> Reintegration:
 def _worst(plan: Plan, rows: Rows, span_s: tuple[float, float, float], *, apart: bool) -> tuple[float, int, float]:
     """The largest error between two instants, of which row it is, and when its window starts: none after the third."""
     start_s, end_s, last_s = span_s
-    joints = plan.joints_s
+    joints = begins = plan.joints_s
     if apart:
         joints = np.union1d(joints, rounded_thrust_polynomial(plan.leader_trajectory.control).x)
-    starts_s = np.union1d(np.arange(start_s, last_s, 1.0), joints[(joints >= start_s) & (joints < last_s)])
+    starts_s = np.union1d(np.arange(start_s, last_s, 1.0), begins[(begins >= start_s) & (begins < last_s)])
     errors = np.full((len(rows), len(starts_s)), np.inf)
     for order, step_s in LOOKS:
         again, windows = (errors > ENOUGH_M).any(axis=1), (errors > ENOUGH_M).any(axis=0)

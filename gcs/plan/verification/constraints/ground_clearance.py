@@ -10,7 +10,7 @@ and the distance at least a quarter of the height above the pad, less 0.25 m: sl
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class GroundClearance:
     tree: VehicleTree
     ground: GroundPatches
     airborne: Rows  # numbers of the phases
-    pad_down_m: Array  # (P, M) of the lowest pad or landing point of each group, NED
+    pad_down_m: Array  # (P, V) of the pad or landing point of each vehicle, NED; 0 in other phases
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -50,6 +50,11 @@ class GroundClearance:
             Constraint(name, "m", LENGTH_TOLERANCE_M, resolution_m)
             for name, resolution_m in zip(names, (RESOLUTION_M, _ENOUGH_M), strict=True)
         )
+
+    @cached_property
+    def _lowest_down_m(self) -> Array:
+        """The lowest pad (P, M) of each group."""
+        return np.stack([self.tree.largest(down_m) for down_m in self.pad_down_m])
 
     def around(self, cells: Cells) -> Cells:
         """Cells with the patch of ground that can matter for them; a wall farther away is no nearest ground."""
@@ -96,9 +101,10 @@ class GroundClearance:
     ) -> None:
         """Margins of the ground phases."""
         limit = self.plan.scenario.limits.clearance_min_m
-        pad = self.pad_down_m[cells.phase, cells.who[:, 0]]
-        above = (-place[2]) + (pad - PAD_FREE_M)
-        required = PAD_SHARE * np.minimum(above.middle, limit)
+        group = cells.who[:, 0]
+        lowest, own = self._lowest_down_m[cells.phase, group], self.pad_down_m[cells.phase, self.tree.row[group]]
+        above = (-place[2]) + (lowest - PAD_FREE_M)
+        required = PAD_SHARE * np.minimum(own - PAD_FREE_M - place[2].middle, limit)
         low = np.maximum((along - above * PAD_SHARE).low() - supported, along.low() - supported - PAD_SHARE * limit)
         found[0][BESIDE] = np.where(flies, np.inf, low)
         found[1][BESIDE] = np.where(flies, np.inf, seen - required)
