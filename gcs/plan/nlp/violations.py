@@ -25,7 +25,7 @@ Evaluate = Callable[[Array], list[tuple[Margin, float]]]
 
 CHECK_EVERY_S = 0.05  # no coarser than the verifier: a peak of yaw rate can last less than 0.1 s
 # Half of the verifier's tolerances, so that its finer grid finds nothing new.
-LENGTH_TOLERANCE_M = 0.5e-3
+LENGTH_TOLERANCE_M = 0.4e-3
 LIMIT_TOLERANCE = 0.5e-3
 COURSE_TOLERANCE = 0.5e-2
 _BLOCK_S = 10.0
@@ -211,7 +211,7 @@ def _positions(
     places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
     found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
     height = margins.height(scenario, places)
-    checked = [(height, LIMIT_TOLERANCE * height.scale)]
+    checked = [(height, LENGTH_TOLERANCE_M)]
     if problem.has_box:
         found += margins.box(scenario, places)
     return checked + [(margin, LENGTH_TOLERANCE_M) for margin in found]

@@ -22,7 +22,7 @@ from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, stacked
 
 # Order of the Taylor polynomials, and the longest step: the next ones where the first leaves too much of Eq. 1.
 LOOKS = ((6, 0.1), (9, 0.1), (9, 0.03))
-ENOUGH_M = 2e-3  # errors below this need no second look
+ENOUGH_M = 5e-3  # errors below this need no second look
 FEW = 24  # larger fleets: the outermost vehicles are re-integrated, where they move apart
 
 
