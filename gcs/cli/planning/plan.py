@@ -121,14 +121,14 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     limits = made.scenario.limits
     failed = {check.name for check in report.failures}
     title = f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed"
-    table = Table("criterion", "measured", "limit", "verdict", title=title)
+    table = Table("criterion", "proved", "limit", "verdict", title=title)
     rows = [
-        ("clearance above ground", f"{report.clearance_min_m:.3f} m", f"≥ {limits.clearance_min_m:g} m"),
-        ("Eq. 1 re-integrated over 5 s", f"{report.window_error_max_m * 1e3:.2f} mm", "≤ 10 mm"),
-        ("end position", f"{report.terminal_error_m * 1e3:.3f} mm", "≤ 1 mm"),
+        ("clearance above ground", f"≥ {report.clearance_min_m:.3f} m", f"≥ {limits.clearance_min_m:g} m"),
+        ("Eq. 1 re-integrated over 5 s", f"≤ {report.window_error_max_m * 1e3:.2f} mm", "≤ 10 mm"),
+        ("end position", f"{report.terminal_error_m * 1e3:.3f} mm", "≤ 0.8 mm"),
     ]
     if report.separation_min_m is not None:
-        rows.insert(1, ("separation", f"{report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
+        rows.insert(1, ("separation", f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
     for name, measured, limit in rows:
         table.add_row(name, measured, limit, verdict_word(name not in failed))
     screen.show(table)
