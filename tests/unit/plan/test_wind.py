@@ -148,14 +148,12 @@ def sheared(repo_root: Path) -> Plan:
 
 
 def flown_by_hand(plan: Plan, vehicle: int, t_s: float) -> tuple[float, float]:
-    """Roll and pitch, deg, that fly a vehicle's path: of the plan it uses positions and their differences alone."""
-    step = 2e-3
-    times = t_s + step * np.arange(-2.0, 3.0)
-    path = plan.leader_trajectory.state(times)[:, :3] + plan.offsets(times)[vehicle]
-    speed = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ path / (12.0 * step)
-    acceleration = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) @ path / (12.0 * step**2)
-    yaw = float(plan.leader_trajectory.state(np.array([t_s]))[0, 8])
-    return tilt_by_hand(plan.scenario, -float(path[2, 2]), speed, acceleration, yaw)[1:]
+    """Roll and pitch, deg, that fly a vehicle's motion, from the leader's place, velocity and yaw and the offset."""
+    step = 0.02
+    leader = plan.leader_trajectory.state(t_s + step * np.array([-1.0, 0.0, 1.0]))
+    acceleration = (leader[2, 3:6] - leader[0, 3:6]) / (2.0 * step)
+    height_m = -float(leader[1, 2] + plan.offsets(np.array([t_s]))[vehicle, 0, 2])
+    return tilt_by_hand(plan.scenario, height_m, leader[1, 3:6], acceleration, float(leader[1, 8]))[1:]
 
 
 def tilt_by_hand(
