@@ -17,10 +17,11 @@ from gcs.plan.nlp import margins
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.trajectory.integration_windows import window_errors
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.reintegration import window_errors
-from gcs.plan.verification.verify import GRID_S, LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, WINDOW_TOLERANCE_M
 
+_GRID_S = 0.05
 _FINE = 20  # points of the quadrature of every interval
 
 
@@ -67,7 +68,7 @@ def _coefficients(tau: list[list[float]], values: list[list[list[float]]], joint
 
 def look(problem: Problem, flown: Trajectory) -> Findings:
     """Judge one trajectory of the leader."""
-    count = int(np.ceil(problem.duration_s / GRID_S))
+    count = int(np.ceil(problem.duration_s / _GRID_S))
     times = np.linspace(problem.start_s, problem.end_s, count + 1)
     state, control = flown.state(times)[None], flown.control(times)[None]
     scenario = problem.scenario

@@ -17,7 +17,7 @@ from gcs.errors import UsageError, VerificationError
 from gcs.mission.machine_independent import on_grid
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 from gcs.plan.nlp import margins
-from gcs.plan.verification.report import LENGTH_TOLERANCE_M
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan

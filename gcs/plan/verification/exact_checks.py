@@ -15,7 +15,7 @@ from gcs.plan.verification.formation_checks import (
     late_s,
 )
 from gcs.plan.verification.position_errors import climb_separation_m
-from gcs.plan.verification.report import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, Check
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, Check
 from gcs.scenario.si import boundary_state, torque_limits
 
 SPEED_TOLERANCE_MPS = 1e-3
@@ -61,7 +61,7 @@ def _joint_checks(plan: Plan) -> list[Check]:
 
 
 def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
-    """Steps (V, N, 4) of the controls at joints: none within a phase.
+    """IntegrationSteps (V, N, 4) of the controls at joints: none within a phase.
 
     Where a scheduled change begins or ends, snap steps, and with it the moments U2 to U4, by design: they are limited,
     thrust and rates are continuous.

@@ -20,15 +20,15 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.equation_of_motion import reintegrated
 from gcs.plan.verification.constraints.formation_law import FormationLaw, spans
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
-from gcs.plan.verification.constraints.motion_limits import MotionLimits
-from gcs.plan.verification.constraints.places import Places
-from gcs.plan.verification.constraints.separation import Separation
+from gcs.plan.verification.constraints.pair_separation import PairSeparation
+from gcs.plan.verification.constraints.position_limits import PositionLimits
+from gcs.plan.verification.constraints.state_control_limits import StateControlLimits
 from gcs.plan.verification.exact_checks import exact_checks, sampled_checks
 from gcs.plan.verification.formation_checks import bends, nearest_pair_m
 from gcs.plan.verification.proof.ground_patches import ground_patches
 from gcs.plan.verification.proof.subdivision import Cells, Proof, Rows, prove
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, vehicle_tree
-from gcs.plan.verification.report import (
+from gcs.plan.verification.verdict import (
     LENGTH_TOLERANCE_M,
     WINDOW_TOLERANCE_M,
     Check,
@@ -80,10 +80,10 @@ class _Proofs:
         found: list[Check] = []
         if alone.any():
             cells = self._cells(np.zeros(1, dtype=np.intp), together[0][alone], together[1][alone])
-            found += self._checks(MotionLimits(self.plan, None, self._number("mission")), cells)
+            found += self._checks(StateControlLimits(self.plan, None, self._number("mission")), cells)
         if moves.any():
             cells = self._cells(self._groups, apart[0][moves], apart[1][moves])
-            found += self._checks(MotionLimits(self.plan, self._tree, self._number("mission")), cells)
+            found += self._checks(StateControlLimits(self.plan, self._tree, self._number("mission")), cells)
         return found
 
     def places(self) -> list[Check]:
@@ -93,7 +93,7 @@ class _Proofs:
         cells = self._cells(self._groups, *self._interval(np.array(visits)))
         airborne = np.array([i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE], dtype=np.intp)
         ground = ground_patches(scenario.terrain)
-        box = Places(self.plan, self._tree, airborne, self._number("mission"), ground, self._area_m())
+        box = PositionLimits(self.plan, self._tree, airborne, self._number("mission"), ground, self._area_m())
         pads = np.zeros((len(self.plan.phases), len(self.plan.sysids)))
         for number, phase in enumerate(self.plan.phases):
             if phase.name not in AIRBORNE:
@@ -124,7 +124,7 @@ class _Proofs:
         if moving.any():
             cells = self._cells(np.zeros(1, dtype=np.intp), start_s[moving], end_s[moving])
             pairs = Cells(np.repeat(cells.who, 2, axis=1), cells.start_s, cells.end_s, cells.phase, cells.patch)
-            checks += self._checks(Separation(plan, self._tree), pairs)
+            checks += self._checks(PairSeparation(plan, self._tree), pairs)
         return checks
 
     def formation(self) -> list[Check]:

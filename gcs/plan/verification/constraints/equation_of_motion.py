@@ -12,7 +12,7 @@ from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.reintegration import (
     WINDOW_S,
-    Steps,
+    IntegrationSteps,
     step_edges,
     window_errors,
 )
@@ -74,11 +74,11 @@ def _worst(plan: Plan, rows: Rows, span_s: tuple[float, float, float], *, apart:
     return float(errors[row, window]), int(rows[row]), float(starts_s[window])
 
 
-def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, apart: bool) -> Steps:
+def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, apart: bool) -> IntegrationSteps:
     leader, count = plan.leader_trajectory, len(rows)
     x, u = (enclosed(part, start_s, end_s, order) for part in (leader.state, leader.control))
     if not apart:
-        return Steps(start_s, end_s, leader.state(start_s), x[:3], u)
+        return IntegrationSteps(start_s, end_s, leader.state(start_s), x[:3], u)
     rounded = rounded_thrust_polynomial(leader.control)
     thrust = tuple(_tiled(enclosed(rounded, start_s, end_s, order, n)[0], count) for n in range(3))
     offsets = [_offsets(plan, rows, (start_s, end_s), order, n) for n in range(5)]
@@ -94,7 +94,7 @@ def _steps(plan: Plan, rows: Rows, start_s: Array, end_s: Array, order: int, *, 
     own = stacked(control)
     # Where the leader stands for all, a vehicle has the leader's control, corners and all.
     moving = np.tile(plan.shape.moves_apart(0.5 * (start_s + end_s), plan.quadrotor.wind), count)
-    return Steps(
+    return IntegrationSteps(
         np.tile(start_s, count),
         np.tile(end_s, count),
         plan.motion(start_s, rows)[0].reshape(-1, 12),

@@ -26,7 +26,7 @@ _BLOCK = 8192
 
 
 @dataclass(frozen=True)
-class Steps:
+class IntegrationSteps:
     """S steps, those of one vehicle in order and then those of the next."""
 
     start_s: Array  # (S,)
@@ -46,7 +46,7 @@ def step_edges(joints_s: Array, start_s: float, end_s: float, step_s: float) -> 
     return np.concatenate([*parts, [end_s]])
 
 
-def window_errors(steps: Steps, first: Rows, last: Rows, q: Quadrotor) -> Array:
+def window_errors(steps: IntegrationSteps, first: Rows, last: Rows, q: Quadrotor) -> Array:
     """Bounds (W,) on the error of windows from their first steps (W,) to the steps (W,) before which they end."""
     radius = 0.5 * (steps.end_s - steps.start_s)
     control, place = _from_the_left(steps.control.c), _from_the_left(steps.place.c)
@@ -110,7 +110,7 @@ def _to_the_middle(c: Array) -> Array:
     return c
 
 
-def _growth(steps: Steps, q: Quadrotor) -> Array:
+def _growth(steps: IntegrationSteps, q: Quadrotor) -> Array:
     """M (12, 12): no derivative of Eq. 1 along or near the plan is larger."""
     growth = np.zeros((12, 12))
     growth[0:3, 3:6] = np.eye(3)

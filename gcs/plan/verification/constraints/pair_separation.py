@@ -13,16 +13,16 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.places import ORDER, RESOLUTION_M
+from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_table
-from gcs.plan.verification.report import LENGTH_TOLERANCE_M
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
 
 
 @dataclass(frozen=True)
-class Separation:
+class PairSeparation:
     """The family of pairs of groups (a, b) of one tree."""
 
     plan: Plan

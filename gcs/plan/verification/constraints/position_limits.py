@@ -8,13 +8,13 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.constraints.motion_limits import divided
+from gcs.plan.verification.constraints.state_control_limits import divided
 from gcs.plan.verification.proof.ground_patches import GroundPatches
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.report import LENGTH_TOLERANCE_M
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.no_fly import Convex, Disk, displacement_m, pieces
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -30,7 +30,7 @@ def enclosed_places(plan: Plan, tree: VehicleTree, cells: Cells) -> Taylor:
 
 
 @dataclass(frozen=True)
-class Places:
+class PositionLimits:
     """Box, height limits and no-fly zones. The lower height limit and the narrow box hold in some phases only."""
 
     plan: Plan

@@ -19,7 +19,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, joined
 from gcs.plan.verification.proof.taylor import FUNCTIONS, Taylor, total
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.report import LIMIT_TOLERANCE
+from gcs.plan.verification.verdict import LIMIT_TOLERANCE
 from gcs.scenario.si import torque_limits
 
 ORDER = 2
@@ -35,7 +35,7 @@ _GROUP_M_PER_S = 5.0  # a group is divided before time while its members are far
 
 
 @dataclass(frozen=True)
-class MotionLimits:
+class StateControlLimits:
     """The family of the leader alone, or of all vehicles by groups of a tree (`tree`)."""
 
     plan: Plan
