@@ -19,13 +19,14 @@ from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.changes.transforms import rotation, shrinking, straight
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.formation_checks import _Bends, least_separation, nearest_pair_m
+from gcs.plan.verification.formation_checks import _Bends, nearest_pair_m
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
 from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto, fleet
 from tests.unit.plan.problems import changed
 
+ASSIGNMENT = "shortest assignment of a reshape (Eq. 14)"
 PLACE, BEGINS, COURSE = "place in formation", "changes begin when they should", "heading along the course"
 DOWN = np.array([0.0, 0.0, 1.0])
 
@@ -73,12 +74,12 @@ def test_a_vehicle_out_of_place_after_a_change_fails(planned: Planned) -> None:
     (move,) = plan.moves
     start_s, end_s = move.end_s + 3.0, move.end_s + 10.0
     assert failing(nudged(plan, 1, 0.0, start_s, end_s)) == set()
-    assert failing(nudged(plan, 1, 0.9e-3, start_s, end_s)) == set()  # a millimetre is tolerated
+    assert failing(nudged(plan, 1, 0.7e-3, start_s, end_s)) == set()  # 0.8 mm is tolerated
     spoiled = verify(nudged(plan, 1, 1.5e-3, start_s, end_s))
     assert {check.name for check in spoiled.failures} == {PLACE}
     (failure,) = spoiled.failures
     assert (failure.phase, failure.sysid, failure.unit) == ("mission", 2, "m")
-    assert failure.worst == pytest.approx(-1.5e-3, abs=1e-6)
+    assert failure.worst == pytest.approx(-1.5e-3, abs=1e-5)
     assert failure.t_s == pytest.approx(0.5 * (start_s + end_s), abs=0.06)
 
 
@@ -127,7 +128,7 @@ def test_two_who_change_places_fail_where_everyone_has_his_own(planned: Planned)
     assert failing(stayed) == {PLACE, "landing point"}
     free = changed(plan.scenario, formation={"change": [at({"kind": "reshape", "to": "b"}, 2.0)]})
     assert failing(replace(stayed, scenario=free)) == set()
-    assert failing(replace(plan, scenario=free)) == set()  # any place is right where the assignment is free
+    assert failing(replace(plan, scenario=free)) == {ASSIGNMENT}  # to stay is the shortest way
 
 
 def test_two_on_one_place_fail_wherever_they_may_go(planned: Planned) -> None:
@@ -347,23 +348,16 @@ def test_the_nearest_two_are_those_of_all_pairs(count: int) -> None:
     assert nearest_pair_m(places) == pytest.approx(pdist(places).min(), rel=1e-12)
 
 
-def test_separation_is_looked_at_while_the_shape_moves_and_once_where_it_does_not() -> None:
-    places = np.random.default_rng(5).normal(size=(8, 3)) * 5.0
-    there = places[::-1] - places[-1]
-    shape = joined(
-        [
-            rigid(places - places[-1], 0.0, 4.0),
-            stretched(straight(places - places[-1], there), 4.0, 9.0),
-            rigid(there, 9.0, 12.0),
-        ]
-    )
-    times = np.linspace(0.0, 12.0, 241)
-    distances = [pdist(at_once).min() for at_once in np.moveaxis(shape.offsets(times), 1, 0)]
-    least, when = least_separation(shape, times)
-    assert least == pytest.approx(min(distances))
-    assert when == pytest.approx(times[int(np.argmin(distances))])
-    tight = rigid(0.5 * places, 0.0, 3.0)
-    assert least_separation(tight, np.array([1.0, 2.0])) == (pytest.approx(0.5 * pdist(places).min()), 1.0)
+def test_the_separation_of_a_moving_shape_is_that_of_a_fine_grid(planned: Planned) -> None:
+    plan, _ = planned("reshape")
+    (move,) = plan.moves
+    times = np.linspace(move.start_s, move.end_s, 20001)
+    distances = [pdist(at_once).min() for at_once in np.moveaxis(plan.offsets(times), 1, 0)]
+    (check,) = (c for c in verify(plan).checks if c.name == "separation" and c.phase == "mission")
+    assert check.proved is not None
+    least_m = min(distances) - plan.scenario.limits.separation_min_m
+    assert check.proved <= least_m <= check.worst + 1e-9
+    assert check.worst - check.proved <= max(0.03 * check.worst, 1e-3)
 
 
 def test_changes_are_worked_out_anew(planned: Planned) -> None:

@@ -45,7 +45,7 @@ def test_simulation1_holds_what_was_asked_of_it(simulation1_plan: Plan, simulati
     np.testing.assert_allclose(arrived[3:6], 0, atol=1e-6)
 
 
-def test_every_phase_is_judged_by_every_limit_and_the_box_only_in_the_mission(simulation1_report: Report) -> None:
+def test_every_phase_is_judged_by_every_limit(simulation1_report: Report) -> None:
     by_phase: dict[str, set[str]] = {}
     for check in simulation1_report.checks:
         by_phase.setdefault(check.phase, set()).add(check.name)
@@ -53,7 +53,8 @@ def test_every_phase_is_judged_by_every_limit_and_the_box_only_in_the_mission(si
     everywhere = set.intersection(*(names for phase, names in by_phase.items() if phase != "all"))
     assert {"height", "north speed", "pitch", "yaw rate", "thrust U1", "control U4", "separation"} <= everywhere
     boxed = {phase for phase, names in by_phase.items() if {"north position", "east position"} <= names}
-    assert boxed == {"mission"}
+    assert boxed == {"takeoff", "hover", "run-up", "mission", "arrival-hover", "landing"}
+    assert {check.verdict for check in simulation1_report.checks} == {"proved"}
     airborne = {phase for phase, names in by_phase.items() if "clearance above ground" in names}
     assert airborne == {"hover", "run-up", "mission", "arrival-hover"}
     assert all("height above ground" in by_phase[phase] for phase in ("takeoff", "landing"))
@@ -76,9 +77,9 @@ def test_the_figures_are_those_of_a_finer_look(simulation1_plan: Plan, simulatio
         strict=True,
     ):
         peaks += h * np.exp(-(((x - cx) / sx) ** 2) - ((y - cy) / sy) ** 2)
-    clearance = (-position[..., 2] - np.maximum(ripple, peaks)).min()
-    assert clearance >= 0.5 - 1e-3
-    assert clearance == pytest.approx(simulation1_report.clearance_min_m, abs=1e-3)
+    height = (-position[..., 2] - np.maximum(ripple, peaks)).min()
+    # The distance in any direction is no more than the height, and over these slopes no less than half of it.
+    assert 0.5 * height <= simulation1_report.clearance_min_m <= height
     pairs = np.linalg.norm(position[:, None, ::100] - position[None, :, ::100], axis=-1)
     assert pairs[~np.eye(6, dtype=bool)].min() == pytest.approx(0.5)
 
@@ -104,10 +105,10 @@ STRICTER: list[tuple[str, dict[str, Any], set[str]]] = [
     ("vertical speed", {"limits": {"speed_ned_mps": [5.0, 5.0, 0.1]}}, {"vertical speed"}),
     ("roll", {"limits": {"roll_pitch_yaw_deg": [0.01, 60.0, 60.0]}}, {"roll"}),
     ("pitch", {"limits": {"roll_pitch_yaw_deg": [180.0, 0.1, 60.0]}}, {"pitch"}),
-    ("yaw", {"limits": {"roll_pitch_yaw_deg": [180.0, 60.0, 1e-6]}}, {"yaw"}),
+    ("yaw", {"limits": {"roll_pitch_yaw_deg": [180.0, 60.0, 0.01]}}, {"yaw"}),
     ("roll rate", {"limits": {"rates_degps": [0.01, 10.0, 5.0]}}, {"roll rate"}),
     ("pitch rate", {"limits": {"rates_degps": [32.0, 0.1, 5.0]}}, {"pitch rate"}),
-    ("yaw rate", {"limits": {"rates_degps": [32.0, 10.0, 1e-6]}}, {"yaw rate"}),
+    ("yaw rate", {"limits": {"rates_degps": [32.0, 10.0, 0.001]}}, {"yaw rate"}),
     ("thrust", {"limits": {"thrust_N": [0.0, 4.91]}}, {"thrust U1"}),
     ("roll torque", {"limits": {"roll_pitch_force_N": [1e-4, 0.0501]}}, {"control U2"}),
     ("pitch torque", {"limits": {"roll_pitch_force_N": [0.0501, 1e-4]}}, {"control U3"}),
@@ -117,7 +118,7 @@ STRICTER: list[tuple[str, dict[str, Any], set[str]]] = [
     ("box north", {"limits": {"north_m": [0.1, 1500.0]}}, {"north position"}),
     ("box east", {"limits": {"east_m": [0.0, 13.0]}}, {"east position"}),
     ("clearance", {"limits": {"clearance_min_m": 3.01}}, {"clearance above ground"}),
-    ("turning", {"limits": {"load_factor_max": 1e-4}}, {"turning load factor"}),
+    ("turning", {"limits": {"load_factor_max": 1e-3}}, {"turning load factor"}),
     ("separation", {"limits": {"separation_min_m": 2.01}}, {"separation"}),
     ("disk", {"no_fly": [{"north_m": 20.0, "east_m": 7.0, "radius_m": 3.0}]}, {"no-fly zone 1"}),
     (
@@ -264,7 +265,7 @@ def arrived_late(plan: Plan) -> Plan:
 SPOILED: list[tuple[Callable[[Plan], Plan], set[str]]] = [
     (yaw_rate_raised, {"yaw rate", JOINTS, EQ_1}),
     (control_scaled, {EQ_1, "thrust U1"}),  # the climb was near its limit
-    (torque_at_one_joint, {"control U2", EQ_1}),
+    (torque_at_one_joint, {"control U2", "control continuous at joints", EQ_1}),
     (joint_shifted, {JOINTS, EQ_1}),
     (end_moved, {"end position", JOINTS}),
     (begun_in_the_ground, {"take-off point", "height above ground", JOINTS}),
