@@ -85,8 +85,11 @@ def page(record: dict[str, Any]) -> list[str]:
     return [
         *lines,
         "",
-        "Between the ends both readings do the same. At the ends the wider limits let the vehicle turn quickly; then "
-        "the rates of Eq. 51 bind instead. Of Figs. 10, 13, 17 and 20 only the first and the last seconds differ:",
+        "The wider limits let the vehicle turn quickly at the ends, until the rates of Eq. 51 bind instead; pitch and "
+        "roll differ most there. Between the ends U2 and U3 are a small share of their limits in both readings, but "
+        "they are not equal, and the ways differ as the table says. Flights in wind are too few for more than an order "
+        "of size. The last columns of the tables above name the sentences whose verdict depends on the reading. "
+        "The ends of Figs. 10, 13, 17 and 20:",
         "",
         f"![Figs. 10, 13, 17 and 20 at their ends, in both readings](paper/{PICTURE})",
     ]
