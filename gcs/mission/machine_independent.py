@@ -6,6 +6,7 @@ a grid that is far coarser than round-off, and of equal candidates the first one
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ SAMPLE_GRID = 2.0**-13  # m: of positions from which waypoints are chosen; 0.12 
 ORDER_GRID = 2.0**-8  # m and s: of waypoints and due times for which speeds are searched; an item's own step is 11 mm
 EQUAL = 1e-6  # values that differ by less are equal
 _INDEX_DECIMALS = 5
+_CERTAIN = 1e-8  # far more than the last bits of a bound, far less than the last decimal of an index
 
 
 def on_grid(values: Array, grid: float) -> Array:
@@ -27,6 +29,12 @@ def first_least(values: Array) -> int:
     """The flat index of the first value that is the least, or within `EQUAL` of it; NaN counts as none."""
     flat = np.ravel(values)
     return int(np.argmax(flat <= np.nanmin(flat) + EQUAL))
+
+
+def rounded_down(bound: float, decimals: int = _INDEX_DECIMALS) -> float:
+    """A lower bound as it is written: rounded down, so that what is written holds."""
+    scale = 10.0**decimals
+    return math.floor((bound - _CERTAIN) * scale) / scale if math.isfinite(bound) else bound
 
 
 def rounded(document: Any) -> Any:

@@ -122,26 +122,31 @@ def check(
 
 
 def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
-    """Show a table of the least separation and clearance against their limits."""
-    table = Table("criterion", "measured", "limit", "verdict", "where")
+    """Show a table of the least and the proved separation and clearance against their limits."""
+    table = Table("criterion", "least", "proved", "limit", "verdict", "where")
     if report.closest is not None:
         least = report.closest
         first, second = (Path(missions[row].source).name for row in least.pair)
         where = f"{first} and {second} at {least.t_s:.1f} s"
-        _add(table, "separation", least.distance_m, limits.separation_m, where)
+        _add(table, "separation", least.distance_m, least.proved_m, limits.separation_m, where)
     if report.clearance_min_m is not None:
         row, low = min(
             ((row, low) for row, low in enumerate(report.lowest) if low is not None), key=lambda x: x[1].clearance_m
         )
         where = f"{Path(missions[row].source).name} at {low.t_s:.1f} s"
-        _add(table, "clearance above ground", low.clearance_m, limits.clearance_m, where)
+        proved_m = min(low.proved_m for low in report.lowest if low is not None)
+        _add(table, "clearance above ground", low.clearance_m, proved_m, limits.clearance_m, where)
     if table.row_count:
         screen.show(table)
 
 
-def _add(table: Table, criterion: str, measured_m: float, limit_m: float, where: str) -> None:
-    verdict = "ok" if measured_m >= limit_m else "FAILED"
-    table.add_row(criterion, f"{measured_m:.2f} m", f"≥ {limit_m:g} m", verdict, where)
+def _add(table: Table, criterion: str, least_m: float, proved_m: float, limit_m: float, where: str) -> None:
+    from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M
+    from gcs.mission.machine_independent import rounded_down
+
+    verdict = "ok" if least_m >= limit_m and proved_m >= limit_m - LENGTH_TOLERANCE_M else "FAILED"
+    proved = f"{rounded_down(proved_m, 3):.3f} m"
+    table.add_row(criterion, f"{least_m:.3f} m", proved, f"≥ {limit_m:g} m", verdict, where)
 
 
 def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
@@ -152,8 +157,10 @@ def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: Flight
         "duration_s": report.duration_s,
         "separation_asked_m": limits.separation_m,
         "separation_min_m": None if closest is None else closest.distance_m,
+        "separation_proved_m": None if closest is None else closest.proved_m,
         "separation_at_s": None if closest is None else closest.t_s,
         "separation_files": None if closest is None else [missions[row].source for row in closest.pair],
         "clearance_asked_m": limits.clearance_m,
         "clearance_min_m": report.clearance_min_m,
+        "clearance_proved_m": report.clearance_proved_m,
     }

@@ -159,15 +159,20 @@ def export(
 
 
 def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:
-    """Print the least clearance and separation of the missions as written."""
+    """Print the proved clearance and separation of the missions as written."""
+    from gcs.mission.machine_independent import rounded_down
+
     report = index.report
     if report is None:
         return
     how = "at the planned speeds" if index.timing is None else f"as a model of {titles(index.autopilots)} flies them"
-    text = f"missions, read back and computed {how}: at least {report.clearance_min_m:.2f} m above ground"
+    text = f"missions, read back and computed {how}"
+    if report.clearance_proved_m is not None:
+        text += f": at least {rounded_down(report.clearance_proved_m, 3):.3f} m above ground, proved"
     if report.closest is not None:
         first, second = (plan.sysids[row] for row in report.closest.pair)
-        text += f", vehicles {first} and {second} at least {report.closest.distance_m:.2f} m apart"
+        apart_m = rounded_down(report.closest.proved_m, 3)
+        text += f"; all vehicles at least {apart_m:.3f} m apart, proved (nearest: {first} and {second})"
     screen.say(text)
 
 
@@ -199,6 +204,7 @@ def _say_timing(screen: Screen, index: ExportIndex) -> None:
 def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     """Print the return altitudes, the least separation when all vehicles return at once, and warnings."""
     from gcs.mission.failsafe.rtl_altitudes import return_warnings
+    from gcs.mission.machine_independent import rounded_down
 
     returns = index.safety.returns
     low, high = min(returns.altitudes_m), max(returns.altitudes_m)
@@ -207,9 +213,12 @@ def _say_returns(screen: Screen, index: ExportIndex, plan: Plan) -> None:
     if worst is not None:
         first, second = worst.sysids
         where = "home" if worst.ends == "home" else "the nearest of home and rally points"
+        proved = ""
+        if worst.proved_m is not None:
+            proved = f"; at least {rounded_down(worst.proved_m, 3):.3f} m, whenever it begins, proved"
         screen.say(
             f"  if all return at any time: at least {worst.distance_m:.2f} m apart (vehicles {first} and {second}, "
-            f"return to {where} at {worst.t_s:.1f} s)"
+            f"return to {where} at {worst.t_s:.1f} s){proved}"
         )
     for text in return_warnings(plan, returns, index.autopilots):
         screen.warn(text)

@@ -47,6 +47,11 @@ class FleetReport:
         """The least clearance of all vehicles above the ground; None where the ground is unknown."""
         return min((low.clearance_m for low in self.lowest if low is not None), default=None)
 
+    @property
+    def clearance_proved_m(self) -> float | None:
+        """The clearance that no vehicle falls below at any instant; None where the ground is unknown."""
+        return min((low.proved_m for low in self.lowest if low is not None), default=None)
+
 
 def check_fleet(
     missions: Sequence[MissionFile], around: Surroundings, limits: FlightLimits, fly_one: Fly = fly

@@ -21,7 +21,7 @@ from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
 
-_LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
+LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5
 _SAME_PLACE_M = 0.03  # two places differ by less through rounding alone
 
@@ -106,7 +106,7 @@ def check_ground(
         return None, []
     if around.highest is None:
         return None, list(_below_home(mission, flight, track))
-    required_m = limits.clearance_m - _LENGTH_TOLERANCE_M
+    required_m = limits.clearance_m - LENGTH_TOLERANCE_M
     bound = clearance_along(
         around.highest, track.begin_m, track.end_m, required_m, slack=track.bent_m, duration_s=track.duration_s
     )
@@ -132,12 +132,12 @@ def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLi
         up_m = np.maximum(-track.begin_m[:, 2], -track.end_m[:, 2]) + track.bent_m
         at = int(np.argmax(up_m))
         over_m = float(up_m[at]) - limits.height_max_m
-        if over_m > _LENGTH_TOLERANCE_M:
+        if over_m > LENGTH_TOLERANCE_M:
             message = f"{over_m:.2f} m above the ceiling of {limits.height_max_m:g} m"
             item, t_s = track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))
             yield found(mission, Rule.HEIGHT, Level.ERROR, message, item, t_s)
     yield from _speeds(mission, track, limits)
-    deepest_m = limits.tolerance_m + _LENGTH_TOLERANCE_M
+    deepest_m = limits.tolerance_m + LENGTH_TOLERANCE_M
     for number, zone in enumerate(limits.no_fly, start=1):
         parts = parts_beside(zone, track.begin_m, track.end_m, *_plan_times(track, flight, limits))
         bound = outside_along(zone, parts, -deepest_m, slack=track.bent_m[parts.piece])

@@ -10,7 +10,8 @@ from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M
 from gcs.mission.failsafe.fence_rally import Safety
-from gcs.mission.machine_independent import rounded
+from gcs.mission.failsafe.rtl_altitudes import WorstReturn
+from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.waypoints.placement import Deviation
@@ -94,10 +95,17 @@ def _verified(index: ExportIndex, report: FleetReport, plan: Plan) -> dict[str, 
     closest = report.closest
     timing = "planned speeds" if index.timing is None else "model of the autopilot"
     verified: dict[str, Any] = {"timing": timing, "clearance_min_m": report.clearance_min_m}
+    if report.clearance_proved_m is not None:
+        verified["clearance_proved_m"] = rounded_down(report.clearance_proved_m)
     if closest is not None:
         verified["separation_min_m"] = closest.distance_m
+        verified["separation_proved_m"] = rounded_down(closest.proved_m)
         verified["separation_vehicles"] = [plan.sysids[row] for row in closest.pair]
     return verified | {"findings": [f.data() for f in report.findings]}
+
+
+def _worst(worst: WorstReturn) -> dict[str, Any]:
+    return asdict(worst) | {"proved_m": None if worst.proved_m is None else rounded_down(worst.proved_m)}
 
 
 def _returns(safety: Safety) -> dict[str, Any]:
@@ -107,7 +115,7 @@ def _returns(safety: Safety) -> dict[str, Any]:
         "ground_max_m": returns.ground_max_m,
         "top_m": returns.top_m,
         "speeds": asdict(returns.speeds),
-        "worst": None if returns.worst is None else asdict(returns.worst),
+        "worst": None if returns.worst is None else _worst(returns.worst),
         "routed_worst": None if returns.routed is None else asdict(returns.routed),
         "without_way": [asdict(gap) for gap in returns.no_way],
         "through_zones": [asdict(crossing) for crossing in returns.crossings],

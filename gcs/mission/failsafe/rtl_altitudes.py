@@ -23,6 +23,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.mission.failsafe.every_start.proved_separation import proved_separation
+from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rally_choice import rally_points_ned_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_returns import (
@@ -33,7 +35,7 @@ from gcs.mission.failsafe.routed.routed_returns import (
     routed_returns,
     without_way,
 )
-from gcs.mission.failsafe.rtl_cases import Crossing, crossings, highest_ground_m, return_cases
+from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
 from gcs.mission.machine_independent import EQUAL, first_least
@@ -56,12 +58,16 @@ _CRUISE_SHARES = (1.0, 0.7, 0.5)  # of the speed the plan may fly
 
 @dataclass(frozen=True)
 class WorstReturn:
-    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins."""
+    """The nearest two vehicles of all returns; `t_s` is the plan time at which that return begins.
+
+    At whatever instant a return begins, no two vehicles come nearer than `proved_m`; None where that is not proved.
+    """
 
     distance_m: float
     t_s: float
     sysids: tuple[int, int]
     ends: str  # "home", or "nearest" of home and rally points
+    proved_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,22 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
 
     `firmware` is the autopilot of all vehicles, or that of each.
     """
+    found = _searched(plan, firmware)
+    rally = np.array(found.rally_ned_m)
+    found = replace(found, crossings=tuple(zones_crossed(plan, firmware, rally)))
+    worst = found.worst  # of larger fleets, sampled: they have too many pairs
+    if worst is None or len(plan.sysids) > SEARCHED_MAX:
+        return found
+    altitudes_m, required_m = np.array(found.altitudes_m), plan.scenario.judge.separation_min_m
+    proof = proved_separation(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
+    if proof.least_m < worst.distance_m - KEPT_M:
+        first, second = proof.pair
+        worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)
+    return replace(found, worst=replace(worst, proved_m=proof.proved_m))
+
+
+def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
+    """The returns by instants `_FINE_S` apart."""
     every = one_each(firmware, len(plan.sysids))
     rows = [known.traits.returns for known in every]
     limits = plan.scenario.limits
@@ -123,7 +145,7 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
             ground_m,
             max(float(np.max(case.datum_m + altitudes_m[:, None])) for case in fine),
             worst,
-            tuple(crossing for case in fine for crossing in crossings(plan, case)),
+            (),
             rally_ned_m=tuple(tuple(map(tuple, points)) for points in rally.tolist()),
         )
         required_m = limits.separation_min_m - KEPT_M
@@ -240,6 +262,11 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         yield (
             f"if all vehicles return at {worst.t_s:.1f} s, vehicles {first} and {second} come within "
             f"{worst.distance_m:.2f} m ({required_m:g} m required); do not command RTL to all vehicles at once"
+        )
+    elif worst is not None and worst.proved_m is not None and worst.proved_m < required_m - KEPT_M:
+        yield (
+            f"returns that begin at any instant are proved only {worst.proved_m:.3f} m apart ({required_m:g} m "
+            "required); do not command RTL to all vehicles at once"
         )
     ceiling_m = plan.scenario.limits.height_m[1]
     if returns.top_m > ceiling_m:

@@ -1,4 +1,4 @@
-"""List the returns (RTL) to verify: start, end, altitude datum, highest ground, no-fly zones on the track."""
+"""List the returns (RTL) to verify: start, end, altitude datum, highest ground."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
+from numpy.typing import NDArray
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.environment.no_fly import displacement_m, outline
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 if TYPE_CHECKING:
@@ -24,13 +23,36 @@ _LOOKS_MAX = 3_000_000
 
 @dataclass(frozen=True)
 class Crossing:
-    """A no-fly zone that straight returns of some vehicles cross when they begin in [from_s, to_s] of plan time."""
+    """A no-fly zone that straight returns of some vehicles cross only if they begin in [from_s, to_s] of plan time."""
 
     zone: int
     ends: str
     from_s: float
     to_s: float
     sysids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ReturnEnds:
+    """Where each vehicle may return to (V, E, 3): its home, then its rally points. Waits above the ends (V,)."""
+
+    ned_m: Array
+    above_home: NDArray[np.bool_]  # (V,) whether return altitudes count from home, wherever the vehicle returns to
+    waits_s: Array
+
+    def datum_m(self, to_ned_m: Array, *, to_rally: bool) -> Array:
+        """The heights (V, N) that return altitudes count from, of returns to (V, N, 3)."""
+        homes = np.broadcast_to(self.ned_m[:, :1, 2], to_ned_m.shape[:2])
+        return np.asarray(-np.where(self.above_home[:, None] | (not to_rally), homes, to_ned_m[..., 2]))
+
+
+def return_ends(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array | None = None) -> ReturnEnds:
+    """The ends of a fleet's returns; the rally points (V, R, 3) are the landing points if they are not given."""
+    rows = [known.traits.returns for known in one_each(firmware, len(plan.sysids))]
+    rally = plan.landing_points_ned_m[:, None] if rally_ned_m is None else rally_ned_m
+    ends = np.concatenate([plan.pads_ned_m[:, None], rally], axis=1)
+    above_home = np.array([row.altitude_above_home for row in rows])
+    return ReturnEnds(ends, above_home, np.array([row.wait_s for row in rows]))
 
 
 def return_cases(
@@ -49,18 +71,13 @@ def return_cases(
     count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
     t_s = np.clip(np.linspace(begin_s, end_s, count), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
     start = plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s)
+    ends = return_ends(plan, firmware, rally_ned_m)
     homes = np.broadcast_to(plan.pads_ned_m[:, None], start.shape)
-    rally = plan.landing_points_ned_m[:, None] if rally_ned_m is None else rally_ned_m
-    ends = np.concatenate([plan.pads_ned_m[:, None], rally], axis=1)
-    away_m = np.linalg.norm(start[:, :, None, :2] - ends[:, None, :, :2], axis=-1)
-    nearest = np.take_along_axis(ends, np.argmin(away_m, axis=-1)[..., None], axis=1)
-    rows = [known.traits.returns for known in one_each(firmware, len(start))]
-    above_home = np.array([row.altitude_above_home for row in rows])[:, None]
-    datum = [-homes[..., 2], -np.where(above_home, homes[..., 2], nearest[..., 2])]
-    waits_s = np.array([row.wait_s for row in rows])
+    away_m = np.linalg.norm(start[:, :, None, :2] - ends.ned_m[:, None, :, :2], axis=-1)
+    nearest = np.take_along_axis(ends.ned_m, np.argmin(away_m, axis=-1)[..., None], axis=1)
     return [
-        Returning(name, t_s, start, end, height, speeds, waits_s)
-        for name, end, height in zip(("home", "nearest"), (homes, nearest), datum, strict=True)
+        Returning(name, t_s, start, end, ends.datum_m(end, to_rally=to_rally), speeds, ends.waits_s)
+        for name, end, to_rally in (("home", homes, False), ("nearest", nearest, True))
     ]
 
 
@@ -83,28 +100,3 @@ def highest_ground_m(plan: Plan, cases: list[Returning]) -> float:
         north, east = (start[..., axis] + shares * track[..., axis] for axis in range(2))
         highest = max(highest, float(np.max(ground_envelope_m(terrain, north, east))))
     return highest
-
-
-def crossings(plan: Plan, case: Returning) -> list[Crossing]:
-    """The intervals in which a return of any vehicle would cross a no-fly zone."""
-    found = []
-    for number, zone in enumerate(plan.scenario.no_fly, start=1):
-        # A moving zone is taken where it is when the return begins: a return is short against the zone's motion.
-        moved = displacement_m(zone, case.t_s)
-        ends = np.broadcast_arrays(case.from_ned_m[..., :2] - moved, case.to_ned_m[..., :2] - moved)
-        tracks = shapely.linestrings(np.stack(ends, axis=-2))
-        area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
-        shapely.prepare(area)
-        inside = shapely.intersects(area, tracks)
-        through = np.flatnonzero(np.diff(np.concatenate([[False], inside.any(axis=0), [False]])))
-        found += [
-            Crossing(
-                number,
-                case.name,
-                float(case.t_s[a]),
-                float(case.t_s[b - 1]),
-                tuple(n for n, row in zip(plan.sysids, inside[:, a:b].any(axis=1).tolist(), strict=True) if row),
-            )
-            for a, b in through.reshape(-1, 2).tolist()
-        ]
-    return found

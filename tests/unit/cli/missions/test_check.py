@@ -33,12 +33,13 @@ def test_our_own_export_is_clean(exported: Path, repo_root: Path, capsys: pytest
     assert main.run(["check", *plans(exported), *PLANNED]) == 0
     text = capsys.readouterr().out
     assert text.splitlines()[0] == "6 missions, 296 s at planned speeds"  # landings at LAND_SPEED
-    assert re.search(r"separation +│ 0\.\d\d m +│ ≥ 0\.3 m +│ ok ", text)
+    assert re.search(r"separation +│ 0\.\d{3} m +│ 0\.\d{3} m +│ ≥ 0\.3 m +│ ok ", text)
     assert text.splitlines()[-1] == "no findings"
     assert (
         main.run(["check", *plans(exported), "--terrain", str(repo_root / "missions" / "simulation1"), *PLANNED]) == 0
     )
-    assert re.search(r"clearance above[a-z ]+│ \d\.\d\d m +│ ≥ 0\.4 m +│ ok ", capsys.readouterr().out)
+    text = capsys.readouterr().out
+    assert re.search(r"clearance[a-z ]+│ \d\.\d{3} m +│ \d\.\d{3} m +│ ≥ 0\.4 m +│ ok ", text), text
 
 
 def test_the_model_of_the_autopilot_takes_its_time_and_keeps_together(
@@ -148,7 +149,10 @@ def test_an_export_tells_what_was_verified(
     assert re.fullmatch(r"(WARNING: .*\n)*", err)
     assert main.run([*arguments, "--autopilot", "px4", "--altitude", "amsl", "--untimed"]) == 0
     out, _ = capsys.readouterr()
-    assert "missions, read back and computed at the planned speeds: at least" in out
+    proved_m = re.search(r"at least (\d+\.\d{3}) m above ground, proved; all .* (\d+\.\d{3}) m apart, proved", out)
+    assert proved_m is not None
+    assert float(proved_m[1]) >= 0.39
+    assert float(proved_m[2]) >= 0.3
     assert "return altitudes: " in out
     assert "if all return at any time: at least " in out
     assert main.run([*arguments[:-2], "--json"]) == 0

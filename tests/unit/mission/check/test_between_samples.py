@@ -41,7 +41,7 @@ def dip(at_s: float, lasts_s: float, depth_m: float, axis: int, base: float) -> 
 @brief
 @given(st.floats(0.1, 19.9), st.floats(0.001, 0.02), st.floats(0.011, 0.1))
 def test_a_dip_of_a_centimetre_for_20_ms_is_found(at_s: float, lasts_s: float, depth_m: float) -> None:
-    """The limit is met by 1 mm but for the dip; `_LENGTH_TOLERANCE_M` is 1 cm."""
+    """The limit is met by 1 mm but for the dip; `LENGTH_TOLERANCE_M` is 1 cm."""
     ground = Surroundings(ORIGIN, lambda north, east: 0.0 * north + 0.0 * east, slope_max=0.0)
     low = dip(at_s, lasts_s, depth_m, 2, -10.0)
     _, found = check_ground(FLEET[0], low, ground, FlightLimits(clearance_m=10.0 - 0.0005))

@@ -11,6 +11,7 @@ import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import VerificationError
+from gcs.mission.check.flight_limits import limits_of
 from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.export.verify_export import verify_box
@@ -113,6 +114,11 @@ def test_what_is_written_holds_for_both_autopilots(
     verified = json.loads((tmp_path / INDEX).read_text())["verified"]
     assert verified["separation_min_m"] == pytest.approx(report.closest.distance_m, abs=1e-5)
     assert verified["clearance_min_m"] == pytest.approx(report.clearance_min_m, abs=1e-5)
+    # Proved values are rounded down: what the file says still holds.
+    assert report.closest.proved_m - 1e-5 <= verified["separation_proved_m"] <= report.closest.proved_m
+    assert report.clearance_proved_m is not None
+    assert report.clearance_proved_m - 1e-5 <= verified["clearance_proved_m"] <= report.clearance_proved_m
+    assert verified["clearance_proved_m"] >= limits_of(simulation1_plan.scenario).clearance_m - 0.01
 
 
 def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan, tmp_path: Path) -> None:

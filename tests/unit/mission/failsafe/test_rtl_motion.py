@@ -13,9 +13,10 @@ import pytest
 from gcs.autopilots.storage.stored_fields import StoredAs
 from gcs.autopilots.traits import Autopilot
 from gcs.mavlink import FenceCommand
+from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.fence_rally import build_rally, build_safety
 from gcs.mission.failsafe.rtl_altitudes import STEP_MIN_M, ReturnPlan, plan_returns
-from gcs.mission.failsafe.rtl_cases import crossings, highest_ground_m, return_cases
+from gcs.mission.failsafe.rtl_cases import highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances
 from gcs.mission.failsafe.rtl_parameters import FENCE_ABOVE_M, return_parameters
 from gcs.physics.quadrotor import POSITION, Array
@@ -215,16 +216,22 @@ def test_straight_ways_through_closed_areas_are_told(plan_of: Callable[[str], Pl
     """The field's two areas lie between start and end: only near the ends is the straight way free."""
     plan = plan_of("field/scenario.toml")
     home, nearest = return_cases(plan, ARDUPILOT, SPEEDS, 0.5)
+    rally = plan.landing_points_ned_m[:, None]
+    found = list(zones_crossed(plan, ARDUPILOT, rally))
     for case in (home, nearest):
-        for crossing in crossings(plan, case):
+        for crossing in (one for one in found if one.ends == case.name):
             disk = plan.scenario.no_fly[crossing.zone - 1]
-            for t_s, inside in ((crossing.from_s, True), (crossing.to_s, True), (crossing.from_s - 1.0, False)):
+            for t_s, inside in (
+                (crossing.from_s + 1.5, True),
+                (crossing.to_s - 1.5, True),
+                (crossing.from_s - 1.0, False),
+            ):
                 at = int(np.argmin(np.abs(case.t_s - t_s)))
                 shares = np.linspace(0, 1, 2000)[:, None, None]
                 ways = case.from_ned_m[:, at, :2] + shares * (case.to_ned_m - case.from_ned_m)[:, at, :2]
                 depth = disk.radius_m - np.linalg.norm(ways - [disk.north_m, disk.east_m], axis=-1).min()
                 assert (depth > plan.scenario.mission.tolerance_m - 0.01) == inside
-    assert [c.zone for c in crossings(plan, home)] == [1, 2]
+    assert [c.zone for c in found if c.ends == "home"] == [1, 2]
     returns = plan_returns(plan, ARDUPILOT)
     assert returns.worst is not None
     assert returns.worst.distance_m >= plan.scenario.judge.separation_min_m

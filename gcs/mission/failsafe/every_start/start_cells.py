@@ -1,0 +1,85 @@
+"""Where vehicles are at the begin of a return, if it begins at any instant of an interval.
+
+Plans are piecewise polynomials of time. So their Taylor coefficients about the middle of an interval bound how far each
+vehicle is from its middle place, and how much two vehicles move against each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from gcs.physics.quadrotor import POSITION, Array
+from gcs.plan.verification.proof.polynomials import shifted_coefficients
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.plan import Plan
+
+Rows = NDArray[np.intp]
+_ROUNDING_M = 1e-9
+
+
+@dataclass(frozen=True)
+class StartCells:
+    """N intervals of start times, and the places of vehicles in them."""
+
+    begin_s: Array  # (N,)
+    end_s: Array
+    place_ned_m: Array  # (V, N, 3) in the middle
+    level_m: Array  # (V, N) horizontal distance from there, at most
+    vertical_m: Array  # (V, N)
+    functions: Array  # (C, N, K) how the functions of the shape change, by powers of the scaled time
+    tables_m: Array  # (K, V, 3)
+
+    @property
+    def middle_s(self) -> Array:
+        """The middle (N,) of each interval."""
+        return 0.5 * (self.begin_s + self.end_s)
+
+    def against(self, first: Rows, second: Rows, cell: Rows) -> tuple[Array, Array]:
+        """How far, level and vertically (M,), two vehicles move against each other within cells (M,)."""
+        apart = self.tables_m[:, second] - self.tables_m[:, first]  # (K, M, 3)
+        moved = np.abs(np.einsum("cmk,kma->cma", self.functions[:, cell], apart)) if len(self.functions) else None
+        if moved is None:
+            return np.zeros(len(cell)), np.zeros(len(cell))
+        return np.hypot(moved[..., 0], moved[..., 1]).sum(axis=0), moved[..., 2].sum(axis=0)
+
+
+def start_cells(plan: Plan, begin_s: Array, end_s: Array) -> StartCells:
+    """The cells of intervals (N,), none of which reaches over a joint of the plan."""
+    state = plan.leader_trajectory.state
+    leader = PPoly(np.ascontiguousarray(state.c[:, :, POSITION]), state.x)
+    leader_m, functions = _scaled(leader, begin_s, end_s), _scaled(plan.shape.functions, begin_s, end_s)
+    tables = plan.shape.basis_ned_m
+    powers = max(len(leader_m), len(functions))
+    places = np.zeros((powers, tables.shape[1], len(begin_s), 3))
+    places[: len(leader_m)] += leader_m[:, None]
+    places[: len(functions)] += np.einsum("cnk,kva->cvna", functions, tables)
+    away = places[1:]
+    level_m = np.hypot(away[..., 0], away[..., 1]).sum(axis=0) + _ROUNDING_M
+    vertical_m = np.abs(away[..., 2]).sum(axis=0) + _ROUNDING_M
+    return StartCells(begin_s, end_s, places[0], level_m, vertical_m, functions[1:], tables)
+
+
+def plan_intervals(plan: Plan, longest_s: float) -> tuple[Array, Array]:
+    """Begins and ends (N,) of intervals between the joints of a plan, none longer than `longest_s`."""
+    joints_s = np.union1d(plan.leader_trajectory.joints_s, plan.shape.joints_s)
+    joints_s = joints_s[(joints_s >= plan.t_start_s) & (joints_s <= plan.t_end_s)]
+    counts = np.ceil(np.diff(joints_s) / longest_s).astype(int)
+    edges = [
+        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(joints_s[:-1], joints_s[1:], counts, strict=True) if n
+    ]
+    marks = np.concatenate([*edges, joints_s[-1:]])
+    return marks[:-1], marks[1:]
+
+
+def _scaled(polynomial: PPoly, begin_s: Array, end_s: Array) -> Array:
+    """Coefficients (D+1, N, n), the lowest power first, of time counted from the middle in half lengths."""
+    middle_s, half_s = 0.5 * (begin_s + end_s), 0.5 * (end_s - begin_s)
+    piece = np.clip(np.searchsorted(polynomial.x, middle_s, side="right") - 1, 0, len(polynomial.x) - 2)
+    shifted = shifted_coefficients(polynomial, piece, middle_s)
+    return np.asarray(shifted * (half_s[None, :] ** np.arange(len(shifted))[:, None])[..., None])
