@@ -20,7 +20,7 @@ from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
-from gcs.plan.nlp.violations import complaints, find_violations, tightenings
+from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.plan.trajectory.plan import MeshRound
@@ -84,7 +84,11 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
         # Q of Eq. 33 depends on the end of the flight: where the end has moved, solve once more.
         if not problems and not drift and abs(stretch - 1.0) < _SETTLED:
             return Optimum(trajectory, shape, solution.objective, tuple(history))
-        problem = replace(problem, tightenings=(*problem.tightenings, *tightenings(problem, missed)))
+        problem = replace(
+            problem,
+            tightenings=(*problem.tightenings, *tightenings(problem, missed)),
+            accel_reserve_mps2=problem.accel_reserve_mps2 + accel_reserve_mps2(missed),
+        )
         mesh = mesh.split(drifting).enforcing_at(np.unique([miss.t_s for miss in missed]))
     raise PlanningError(
         f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}",

@@ -120,6 +120,15 @@ def tightenings(problem: Problem, found: tuple[Violation, ...]) -> tuple[Tighten
     return tuple(made)
 
 
+def accel_reserve_mps2(found: tuple[Violation, ...]) -> float:
+    """How much a follower accelerates beyond the leader: in a wind that differs, by the corners of the leader's thrust.
+
+    The constraint of the program is about the leader, whose acceleration all have in a rigid shape.
+    """
+    beyond = [miss.beyond_leader for miss in found if miss.name == "acceleration"]
+    return _EXCESS * max(beyond, default=0.0)
+
+
 def _finely(times: Array, evaluate: Evaluate) -> tuple[Array, list[tuple[Margin, float]]]:
     """Margins at `times`, and between them wherever a margin could be lower than at both neighbours."""
     checked = evaluate(times)
@@ -210,11 +219,10 @@ def _positions(
     scenario = problem.scenario
     places = trajectory.state(times)[:, :3] + shape.offsets(times, 0, rows)
     found = [margins.clearance(scenario, places), *margins.no_fly(scenario, places, times)]
-    height = margins.height(scenario, places)
-    checked = [(height, LENGTH_TOLERANCE_M)]
+    found.append(margins.height(scenario, places))
     if problem.has_box:
         found += margins.box(scenario, places)
-    return checked + [(margin, LENGTH_TOLERANCE_M) for margin in found]
+    return [(margin, LENGTH_TOLERANCE_M) for margin in found]
 
 
 def _near_a_limit(problem: Problem, trajectory: Trajectory, shape: Shape, start_s: float, end_s: float) -> Rows:

@@ -56,6 +56,7 @@ class Problem:
     extra_objectives: tuple[ObjectiveTerm, ...] = ()  # rows beside those of `objectives.TERMS`
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
+    accel_reserve_mps2: float = 0.0  # by how much a follower accelerated more than the leader in an earlier round
     free_time: FreeTime | None = None  # where given, end_s is a guess
     tightenings: tuple[Tightening, ...] = ()
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters

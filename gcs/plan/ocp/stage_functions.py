@@ -232,7 +232,7 @@ def _own_motion(problem: Problem, z: ca.SX, motion: ca.SX, slot: ca.SX) -> list[
     turn = v[0] * a[1] - v[1] * a[0]
     values = [1.0 - (turn / bound) ** 2 / (v[0] ** 2 + v[1] ** 2 + REST_SMOOTHING_MPS**2)]
     if (most := scenario.limits.accel_max_mps2) is not None:
-        values.append(1.0 - ca.dot(a, a) / most**2)
+        values.append(1.0 - ca.dot(a, a) / (most - problem.accel_reserve_mps2) ** 2)
     if problem.coordinates:
         if problem.has_box:
             for axis, (low, high) in enumerate((scenario.limits.north_m, scenario.limits.east_m)):

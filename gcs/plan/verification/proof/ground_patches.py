@@ -153,9 +153,10 @@ def _wave_bend_m(ripple: Ripple, patches: Array) -> Array:
     curvature = across + abs(ripple.b) + abs(ripple.c) * ripple.d**2
     nearest = np.hypot(*(_from_zero(patches[:, 2 * axis], patches[:, 2 * axis + 1]) for axis in range(2)))
     slope = abs(ripple.f * ripple.g)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         rings = np.maximum(slope * abs(ripple.g), slope / nearest) * squared / 8.0
-    return np.asarray(curvature * squared / 8.0 + np.minimum(rings, slope * np.sqrt(squared)))
+    rings = np.fmin(rings, slope * np.sqrt(squared))  # a patch of no size at the origin has no bound of its own
+    return np.asarray(curvature * squared / 8.0 + rings)
 
 
 def _from_zero(low: Array, high: Array) -> Array:

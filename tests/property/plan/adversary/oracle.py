@@ -25,6 +25,8 @@ GROUND = CLEARANCE, HEIGHT, PAD = (
     "height above ground",
     "distance to the ground beside the pad",
 )
+PAD_SHARE = 0.25  # of the height above the own pad: so near may the ground beside it be
+PAD_FREE_M = 0.25  # up to this height above the pad the ground beside it may be as near as it is
 HEADING = "heading along the course"
 _G = "turning load factor"
 
@@ -126,7 +128,7 @@ class Oracle:
         return found
 
     def _to_ground(self, t_s: Array, name: str, rows: list[int]) -> Array:
-        """Distance to the ground minus h_min, or minus half of it or of the height above the own pad; or the height."""
+        """Distance to the ground minus h_min, or minus a share of that or of the height above the pad; or height."""
         terrain, least = self.scenario.terrain, self.scenario.limits.clearance_min_m
         places = self.places_ned_m(t_s)[rows]
         if name == HEIGHT:
@@ -136,7 +138,7 @@ class Oracle:
             return np.asarray(away - least)
         above = [end[rows, None, 2] - places[..., 2] for end in (self.plan.pads_ned_m, self.plan.landing_points_ned_m)]
         own = np.where(t_s < 0.5 * (self.plan.t_start_s + self.plan.t_end_s), *above)
-        return np.asarray(away - 0.5 * np.minimum(least, np.maximum(own, 0.0)))
+        return np.asarray(away - PAD_SHARE * np.minimum(least, own - PAD_FREE_M))
 
     def _separation(self, t_s: Array) -> Array:
         offsets = self._offsets(t_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,6 @@ from tests.property.plan.adversary.oracle import CLEARANCE, PAD, Oracle, window
 from tests.unit.plan.formations import SHAPES, TO_ROW, at, fleet
 from tests.unit.plan.problems import changed
 
-pytestmark = pytest.mark.skipif(
-    "verdict" not in {part.name for part in fields(Check)}, reason="the verifier looks every 0.05 s and proves nothing"
-)
 SHEARED = {"speed_mps": 7.0, "from_deg": 180.0, "shear": 0.4}
 
 
@@ -76,7 +73,7 @@ def test_in_sheared_wind_a_vehicle_above_the_leader_leans_too_far(simulation1: S
     strict = changed(plan.scenario, limits={"roll_pitch_yaw_deg": [limit, limit, 180.0]})
     failure = failed(replace(plan, scenario=strict))["pitch"]
     assert failure.sysid == plan.sysids[int(np.argmax(most))]
-    assert failure.worst <= 1.02 * (limit - most.max())
+    assert failure.worst <= 0.95 * (limit - most.max())  # roll takes a little of the tilt
 
 
 @pytest.mark.slow
@@ -217,7 +214,7 @@ def test_a_cliff_beside_a_vehicle_that_is_high_above_the_ground_below(simulation
 
 
 def test_a_cliff_beside_a_pad() -> None:
-    """A rock 20 m high a metre from the pad of one vehicle: at its height above the pad, less than half of it away."""
+    """A rock 20 m high, 0.1 m beside the way up of one vehicle; an eighth of a metre is the least there."""
     plan = mission("meadow")
     here = plan.pads_ned_m[1]
     spread = 0.1
@@ -231,5 +228,5 @@ def test_a_cliff_beside_a_pad() -> None:
     }
     beside = replace(plan, scenario=changed(plan.scenario, terrain={"mountains": rock}))
     times = np.linspace(plan.t_start_s, plan.airborne_s, 400)
-    assert Oracle(beside).margin(PAD, times, 1).min() < -0.1
+    assert Oracle(beside).margin(PAD, times, 1).min() < -0.04
     assert {check.phase for check in verify(beside).failures if check.name == PAD} >= {"takeoff"}

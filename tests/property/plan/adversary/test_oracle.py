@@ -117,5 +117,5 @@ def test_over_the_ground_it_knows_take_off_and_landing() -> None:
     start, end = plan.t_start_s + 1.0, plan.t_end_s - 1.0
     height = -Oracle(plan).places_ned_m(np.array([start, end]))[..., 2]
     np.testing.assert_allclose(
-        Oracle(plan).margin(PAD, np.array([start, end])), height - 0.5 * np.minimum(0.5, height), atol=1e-6
+        Oracle(plan).margin(PAD, np.array([start, end])), height - 0.25 * np.minimum(0.5, height - 0.25), atol=1e-6
     )

@@ -50,7 +50,7 @@ def found(problem: Problem, shape: Shape | None = None, trajectory: Trajectory |
 
 
 STEP_S = 0.01
-TOLERANCE_M, TOLERANCE = 0.5e-3, 0.5e-3  # in m, and as a share of a limit
+TOLERANCE_M, TOLERANCE = 0.4e-3, 0.5e-3  # in m, and as a share of a limit
 
 
 def differences(values: Array, order: int, step_s: float) -> Array:
@@ -87,7 +87,7 @@ def everything(problem: Problem, trajectory: Trajectory, shape: Shape, step_s: f
         "clearance above ground": (clearance_m(problem, place), TOLERANCE_M),
         "height": (
             np.minimum(-place[..., 2] - limits.height_m[0], limits.height_m[1] + place[..., 2]),
-            TOLERANCE * limits.height_m[1],
+            TOLERANCE_M,
         ),
         "thrust U1": (
             np.minimum(np.linalg.norm(force, axis=-1) - lower[0], upper[0] - np.linalg.norm(force, axis=-1)),
