@@ -42,7 +42,7 @@ _STILL_M = 0.01
 _SPEED_DECIMALS = 4
 _TIME_DECIMALS = 3
 _YAW_DECIMALS = 2
-_HOME_DECIMALS = (8, 8, 3)
+_HOME_DECIMALS = (9, 9, 3)
 _SURE_DECIMALS = 6  # m: heights in metres and millimetres stay on the same side when they are rounded
 _DAY_S = 86400
 
@@ -230,7 +230,7 @@ class _Draft:
 
 
 def _home(place: Array) -> list[float]:
-    """A pad's latitude, longitude and altitude, with the decimals of which all machines are certain: millimetres."""
+    """A pad's latitude, longitude and altitude, with the decimals of which all machines are certain."""
     return [round(part, decimals) for part, decimals in zip(place.tolist(), _HOME_DECIMALS, strict=True)]
 
 

@@ -14,7 +14,7 @@ The radii of curvature of WGS 84 at 45° (a = 6378137 m, e² = 0.00669437999, si
 1800e-7° along the meridian at 105 m are 20.0040 m: 2.0004 m/s for 10 s, 4.0008 m/s for 5 s, and the same at 104 m.
 The level through the origin falls below its plane by d²/2N, 7.8 micrometres at 10 m, which no file shows.
 
-Files hold home in hundred-millionths of a degree and whole millimetres: 1.268261e-4° is written as 0.00012683°.
+Files hold home in 1e-9 degrees and whole millimetres: 1.268261e-4° is written as 0.000126826°.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def written(mission: VehicleMission, name: str) -> str:
     return text
 
 
-@pytest.mark.parametrize(("sysid", "home_deg"), [(1, WEST), (2, 7.00012683)])
+@pytest.mark.parametrize(("sysid", "home_deg"), [(1, WEST), (2, 7.000126826)])
 def test_a_waypoints_file(missions: dict[int, VehicleMission], sysid: int, home_deg: float) -> None:
     header, home, *lines = written(missions[sysid], "waypoints").splitlines()
     assert header == "QGC WPL 110"
