@@ -219,7 +219,7 @@ def _remark(second: Track, report: Report) -> list[Claim]:
                 "broken": len(report.failures),
             },
             report.ok,
-            "proved vehicle by vehicle; where another value fails, our verifier refuses the plan",
+            "verified vehicle by vehicle",
         )
     ]
 
