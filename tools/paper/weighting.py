@@ -88,8 +88,8 @@ def page(record: dict[str, Any]) -> list[str]:
         "The smaller the heading scale, the more a wrong heading costs. All studies share one scale. The sentences "
         "hardly decide it: the last columns of the tables name the few that change. The largest of these values was "
         "chosen, against this study: from no Q does it bend the path into the course asked for. The smallest does for "
-        "two of them, but lets Simulation 2 creep before its end. The table has the course off from 10 s to 3 s before the "
-        f"arrival, and how long Simulation 2 is slower than {_CREEPING_MPS:g} m/s between its ends.",
+        "two of them, but lets Simulation 2 creep before its end. The table has the course off from 10 s to 3 s before "
+        f"the arrival, and how long Simulation 2 is slower than {_CREEPING_MPS:g} m/s between its ends.",
         "",
         f"| heading scale | {' | '.join(f'Q = {q}' for q in FLIGHTS)} | Simulation 2 creeps |",
         "| ---: |" + " ---: |" * (len(FLIGHTS) + 1),
