@@ -80,7 +80,7 @@ def test_a_vehicle_out_of_place_after_a_change_fails(planned: Planned) -> None:
     (failure,) = spoiled.failures
     assert (failure.phase, failure.sysid, failure.unit) == ("mission", 2, "m")
     assert failure.worst == pytest.approx(-1.5e-3, abs=1e-5)
-    assert failure.t_s == pytest.approx(0.5 * (start_s + end_s), abs=0.06)
+    assert failure.t_s == pytest.approx(0.5 * (start_s + end_s), abs=0.2)  # its top is flat
 
 
 def test_a_vehicle_out_of_place_before_a_change_fails(planned: Planned) -> None:
