@@ -1,0 +1,76 @@
+"""Limits of motion of a straight flight in a bank, against Eq. 1 worked by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.trajectory import Trajectory
+from tests.unit.plan.problems import changed
+from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
+
+ROLL, THRUST_N, SPEED_MPS = 0.3, 4.6, 2.0
+
+
+@pytest.fixture(scope="module")
+def banked(meadow_plan: Plan) -> Plan:
+    """North at 2 m/s with a roll of 0.3 rad, in calm air."""
+    limited = changed(meadow_plan.scenario, limits={"accel_max_mps2": 3.2, "speed_ned_mps": [2.1, 1.0, 1.0]})
+    plan = replace(meadow_plan, scenario=limited)
+    return even(plan, (0.0, 1.0, -4.0), (SPEED_MPS, 0.0, 0.0), (ROLL, 0.0, 0.0), (THRUST_N, 0.01, -0.02, 0.0))
+
+
+def test_the_acceleration_is_that_of_eq_1(banked: Plan) -> None:
+    q = banked.quadrotor
+    along = -q.drag_Nspm[0] / q.mass_kg * SPEED_MPS
+    across = THRUST_N / q.mass_kg * np.sin(ROLL)
+    down = q.gravity_mps2 - THRUST_N / q.mass_kg * np.cos(ROLL)
+    size = float(np.sqrt(along**2 + across**2 + down**2))
+    assert_margin(check_of(banked, "acceleration"), 3.2 - size)
+    factor = across / q.gravity_mps2  # v x a over |v|: only what is across the way turns it
+    assert_margin(check_of(banked, "turning load factor"), banked.scenario.limits.load_factor_max - factor)
+
+
+def test_speeds_attitude_and_controls_are_read_off(banked: Plan) -> None:
+    limits = banked.scenario.limits
+    assert_margin(check_of(banked, "north speed"), 2.1 - SPEED_MPS)
+    assert_margin(check_of(banked, "roll"), limits.roll_pitch_yaw_deg[0] - np.degrees(ROLL))
+    assert_margin(check_of(banked, "thrust U1"), min(THRUST_N - limits.thrust_N[0], limits.thrust_N[1] - THRUST_N))
+
+
+def test_the_rotor_speeds_are_those_of_eq_2(banked: Plan) -> None:
+    """U1 = K_T sum, U2 and U3 by pairs of rotors over the root of 2: solved as four linear equations."""
+    v = banked.scenario.vehicle
+    k, half = v.thrust_coeff_Ns2, np.sqrt(0.5) * v.thrust_coeff_Ns2
+    mixer = np.array(
+        [
+            [k] * 4,
+            [half, -half, -half, half],
+            [half, half, -half, -half],
+            [v.moment_coeff_Nms2 * s for s in (1, -1, 1, -1)],
+        ]
+    )
+    share = np.linalg.solve(mixer, [THRUST_N, 0.01, -0.02, 0.0]) / v.rotor_max_radps**2
+    assert_margin(check_of(banked, "rotor speed"), float(min(share.min(), (1.0 - share).min())), close=1e-3)
+
+
+@pytest.mark.parametrize(("excess", "verdict"), [(0.5e-3, "proved"), (2e-3, "violated")])
+def test_a_peak_of_a_few_milliseconds_is_seen_to_its_top(banked: Plan, excess: float, verdict: str) -> None:
+    """U4 rises to its limit and a share of it more, and falls again, within 3 ms."""
+    limit = banked.scenario.limits.yaw_moment_Nm
+    assert limit is not None
+    old = banked.leader_trajectory
+    joints = np.array([banked.t_start_s, 7.0111, 7.0141, banked.t_end_s])
+    c = np.zeros((3, 3, 4))
+    c[2] = old.control.c[0, 0]
+    width = 3e-3
+    c[0, 1, 3], c[1, 1, 3] = (value * 4.0 * limit * (1.0 + excess) for value in (-1.0 / width**2, 1.0 / width))
+    state = np.stack([old.state(joints[:-1], nu=1), old.state(joints[:-1])])
+    peaked = replace(banked, leader_trajectory=Trajectory(PPoly(state, joints), PPoly(c, joints)))
+    found = check_of(peaked, "control U4")
+    assert found.verdict == verdict
+    assert found.worst == pytest.approx(-excess * limit, abs=3e-4 * limit)
