@@ -63,11 +63,13 @@ def _distance(terrain: Terrain, places: Array, enough_m: float) -> Array:
 
 
 def _likely(terrain: Terrain, places: Array, reach: Array) -> Array:
-    """Summits and the pixels around each place (N, M, 2), which a square of places may miss."""
+    """Summits and the pixels around each place (N, M, 2), which a square of places may miss.
+
+    Where the pixels of a relief do not stand straight, they are only near.
+    """
     if terrain.relief is None:
         tops = np.array([terrain.mountains.north_m, terrain.mountains.east_m]).T.reshape(1, -1, 2)
         return np.repeat(tops, len(places), axis=0)
-    assert terrain.relief.row[1] == terrain.relief.column[2] == terrain.relief.reach_m
     span = np.arange(-2.0, 3.0) * terrain.relief.spacing_m
     offsets = np.stack(np.meshgrid(span, span, indexing="ij"), axis=-1).reshape(1, -1, 2)
     pixel = np.round(places[:, None, :2] / terrain.relief.spacing_m) * terrain.relief.spacing_m
@@ -84,13 +86,15 @@ def _squared(terrain: Terrain, places: Array, tried: Array) -> Array:
 
 
 def _relief_m(terrain: Terrain, north_m: Array, east_m: Array) -> Array:
-    """Of a relief whose pixels stand straight: row by north, column by east."""
+    """Bilinear between pixels; row and column are cubic polynomials of north and east."""
     relief = terrain.relief
     assert relief is not None
-    assert not any(relief.row[2:]) and not any((relief.column[1], *relief.column[3:]))
     table = relief.pixels_m
-    row = relief.row[0] + relief.row[1] * (north_m - relief.centre_m[0]) / relief.reach_m
-    column = relief.column[0] + relief.column[2] * (east_m - relief.centre_m[1]) / relief.reach_m
+    n, e = (north_m - relief.centre_m[0]) / relief.reach_m, (east_m - relief.centre_m[1]) / relief.reach_m
+    powers = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
+    row, column = (
+        sum(c * n**i * e**j for c, (i, j) in zip(p, powers, strict=True)) for p in (relief.row, relief.column)
+    )
     row, column = np.clip(row, 0.0, len(table) - 1.0), np.clip(column, 0.0, table.shape[1] - 1.0)
     i, j = (np.minimum(part.astype(int), size - 2) for part, size in ((row, len(table)), (column, table.shape[1])))
     u, v = row - i, column - j
