@@ -37,10 +37,10 @@ WHERE = {
     "no-fly zone 1": ("stairs",),
     "no-fly zone 2": ("stairs",),
 }
-# The short form flies where the verifier needs a tenth of a second, and elsewhere only for what there is nowhere else.
-SHORT = {name: places if "meadow" not in places else ("meadow",) for name, places in WHERE.items()}
-SHORT |= {CLEARANCE: ("ripple",), "place in formation": ("hills",), "acceleration": ("hills",)}
-del SHORT["no-fly zone 2"]
+# The short form flies where the verifier needs a tenth of a second. Zones come as surprises; `test_found` has a vehicle
+# out of its place.
+SHORT = {name: ("meadow",) for name, places in WHERE.items() if "meadow" in places and name != "place in formation"}
+SHORT |= {CLEARANCE: ("ripple",), "acceleration": ("hills",)}
 LONGER = {"course": (HEADING, "place in formation", "pitch", "separation", "north speed")}
 SURPRISED = {name: ("hills",) if name == "needle" else ("meadow", "ripple", "stairs") for name in SURPRISES}
 KINDS = len(WHERE) + len(SURPRISES) + 3
