@@ -84,8 +84,10 @@ def test_film_has_a_frame_for_every_step(changing: Plan, tmp_path: Path) -> None
 def test_measures_are_the_verifiers(changing: Plan) -> None:
     t_s = np.arange(0.0, changing.flight_s, 0.05)
     report = verify(changing)
-    assert clearance_m(changing, t_s).min() == pytest.approx(report.clearance_min_m, abs=1e-3)
-    assert nearest_m(changing, t_s).min() == pytest.approx(report.separation_min_m, abs=1e-3)
+    # The report has bounds, which are at most 2 % of a margin below what is flown; a height is no less than a distance.
+    assert report.clearance_min_m <= clearance_m(changing, t_s).min() <= 1.05 * report.clearance_min_m
+    assert report.separation_min_m is not None
+    assert report.separation_min_m <= nearest_m(changing, t_s).min() <= 1.05 * report.separation_min_m
 
 
 def test_size_is_the_formations_not_its_heading(changing: Plan) -> None:
