@@ -8,9 +8,6 @@ from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import (
     assignments_m,
-    away_m,
-    bends,
-    course,
     landing_points,
     late_s,
 )
@@ -21,8 +18,6 @@ from gcs.scenario.si import boundary_state, torque_limits
 SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
-COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
-_SAMPLED_S = 0.01
 _CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
 
 
@@ -88,7 +83,7 @@ def _climb_checks(plan: Plan) -> list[Check]:
 
 
 def _change_checks(plan: Plan) -> list[Check]:
-    """Scheduled changes begin on time; a formation that turns with its course faces where it flies."""
+    """Scheduled changes begin on time, and vehicles take the places with the shortest longest way."""
     checks: list[Check] = []
     if late := late_s(plan):
         worst_s, t_s = max(late)
@@ -97,33 +92,6 @@ def _change_checks(plan: Plan) -> list[Check]:
         worst_m, t_s = max(longer)
         checks.append(
             _exact("shortest assignment of a reshape (Eq. 14)", "mission", "m", -worst_m, LENGTH_TOLERANCE_M, None, t_s)
-        )
-    return checks
-
-
-def sampled_checks(plan: Plan, airborne: tuple[str, ...]) -> list[Check]:
-    """What is known at instants only: automatic changes and the course bend the shape by coordinates of their own."""
-    if not bends(plan):
-        return []
-    checks = []
-    for phase in plan.phases:
-        if phase.name not in airborne:
-            continue
-        times = np.arange(phase.start_s, phase.end_s, _SAMPLED_S)
-        places = plan.offsets(times)
-        off = np.nan_to_num(away_m(plan, places - places[plan.leader], times), nan=np.inf)
-        vehicle, instant = np.unravel_index(int(off.argmax()), off.shape)
-        worst, sysid = -float(off[vehicle, instant]), plan.sysids[vehicle]
-        t_s = float(times[instant])
-        checks.append(Check("place in formation", phase.name, "m", worst, LENGTH_TOLERANCE_M, sysid, t_s))
-    if plan.scenario.formation.frame == "course":
-        mission = plan.phase("mission")
-        margin_deg, known_s = course(plan, np.arange(mission.start_s, mission.end_s, _SAMPLED_S))
-        worst = int(np.nan_to_num(margin_deg, nan=-np.inf).argmin())
-        tolerance = COURSE_TOLERANCE * plan.scenario.formation.course_tolerance_deg
-        sysid, t_s = plan.sysids[plan.leader], float(known_s[worst])
-        checks.append(
-            Check("heading along the course", "mission", "deg", float(margin_deg[worst]), tolerance, sysid, t_s)
         )
     return checks
 

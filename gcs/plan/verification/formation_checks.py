@@ -5,8 +5,6 @@ The result of each change is computed anew from the scenario, not taken from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.interpolate import PPoly
 from scipy.sparse import csr_array
@@ -16,22 +14,18 @@ from scipy.spatial.distance import cdist, pdist
 from scipy.spatial.transform import Rotation
 
 from gcs.errors import Infeasible
-from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.physics.quadrotor import Array
 from gcs.plan.formation.assignment import bottleneck
 from gcs.plan.formation.changes.reshape import reshape
-from gcs.plan.formation.coordinates import Name, bent, target_ned_m
 from gcs.plan.formation.separation import least_distance
 from gcs.plan.formation.shape import Rows
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.schema.scenario import ChangeTable, Scenario
+from gcs.plan.verification.allowed_shapes import AllowedShapes
+from gcs.scenario.schema.scenario import ChangeTable
 from gcs.scenario.si import NED_FROM_UP, landing_points_ned_m, offsets_ned_m, shape_offsets_ned_m
 
-# A formation that turns with its course must face where it flies above this speed.
-COURSE_SPEED_MPS = 1.0
 _LONGER = 1.0 + 1e-6  # ways that differ by rounding are equally long
-_BEYOND = 0.05  # share of its range: an automatic change rests a little inside it
-_SLACK = 1e-3  # share of its size, as for every limit
-_TRIED, _ZOOMS = 21, 6
+_SLACK = 1e-3  # share of a gate's width, as for every limit
 _FEW = 40  # up to so many vehicles, all distances are faster than a k-d tree
 
 
@@ -104,39 +98,7 @@ def crossing_s(plan: Plan, gate_m: tuple[tuple[float, float], tuple[float, float
 
 def bends(plan: Plan) -> bool:
     """Whether automatic changes or the course may bend the scheduled shape."""
-    return _Bends.of(plan.scenario) is not None
-
-
-def away_m(plan: Plan, seen_ned_m: Array, times: Array) -> Array:
-    """Distance (V, N) of every vehicle from the nearest place that is allowed; offsets (V, N, 3) from the leader."""
-    off = np.zeros(seen_ned_m.shape[:2])
-    allowed = _Bends.of(plan.scenario)
-    for start_s, end_s, expected in expected_places(plan):
-        inside = (times >= start_s) & (times <= end_s)
-        if inside.any():
-            seen = seen_ned_m[:, inside]
-            wanted = expected[:, None] if allowed is None else allowed.nearest(seen, expected)[0]
-            off[:, inside] = np.linalg.norm(seen - wanted, axis=-1)
-    return off
-
-
-def course(plan: Plan, times: Array) -> tuple[Array, Array]:
-    """Margin of the heading along the course (N,), deg, and its instants (N,): where the shape is rigid."""
-    allowed = _Bends.of(plan.scenario)
-    assert allowed is not None
-    begin = plan.scenario.start
-    north, east = begin.velocity_mps[:2]
-    facing = np.arctan2(east, north) if north or east else np.radians(begin.roll_pitch_yaw_deg[2])
-    velocity = plan.leader_trajectory.state(times)[:, VELOCITY]
-    headings = np.full(len(times), np.nan)
-    for start_s, end_s, expected in expected_places(plan):
-        inside = (times >= start_s) & (times <= end_s)
-        if inside.any():
-            headings[inside] = allowed.nearest(plan.offsets(times[inside]), expected)[1]
-    known = np.isfinite(headings)
-    away = np.angle(np.exp(1j * (np.arctan2(velocity[known, 1], velocity[known, 0]) - headings[known] - facing)))
-    fast = np.hypot(velocity[known, 0], velocity[known, 1]) > COURSE_SPEED_MPS
-    return plan.scenario.formation.course_tolerance_deg - np.where(fast, np.degrees(np.abs(away)), 0.0), times[known]
+    return AllowedShapes.of(plan.scenario) is not None
 
 
 def assignments_m(plan: Plan) -> list[tuple[float, float]]:
@@ -173,69 +135,14 @@ def _possible(allowed: Rows) -> bool:
     return bool((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).all())
 
 
-@dataclass(frozen=True)
-class _Bends:
-    """How much automatic changes and the course may rotate, scale and blend the scheduled shape."""
-
-    scale: tuple[float, float]
-    turn_rad: float  # either way
-    blend: tuple[float, float]
-    target_ned_m: Array  # (V, 3)
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> _Bends | None:
-        """The allowed ranges; None where the schedule alone defines the shape."""
-        autos = {change.kind: change for change in scenario.formation.change if change.auto}
-        if not autos and scenario.formation.frame == "inertial":
-            return None
-        least = getattr(autos.get("shrink"), "scale", 1.0)
-        turn_rad = np.radians(abs(getattr(autos.get("rotate"), "angle_deg", 0.0)))
-        return cls(
-            scale=(least - _SLACK, 1.0 + _BEYOND * (1.0 - least) + _SLACK) if "shrink" in autos else (1.0, 1.0),
-            turn_rad=np.pi if scenario.formation.frame == "course" else turn_rad * (1.0 + _SLACK),
-            blend=(-_BEYOND - _SLACK, 1.0 + _SLACK) if "reshape" in autos else (0.0, 0.0),
-            target_ned_m=target_ned_m(scenario),
-        )
-
-    def nearest(self, seen: Array, expected: Array) -> tuple[Array, Array]:
-        """Allowed shapes (V, N, 3) nearest to `seen` (V, N, 3), and their rotation (N,), rad.
-
-        For a given blend, the best rotation and scale have closed forms; the blend is searched by zooming.
-        """
-        low, high = (np.full(seen.shape[1], end) for end in self.blend)
-        for _ in range(_ZOOMS if self.blend[1] > self.blend[0] else 1):
-            tried = np.linspace(low, high, _TRIED)  # (tried, N)
-            gain = self._fitted(seen, expected, tried)[2]
-            best = np.take_along_axis(tried, gain.argmax(axis=0)[None], axis=0)[0]
-            step = (high - low) / (_TRIED - 1)
-            low, high = np.maximum(best - step, self.blend[0]), np.minimum(best + step, self.blend[1])
-        scale, turn, _ = (part[0] for part in self._fitted(seen, expected, best[None]))
-        shape = (1.0 - best)[:, None] * expected[:, None] + best[:, None] * self.target_ned_m[:, None]
-        values: dict[Name, Array] = {"scale": scale, "heading": turn}
-        return np.stack(bent(values, tuple(np.moveaxis(shape, 2, 0)), ()), axis=-1), turn
-
-    def _fitted(self, seen: Array, expected: Array, blend: Array) -> tuple[Array, Array, Array]:
-        """Scale and rotation that bring each blend (B, N) of the shapes nearest to `seen`, and the gain of it."""
-        shapes = (expected, self.target_ned_m)
-        shares = (1.0 - blend, blend)
-        flat = [(s[:, 0] - 1j * s[:, 1]) @ (seen[..., 0] + 1j * seen[..., 1]) for s in shapes]
-        tall = [s[:, 2] @ seen[..., 2] for s in shapes]
-        across = sum(share * part for share, part in zip(shares, flat, strict=True))
-        up = sum(share * part for share, part in zip(shares, tall, strict=True))
-        parts = list(zip(shares, shapes, strict=True))
-        size = sum(a * b * np.vdot(s, t) for a, s in parts for b, t in parts)
-        turn = np.clip(np.angle(across), -self.turn_rad, self.turn_rad)
-        alike = (across * np.exp(-1j * turn)).real + up
-        scale = np.clip(alike / np.maximum(size, 1e-12), *self.scale)
-        return scale, turn, 2.0 * scale * alike - scale**2 * size
-
-
 def _taken(plan: Plan, change: ChangeTable, places: Array, targets: Array, end_s: float) -> Rows:
     """The place of each vehicle (V,) after a change; any is right where the assignment is free."""
     fixed = np.arange(len(targets))
     if change.assignment == "fixed":
         return fixed
-    if _Bends.of(plan.scenario) is not None:  # rotated and scaled, the shape does not tell which vehicle is where
+    if (
+        AllowedShapes.of(plan.scenario) is not None
+    ):  # rotated and scaled, the shape does not tell which vehicle is where
         limits, leader = plan.scenario.limits, plan.leader
         try:
             return reshape(places, targets, leader, limits.separation_min_m).places

@@ -7,7 +7,7 @@ the planner's own margins. `docs/verification.md` lists the checks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -17,17 +17,20 @@ import numpy as np
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.allowed_shapes import AllowedShapes
+from gcs.plan.verification.constraints.bent_formation import BentFormation
 from gcs.plan.verification.constraints.equation_of_motion import reintegrated
 from gcs.plan.verification.constraints.formation_law import FormationLaw, spans
 from gcs.plan.verification.constraints.ground_clearance import GroundClearance
 from gcs.plan.verification.constraints.pair_separation import PairSeparation
 from gcs.plan.verification.constraints.position_limits import PositionLimits
 from gcs.plan.verification.constraints.state_control_limits import StateControlLimits
-from gcs.plan.verification.exact_checks import exact_checks, sampled_checks
-from gcs.plan.verification.formation_checks import bends, nearest_pair_m
+from gcs.plan.verification.exact_checks import exact_checks
+from gcs.plan.verification.formation_checks import nearest_pair_m
 from gcs.plan.verification.proof.ground_patches import ground_patches
 from gcs.plan.verification.proof.subdivision import Cells, Proof, Rows, prove
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, vehicle_tree
+from gcs.plan.verification.scheduled_shape import stretches
 from gcs.plan.verification.verdict import (
     LENGTH_TOLERANCE_M,
     WINDOW_TOLERANCE_M,
@@ -53,7 +56,7 @@ def verify(plan: Plan) -> Report:
         separations = [c.proved for c in checks if c.name == "separation" and c.proved is not None]
         window = _window_check(plan)
         exact, terminal_m = exact_checks(plan)
-        checks += [window, *exact, *sampled_checks(plan, AIRBORNE)]
+        checks += [window, *exact]
     limits = plan.scenario.limits
     return Report(
         tuple(checks),
@@ -129,19 +132,19 @@ class _Proofs:
 
     def formation(self) -> list[Check]:
         """Places in the formation, and the law of every scheduled change."""
-        if bends(self.plan):
-            return []
-        law = FormationLaw(self.plan, spans(self.plan))
-        ends = [t for span in law.spans for t in (span.start_s, span.end_s)]
+        allowed = AllowedShapes.of(self.plan.scenario)
+        law: FormationLaw | BentFormation
+        if allowed is None:
+            law = FormationLaw(self.plan, spans(self.plan))
+            ends = [t for span in law.spans for t in (span.start_s, span.end_s)]
+        else:
+            law = BentFormation(self.plan, stretches(self.plan), allowed, self._number("mission"))
+            ends = [t for stretch in law.stretches for t in (stretch.start_s, stretch.end_s)]
         start_s, end_s = self._interval(np.array(ends))
         phase = self._phase(0.5 * (start_s + end_s))
         flies = np.isin(phase, [i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE])
         found = self._checks(law, law.cells(start_s[flies], end_s[flies], phase[flies]))
-        return [
-            Check(c.name, c.phase, c.unit, c.worst, c.tolerance, self.plan.sysids[row], c.t_s, c.proved)
-            for c in found
-            for row in [law.farthest_row(c.t_s or 0.0)]
-        ]
+        return [replace(c, sysid=self.plan.sysids[law.farthest_row(c.name, c.t_s or 0.0)]) for c in found]
 
     @cached_property
     def _tree(self) -> VehicleTree:

@@ -16,7 +16,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.constraints.position_limits import ORDER, RESOLUTION_M
 from gcs.plan.verification.formation_checks import expected_places
-from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.plan.verification.proof.polynomials import combined, enclosed
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved
 from gcs.plan.verification.proof.taylor import Taylor, total
 from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
@@ -109,7 +109,7 @@ class FormationLaw:
         """See `Family`: which vehicle it is must be looked up at the instant."""
         return -1
 
-    def farthest_row(self, t_s: float) -> int:
+    def farthest_row(self, name: str, t_s: float) -> int:
         """The row of the vehicle that is farthest from its place."""
         moment = np.array([t_s])
         cells = self.cells(moment - 1e-9, moment + 1e-9, np.zeros(1, dtype=np.intp))
@@ -121,9 +121,7 @@ class FormationLaw:
         shape = self.plan.shape
         functions = enclosed(shape.functions, cells.start_s, cells.end_s, ORDER)  # (K, N)
         table = shape.basis_ned_m - shape.basis_ned_m[:, self.plan.leader][:, None]
-        c = np.einsum("okn,kva->oavn", functions.c, table)
-        remainder = np.einsum("kn,kva->avn", functions.remainder, np.abs(table))
-        return [Taylor(c[:, axis], remainder[axis]) for axis in range(3)]
+        return combined(functions, table)
 
 
 def _off(span: Span, offsets: list[Taylor]) -> list[Taylor]:

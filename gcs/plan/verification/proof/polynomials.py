@@ -26,6 +26,13 @@ def enclosed(polynomial: PPoly, start_s: Array, end_s: Array, order: int, deriva
     return Taylor(scaled[: order + 1], np.abs(scaled[order + 1 :]).sum(axis=0))
 
 
+def combined(functions: Taylor, tables: Array) -> list[Taylor]:
+    """Functions (K, N) times tables (K, V, A), summed over the functions: A components (V, N)."""
+    c = np.einsum("okn,kva->oavn", functions.c, tables)
+    remainder = np.einsum("kn,kva->avn", functions.remainder, np.abs(tables))
+    return [Taylor(c[:, axis], remainder[axis]) for axis in range(tables.shape[2])]
+
+
 def shifted_coefficients(polynomial: PPoly, piece: NDArray[np.intp], at_s: Array, derivative: int = 0) -> Array:
     """Coefficients (D+1, N, n) of the pieces (N,) in powers of t - at_s, the lowest first."""
     c = polynomial.c[::-1][:, piece, :]  # (D+1, N, n), lowest power first

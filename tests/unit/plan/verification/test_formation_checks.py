@@ -8,22 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import PPoly
-from scipy.optimize import minimize
 from scipy.spatial.distance import pdist
-from scipy.spatial.transform import Rotation
 
-from gcs.physics.quadrotor import Array
 from gcs.plan import planner
 from gcs.plan.formation import followers
 from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.changes.transforms import rotation, shrinking, straight
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.formation_checks import _Bends, nearest_pair_m
+from gcs.plan.verification.formation_checks import nearest_pair_m
 from gcs.plan.verification.verify import verify
-from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
-from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto, fleet
+from tests.unit.plan.formations import GATE, SHRINK, TO_FILE, TURN, Planned, at, auto
 from tests.unit.plan.problems import changed
 
 ASSIGNMENT = "shortest assignment of a reshape (Eq. 14)"
@@ -287,59 +283,6 @@ def test_what_is_no_number_never_passes(planned: Planned) -> None:
         functions[-1, functions.shape[1] // 2, 0] = np.nan
         spoiled = replace(plan, shape=replace(plan.shape, functions=PPoly(functions, plan.shape.joints_s)))
         assert {"clearance above ground", "state continuous at joints"} <= failing(spoiled)
-
-
-def bends(scenario: Scenario) -> _Bends:
-    found = _Bends.of(scenario)
-    assert found is not None
-    return found
-
-
-RICH: tuple[dict[str, Any], ...] = (auto(SHRINK), auto({**TURN, "angle_deg": 60.0}), auto(TO_FILE))
-
-
-@pytest.mark.parametrize("changes", [RICH, RICH[:1], RICH[1:2], RICH[2:], RICH[:2], RICH[1:], (RICH[0], RICH[2])])
-def test_every_allowed_shape_is_its_own_nearest(simulation1: Scenario, changes: tuple[dict[str, Any], ...]) -> None:
-    shapes: tuple[dict[str, Any], ...] = (
-        {"name": "wedge", "generator": "vee", "spacing_m": 3.0},
-        {"name": "file", "generator": "sphere", "spacing_m": 5.0},
-    )
-    for begin in ("row", "wedge"):
-        chosen = shapes if begin == "wedge" else fleet(simulation1).model_dump()["formation"]["shape"]
-        scenario = fleet(simulation1, 5, begin, changes, chosen)
-        allowed = bends(scenario)
-        random, count = np.random.default_rng(1), 200
-        scale = random.uniform(*allowed.scale, count)
-        turn = random.uniform(-allowed.turn_rad, allowed.turn_rad, count)
-        blend = random.uniform(*allowed.blend, count)
-        base = offsets_ned_m(scenario)[:, None]
-        mixed = (1.0 - blend)[:, None] * base + blend[:, None] * allowed.target_ned_m[:, None]
-        flat = (mixed[..., 0] + 1j * mixed[..., 1]) * scale * np.exp(1j * turn)
-        seen = np.stack([flat.real, flat.imag, scale * mixed[..., 2]], axis=-1)
-        nearest, _ = allowed.nearest(seen, offsets_ned_m(scenario))
-        np.testing.assert_allclose(nearest, seen, atol=1e-4)
-
-
-def test_the_nearest_of_all_allowed_shapes_is_found(simulation1: Scenario) -> None:
-    """Against a search by a library, for places that belong to no shape."""
-    scenario = fleet(simulation1, 5, "wedge", RICH)
-    allowed, base = bends(scenario), offsets_ned_m(scenario)
-    random = np.random.default_rng(3)
-
-    def shape(values: Array) -> Array:
-        scale, turn, blend = values
-        mixed = (1.0 - blend) * base + blend * allowed.target_ned_m
-        return np.asarray(scale * Rotation.from_euler("z", turn).apply(mixed))
-
-    for _ in range(12):
-        seen = shape(random.uniform([0.3, -2.0, -0.5], [1.3, 2.0, 1.5])) + random.normal(size=base.shape)
-        found, _ = allowed.nearest(seen[:, None], base)
-        limits = [allowed.scale, (-allowed.turn_rad, allowed.turn_rad), allowed.blend]
-        best = min(
-            minimize(lambda v, s=seen: np.sum((shape(v) - s) ** 2), start, bounds=limits).fun
-            for start in ([0.7, 0.0, 0.2], [0.7, 0.8, 0.8], [0.7, -0.8, 0.5])
-        )
-        assert np.sum((found[:, 0] - seen) ** 2) <= best * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("count", [2, 39, 41, 300])
