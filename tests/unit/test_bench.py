@@ -12,6 +12,7 @@ from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.nlp.variables import ControlForm
 from gcs.plan.ocp import stage_functions
+from gcs.plan.ocp.active_vehicles import LIFT
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.trajectory import Trajectory
 from tools.bench import describe, findings
@@ -39,13 +40,15 @@ def anywhere(leader: Leader, count: int) -> tuple[Array, Array]:
 
 def test_dynamics_and_path_constraints_are_the_planners(problem: Problem, leader: Leader) -> None:
     parts = stage_functions.functions(problem)
+    below = np.zeros(parts.path.size1_in(1))  # the leader, and the ground below it
+    below[LIFT] = problem.scenario.limits.clearance_min_m
     for x, u in zip(*anywhere(leader, 20), strict=True):
         z = np.concatenate([x * leader.state_unit, u * leader.control_unit + leader.control_shift])
         rates = np.array(leader.rates(x, u, np)) * leader.state_unit
         np.testing.assert_allclose(rates, np.array(parts.motion(z)).ravel(), rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(
             leader.path(x, u, np),
-            np.array(parts.path(z, np.zeros(parts.path.size1_in(1)))).ravel(),
+            np.array(parts.path(z, below)).ravel(),
             rtol=1e-10,
             atol=1e-10,
         )

@@ -325,7 +325,7 @@ HABITS = {
         ("tests/property/link/test_codec_fuzz.py", "test_garbage_never_raises_and_a_good_frame_after_it_is_heard")
     ],
     "arrival times": [
-        ("tests/unit/autopilots/navigation/test_recordings.py", "test_arrivals_are_predicted_as_well_as_the_table_says")
+        ("tests/unit/autopilots/navigation/test_recordings.py", "test_a_mission_that_was_not_fitted_is_predicted")
     ],
 }
 

@@ -15,9 +15,9 @@ from scipy.sparse.linalg import spsolve
 
 from gcs.errors import UsageError, VerificationError
 from gcs.mission.machine_independent import on_grid
+from gcs.mission.setpoints.path_bounds import path_bounds
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY, Array, thrust_and_tilt
 from gcs.plan.nlp import margins
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -40,7 +40,7 @@ class SmoothPath:
     knots_every_s: float
     deviation_m: float  # of the leader, and thus of every vehicle, from the plan at equal time
     yaw_deviation_rad: float
-    clearance_min_m: float  # of any vehicle, above the exact ground
+    clearance_min_m: float  # proved: no vehicle has less, at any instant
 
     def at(self, t_s: Array) -> tuple[Array, Array, Array, Array]:
         """Position, velocity, acceleration (V, N, 3) and yaw (V, N) of all vehicles, in NED."""
@@ -102,7 +102,10 @@ def _fitted(t_s: Array, planned: Array, start_s: float, end_s: float, pieces: in
 
 
 def _violated_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
-    """The plan's limits that the path violates, in words, and its least clearance, m."""
+    """The plan's limits that the path violates, in words, and its proved clearance, m.
+
+    Attitude, rates, thrust and turning are sampled: they are no polynomials of time.
+    """
     plan, scenario = path.plan, path.plan.scenario
     position, velocity, acceleration, yaw = path.at(t_s)
     states = np.zeros((*yaw.shape, 12))
@@ -113,19 +116,15 @@ def _violated_limits(path: SmoothPath, t_s: Array) -> tuple[list[str], float]:
     states[..., RATES] = np.gradient(states[..., ATTITUDE], t_s, axis=1)
     controls = np.zeros((*yaw.shape, 4))
     controls[..., 0] = thrust
-    mission = (t_s >= 0.0) & (t_s <= plan.flight_s)
-    clearance = margins.clearance(scenario, states)
-    found = [(m, LENGTH_TOLERANCE_M) for m in (clearance, *margins.no_fly(scenario, states, t_s))]
-    found += [(m, LENGTH_TOLERANCE_M) for m in margins.box(scenario, states[:, mission])]
-    found += [
-        (m, LIMIT_TOLERANCE * m.scale)
-        for m in (
-            *margins.state_limits(scenario, states),
-            margins.control_limits(scenario, controls)[0],
-            margins.turning(scenario, states, controls),
-        )
-    ]
+    bounds = path_bounds(plan, path.spline, LIMIT_TOLERANCE)
+    sampled = (
+        *margins.state_limits(scenario, states),
+        margins.control_limits(scenario, controls)[0],
+        margins.turning(scenario, states, controls),
+    )
     violated = [
-        f"{m.name} violated by {-m.value.min():.3g} {m.unit}" for m, tolerance in found if m.value.min() < -tolerance
+        f"{m.name} violated by {-m.value.min():.3g} {m.unit}"
+        for m in sampled
+        if m.value.min() < -LIMIT_TOLERANCE * m.scale and "speed" not in m.name
     ]
-    return violated, float(clearance.value.min()) + scenario.limits.clearance_min_m
+    return [*bounds.violated, *violated], bounds.clearance_m

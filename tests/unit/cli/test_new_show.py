@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -36,7 +37,9 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert "hover at 50 % of their thrust" in text
     assert gcs("show", tmp_path / "first.skein", "--picture", tmp_path / "plan.png", "--json") == 0
     shown = json.loads(capsys.readouterr().out)
-    assert shown["verified"].startswith("yes: clearance 14.99 m")
+    clearance = re.match(r"yes: clearance ([0-9.]+) m, ", shown["verified"])
+    assert clearance is not None
+    assert 0.98 * 14.99 < float(clearance[1]) <= 14.99  # a bound, 2 % below the height over flat ground at most
     assert [pad["sysid"] for pad in shown["pads"]] == [1, 2, 3, 4, 5, 6]
     north, east, _ = pymap3d.geodetic2ned(
         *np.array([[p["lat_deg"], p["lon_deg"], p["alt_amsl_m"]] for p in shown["pads"]]).T, -33.4, -70.6, 740

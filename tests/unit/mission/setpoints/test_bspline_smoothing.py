@@ -14,10 +14,12 @@ from gcs.mission.export.atomic_folder import INDEX
 from gcs.mission.export.export import export
 from gcs.mission.formats.tables.setpoints_csv import read_setpoints
 from gcs.mission.setpoints.bspline_smoothing import SHORTEST_KNOT_S, SmoothPath, smoothed
+from gcs.mission.setpoints.path_bounds import path_bounds
 from gcs.mission.setpoints.setpoint_stream import build_stream, of_vehicle
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.environment.ground_distance import ground_distance_m
+from gcs.scenario.schema.scenario import NoFlyZone
 
 TOLERANCE_M = 0.1
 
@@ -62,9 +64,10 @@ def test_limits_hold_on_instants_that_nobody_checked(path: SmoothPath, times: np
     scenario = path.plan.scenario
     assert np.all(np.abs(velocity) <= np.array(scenario.limits.speed_ned_mps) * 1.01)
     assert np.all(-position[..., 2] <= scenario.limits.height_m[1] * 1.01)
-    clearance = -position[..., 2] - ground_height_m(scenario.terrain, position[..., 0], position[..., 1])
-    assert clearance.min() >= scenario.limits.clearance_min_m - 1.5e-3
-    assert clearance.min() == pytest.approx(path.clearance_min_m, abs=2e-3)
+    north, east, up = position[..., 0], position[..., 1], -position[..., 2]
+    clearance = ground_distance_m(scenario.terrain, north, east, up, 3.0)
+    assert clearance.min() >= scenario.limits.clearance_min_m - 1e-3
+    assert max(clearance.min() - 0.1, scenario.limits.clearance_min_m - 1e-3) <= path.clearance_min_m <= clearance.min()
     # Thrust by Newton's law: m (g - a) - drag.
     vehicle = path.plan.quadrotor
     force = vehicle.mass_kg * (np.array([0, 0, 9.8]) - acceleration) - np.array(vehicle.drag_Nspm) * velocity
@@ -111,7 +114,8 @@ def test_an_export_carries_the_smoothed_setpoints(simulation1_plan: Plan, path: 
     assert not np.any(stream.velocity_ned_mps[:, -1])
     document = json.loads((tmp_path / INDEX).read_text())
     assert index.smoothing is not None
-    assert document["smoothing"]["deviation_m"] == index.smoothing.deviation_m == path.deviation_m
+    assert index.smoothing.deviation_m == path.deviation_m
+    assert document["smoothing"]["deviation_m"] == pytest.approx(path.deviation_m, abs=1e-5)
 
 
 def test_without_the_option_the_plan_itself_is_written(simulation1_plan: Plan, tmp_path: Path) -> None:
@@ -120,3 +124,32 @@ def test_without_the_option_the_plan_itself_is_written(simulation1_plan: Plan, t
     whole = build_stream(simulation1_plan, 2.0)
     assert np.array_equal(stream.position_ned_m, of_vehicle(whole, whole.sysids.index(2)).position_ned_m)
     assert "smoothing" not in json.loads((tmp_path / INDEX).read_text())
+
+
+def test_a_wall_between_two_samples_is_found(simulation1_plan: Plan, path: SmoothPath) -> None:
+    """At 5 m/s, 0.02 m of a wall take 4 ms: hardly any look at every 50 ms is inside."""
+    north, east = path.at(np.array([130.013]))[0][path.plan.leader, 0, :2]
+    wall = NoFlyZone(
+        polygon_m=(
+            (north - 0.01, east - 300.0),
+            (north + 0.01, east - 300.0),
+            (north + 0.01, east),
+            (north - 0.01, east),
+        )
+    )
+    scenario = simulation1_plan.scenario.model_copy(update={"no_fly": (wall,)})
+    found = path_bounds(replace(simulation1_plan, scenario=scenario), path.spline, 1e-2)
+    assert any(text.startswith("no-fly zone 1 violated by") for text in found.violated)
+
+
+def test_a_speed_between_two_samples_is_found(simulation1_plan: Plan, path: SmoothPath) -> None:
+    """The bound is above every sample, and less than 0.1 % above the greatest of many."""
+    t_s = np.linspace(path.spline.t[0], np.nextafter(path.spline.t[-1], 0.0), 200_001)
+    fastest = np.abs(path.at(t_s)[1]).max(axis=(0, 1))
+    for share, violated in ((0.999, True), (1.0 + 2e-4, False)):
+        limits = simulation1_plan.scenario.limits.model_copy(
+            update={"speed_ned_mps": tuple((share * fastest).tolist())}
+        )
+        scenario = simulation1_plan.scenario.model_copy(update={"limits": limits})
+        texts = path_bounds(replace(simulation1_plan, scenario=scenario), path.spline, 0.0).violated
+        assert sum("speed" in text for text in texts) == (3 if violated else 0)
