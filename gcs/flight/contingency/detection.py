@@ -214,7 +214,7 @@ class VehicleWatch:
             usable = self.usable and (self._signs.mode is None or self._signs.mode in self.obeys)
             return [Incident(IncidentKind.LINK_BACK, self.sysid, unix_s, usable=usable)]
         if silent_s > self._limits.vehicle_lost_s and not self._lost:
-            self._lost = True
+            self._silent = self._lost = True
             return [Incident(IncidentKind.VEHICLE_LOST, self.sysid, unix_s, f"silent for {silent_s:.1f} s")]
         if not self._silent:
             self._silent = True

@@ -343,3 +343,64 @@ def test_the_common_time_is_that_of_a_vehicle_and_of_most_where_most_agree(
     agreeing = [t for t in times if abs(t - times[0]) <= AGREE_S / 2]
     if 2 * len(agreeing) > len(times):
         assert min(agreeing) <= common_s <= times[0] + 2 * AGREE_S
+
+
+def heard(unix_s: float, now_s: float) -> VehicleClock:
+    """A clock that has heard one report of the time, just now."""
+    clock = VehicleClock()
+    stamps = {"time_boot_ms": 50_000, "time_unix_usec": round(1e6 * unix_s)}
+    clock.receive(Message("SYSTEM_TIME", stamps), now_s)
+    return clock
+
+
+@pytest.mark.parametrize(
+    ("times_s", "expected_s", "common_s"),
+    [
+        ([0.0, 10.0, 20.0], None, 20.0),  # nothing is known but the latest
+        ([0.0, 10.0, 20.0], 19.0, 20.0),
+        ([0.0, 10.0, 20.0], 1.0, 0.0),
+        ([0.0, 10.0, 10.5, 30.0], 30.2, 30.0),  # two of four are no majority
+        ([0.0, 10.0, 10.5, 30.0], 9.8, 10.5),
+        ([0.0, 10.0, 10.2, 10.5, 30.0], 30.2, 10.5),  # three of five are
+    ],
+)
+def test_a_majority_counts_and_then_what_was_expected(
+    times_s: list[float], expected_s: float | None, common_s: float
+) -> None:
+    assert common_time_s(times_s, expected_s) == common_s
+
+
+@pytest.mark.parametrize("wrong_s", [90.0, 130.0])
+def test_of_two_clocks_the_one_counts_that_went_on_as_the_ground_did(wrong_s: float) -> None:
+    fleet = FleetClock()
+    assert fleet.unix_s({1: heard(EPOCH_S + 100.0, 1000.0)}, 1000.0) == pytest.approx(EPOCH_S + 100.0, abs=1e-3)
+    clocks = {1: heard(EPOCH_S + 110.0, 1010.0), 2: heard(EPOCH_S + wrong_s, 1010.0)}
+    assert fleet.unix_s(clocks, 1010.0) == pytest.approx(EPOCH_S + 110.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("hold", "back_s", "shown_s"), [(False, 0.5, 0.0), (False, 1.5, -1.5), (True, 1.5, 0.0)])
+def test_the_common_time_runs_back_only_if_gnss_sets_the_clocks_before_they_are_held(
+    hold: bool, back_s: float, shown_s: float
+) -> None:
+    fleet, clocks = FleetClock(), {1: heard(EPOCH_S, 10.0)}
+    assert fleet.unix_s(clocks, 10.0) == pytest.approx(EPOCH_S, abs=1e-3)
+    if hold:
+        fleet.hold(clocks, 10.0)
+    assert fleet.unix_s({1: heard(EPOCH_S - back_s, 10.0)}, 10.0) == pytest.approx(EPOCH_S + shown_s, abs=1e-3)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+def test_no_delay_is_assumed_and_nothing_is_set_before_clocks_are_held(hold: bool) -> None:
+    """Vehicle 2 restarts with a clock that is 1.5 s off: a delay would explain half a second of it, were there one."""
+    fleet = Fleet(3)
+    fleet.run(20.0)
+    if hold:
+        fleet.hold()
+    fleet.run(1.0)
+    fleet.boot_s[2], fleet.ahead_s[2] = -20.0, 1.5
+    fleet.run(5.0)
+    assert fleet.clocks[2].restarts == 1
+    assert fleet.off_s() == pytest.approx({1: 0.0, 2: 0.0 if hold else 1.5, 3: 0.0}, abs=0.11)
+    assert list(disagreeing(fleet.clocks, fleet.now_s)) == ([] if hold else [2])
+    fleet.hold()
+    assert fleet.off_s() == pytest.approx(dict.fromkeys(fleet.clocks, 0.0), abs=0.11)

@@ -45,6 +45,63 @@ def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     assert kinds(ours.look(120.4)) == []
 
 
+def test_a_vehicle_that_is_lost_between_two_looks_is_not_told_to_be_silent_afterwards() -> None:
+    ours = watch()
+    assert kinds(ours.look(111.0)) == [IncidentKind.VEHICLE_LOST]
+    assert kinds(ours.look(111.1)) == []
+    ours.receive(PLACE, 112.0)
+    assert kinds(ours.look(112.0)) == [IncidentKind.LINK_BACK]
+
+
+def test_of_a_silent_vehicle_nothing_else_is_told() -> None:
+    """Its last fix was bad; whether it still is, nobody knows."""
+    ours = watch()
+    ours.receive(PLACE, 100.0)
+    ours.receive(Message("GPS_RAW_INT", {"fix_type": 1}), 100.0)
+    assert kinds(ours.look(100.0)) == [IncidentKind.GNSS_LOST]
+    assert kinds(ours.look(103.1)) == [IncidentKind.LINK_LOST]
+    assert kinds(ours.look(108.5)) == []
+    ours.receive(PLACE, 109.0)
+    assert kinds(ours.look(109.0)) == [IncidentKind.LINK_BACK, IncidentKind.GNSS_GONE]
+
+
+def test_a_standstill_of_this_program_is_no_silence() -> None:
+    ours = watch()
+    ours.receive(PLACE, 100.0)
+    assert kinds(ours.look(100.0)) == []
+    ours.excuse(20.0)
+    assert kinds(ours.look(122.9)) == []
+    assert kinds(ours.look(123.1)) == [IncidentKind.LINK_LOST]
+
+
+def test_a_vehicle_that_was_lost_before_the_watch_is_back_with_its_first_position() -> None:
+    ours = watch()
+    ours.never_heard()
+    ours.begin(100.0)
+    assert kinds(ours.look(100.0)) == kinds(ours.look(120.0)) == []
+    ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.guided}), 130.0)
+    assert kinds(ours.look(130.0)) == []
+    ours.receive(PLACE, 130.5)
+    assert kinds(ours.look(130.5)) == [IncidentKind.LINK_BACK]
+
+
+def test_incidents_bear_the_time_of_the_look_and_what_was_seen() -> None:
+    ours = watch()
+    ours.receive(Message("SYS_STATUS", {"battery_remaining": 9}), 100.0)
+    shows(ours, ARDUPILOT.hold, 100.0)
+    found = ours.look(100.0) + ours.look(101.5) + ours.look(104.75) + ours.look(114.5)
+    assert [(one.unix_s, one.kind, one.detail) for one in found] == [
+        (100.0, IncidentKind.BATTERY_CRITICAL, "9 % left"),
+        (101.5, IncidentKind.MODE_LEFT, "now in LOITER"),
+        (104.75, IncidentKind.LINK_LOST, "silent for 4.8 s"),
+        (114.5, IncidentKind.VEHICLE_LOST, "silent for 14.5 s"),
+    ]
+    theirs = watch()
+    says(theirs, "Polygon fence breached", 101.0)
+    shows(theirs, ARDUPILOT.returning, 101.0)
+    assert [one.unix_s for one in theirs.look(101.25)] == [101.25]
+
+
 def test_a_burst_of_messages_is_no_silence() -> None:
     """On board a minute passed; what was read in one go bears the time from before it."""
     ours = watch()
@@ -90,6 +147,7 @@ def test_levels_of_the_battery() -> None:
         (16, []),
         (10, [IncidentKind.BATTERY_CRITICAL]),
         (5, [IncidentKind.BATTERY_CRITICAL]),
+        (0, [IncidentKind.BATTERY_CRITICAL]),
     ):
         ours.receive(Message("SYS_STATUS", {"battery_remaining": left}), 100.0)
         assert kinds(ours.look(100.0)) == told
@@ -197,6 +255,49 @@ def test_a_failsafe_that_lands_or_has_no_position_is_not_ended() -> None:
     shows(theirs, ARDUPILOT.land, 100.0)
     (took,) = theirs.look(100.0)
     assert not took.takeable
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "ours_too", "expected"),
+    [
+        ("Failsafe activated\t", "hold", True, (True, True)),
+        ("Failsafe activated\t", "land", True, (True, True)),  # it lands because this program sent no setpoints
+        ("Failsafe activated\t", "land", False, (False, False)),
+        ("Critical battery, land now\t", "returning", True, (True, False)),  # that is not from the standstill
+    ],
+)
+def test_a_failsafe_of_a_standstill_of_this_program(
+    text: str, mode: str, ours_too: bool, expected: tuple[bool, bool]
+) -> None:
+    """What is expected: the vehicle can be taken over, and the standstill is the cause."""
+    theirs = watch(behaviour=PX4)
+    theirs.ours = ours_too
+    says(theirs, text, 101.0)
+    shows(theirs, getattr(PX4, mode), 101.5, 5)
+    (took,) = theirs.look(101.5)
+    assert took.kind is IncidentKind.FAILSAFE
+    assert (took.takeable, took.ours) == expected
+
+
+@pytest.mark.parametrize(("later_s", "cause"), [(2.9, "battery"), (3.1, "not told")])
+def test_a_general_text_does_not_hide_the_cause_that_was_told_shortly_before(later_s: float, cause: str) -> None:
+    theirs = watch(behaviour=PX4)
+    says(theirs, "Critical battery, return now\t", 101.0)
+    says(theirs, "Failsafe activated\t", 101.0 + later_s)
+    shows(theirs, PX4.returning, 101.0 + later_s, 5)
+    (took,) = theirs.look(101.0 + later_s)
+    assert took.detail.endswith(f"cause: {cause}")
+
+
+@pytest.mark.parametrize(("channel", "pilots"), [(1, True), (8, True), (9, False), (18, False)])
+def test_eight_channels_are_a_pilots_and_the_others_are_the_payloads(channel: int, pilots: bool) -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.guided, 100.0)
+    for unix_s, moved_us in ((100.0, 1100), (101.0, 1700)):
+        fields = {f"chan{n}_raw": 1500 for n in range(1, 19)} | {f"chan{channel}_raw": moved_us}
+        ours.receive(Message("RC_CHANNELS", fields), unix_s)
+    shows(ours, ARDUPILOT.returning, 101.0, 5)
+    assert kinds(ours.look(101.0)) == [IncidentKind.MODE_LEFT if pilots else IncidentKind.FAILSAFE]
 
 
 def test_the_mode_that_an_order_ends_is_no_incident_until_it_was_left() -> None:

@@ -29,7 +29,8 @@ from gcs.scenario.schema.scenario import NoFlyZone
 
 speeds = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-2, 2)).map(np.array)
 STEP_S = 0.02
-middle = st.tuples(st.floats(80, 520), st.floats(-10, 10), st.floats(-50, -3)).map(np.array)  # of the fence
+# Within the fence, and so far from it that a vehicle brakes straight on, whatever its speed.
+middle = st.tuples(st.floats(160, 520), st.floats(-10, 10), st.floats(-50, -3)).map(np.array)
 flown = st.tuples(st.floats(50, 550), st.floats(-40, 40), st.floats(-50, -3)).map(np.array)
 SPEEDS = ReturnSpeeds(climb_mps=2.0, cruise_mps=5.0, sink_mps=1.0, wait_s=0.0)
 

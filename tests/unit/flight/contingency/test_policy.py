@@ -356,6 +356,30 @@ def test_a_vehicle_that_yielded_returns_when_the_conflict_is_over() -> None:
     assert ours.clear(99.0) == []
 
 
+def test_troubles_name_the_vehicle_that_leaves_and_the_reason() -> None:
+    ours = fleet()
+    ours.take(conflict(10.0, 0.5), higher=False)  # of 3 and 2, vehicle 2 is above and climbs
+    ours.take(Incident(IncidentKind.FENCE, 4, 11.0, "2 m outside"))
+    assert [(one.sysid, one.kind, one.detail) for one in ours.troubles] == [
+        (2, IncidentKind.CONFLICT, "vehicles 3 and 2 will be 0.2 m apart in 0.5 s"),
+        (4, IncidentKind.FENCE, "2 m outside"),
+    ]
+    starting = fleet()
+    starting.begin(starting=True)
+    starting.take(Incident(IncidentKind.GNSS_GONE, 4, 5.0, "no fix for 8.1 s"))
+    assert [(one.sysid, one.detail) for one in starting.troubles] == [(4, "no fix for 8.1 s")]
+
+
+def test_the_operator_brings_all_back_but_those_that_land_or_a_pilot_flies() -> None:
+    ours = fleet()
+    ours.take(Incident(IncidentKind.GNSS_GONE, 3, 5.0))
+    ours.take(Incident(IncidentKind.MODE_LEFT, 4, 6.0))
+    assert ordered(ours.return_all(20.0)) == dict.fromkeys((1, 2), Action.RETURN)
+    assert ours.in_formation == ()
+    assert ours.take(conflict(20.0 + 0.9 * AGAIN_S, 0.5, pair=(1, 2))) == []  # the order gets time to act
+    assert ordered(ours.take(conflict(20.0 + 1.1 * AGAIN_S, 0.5, pair=(1, 2)))) == {2: Action.LAND}
+
+
 incidents = st.builds(
     Incident,
     st.sampled_from(list(IncidentKind)),

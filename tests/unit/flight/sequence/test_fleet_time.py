@@ -36,6 +36,7 @@ class Vehicle:
     """A clock and a round trip, which is all that the common time looks at; its messages come by `Fleet.hear`."""
 
     ahead_s: float = 0.0
+    boot_s: float = 50.0  # its boot clock as the fleet began
     clock: VehicleClock = field(default_factory=VehicleClock)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
 
@@ -59,7 +60,7 @@ class Fleet:
         now_s = self.loop.time()
         for sysid, vehicle in self.vehicles.items():
             if sysid not in self.silent:
-                boot_ms = round(1e3 * (self.true_s - EPOCH_S + 50.0))
+                boot_ms = round(1e3 * (self.true_s - EPOCH_S + vehicle.boot_s))
                 stamps = {"time_boot_ms": boot_ms, "time_unix_usec": round(1e6 * (self.true_s + vehicle.ahead_s))}
                 vehicle.clock.receive(Message("SYSTEM_TIME", stamps), now_s)
 
@@ -186,6 +187,55 @@ def test_a_slow_link_explains_a_difference_in_vehicle_time(
         fleet.time.hold()
         set_right = abs(cast(float, fleet.vehicles[2].clock.now_unix_s(fleet.loop.time())) - fleet.true_s) < 0.2 * rate
         assert set_right == named
+
+    on_a_loop(work, monkeypatch)
+
+
+@pytest.mark.parametrize("mean_s", [None, 0.0])
+def test_a_link_of_unknown_delay_explains_nothing(mean_s: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work() -> None:
+        fleet = Fleet(0.0, 1.5, 0.0)
+        for vehicle in fleet.vehicles.values():
+            vehicle.round_trip.mean_s = mean_s
+        await reporting(fleet, fleet.run(2.0))
+        assert list(await reporting(fleet, fleet.time.settle())) == [2]
+
+    on_a_loop(work, monkeypatch)
+
+
+@pytest.mark.parametrize(("ahead_s", "set_right"), [(2.5, False), (3.5, True)])
+def test_a_slow_link_explains_the_time_of_a_vehicle_that_restarted(
+    ahead_s: float, set_right: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A round trip of 2 s hides 2 s, and 1 s is always allowed: 2.5 s may be the link's, 3.5 s are the clock's."""
+
+    async def work() -> None:
+        fleet = Fleet(0.0, 0.0, 0.0)
+        fleet.vehicles[3].round_trip.mean_s = 2.0
+        await reporting(fleet, fleet.run(30.0))
+        fleet.time.hold()
+        assert fleet.time.changes() == []
+        fleet.vehicles[2].boot_s, fleet.vehicles[2].ahead_s = -25.0, ahead_s
+        await reporting(fleet, fleet.run(2.0))
+        assert fleet.vehicles[2].clock.restarts == 1
+        fleet.time.changes()
+        shown_s = cast(float, fleet.vehicles[2].clock.now_unix_s(fleet.loop.time()))
+        assert shown_s - fleet.true_s == pytest.approx(0.0 if set_right else ahead_s, abs=0.15)
+
+    on_a_loop(work, monkeypatch)
+
+
+@pytest.mark.parametrize("ahead_s", [(), (0.0,)], ids=["no vehicle", "none that counts"])
+def test_without_vehicles_there_is_no_time_and_nothing_changes(
+    ahead_s: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def work() -> None:
+        fleet = Fleet(*ahead_s, sysids=(9,))
+        fleet.hear()
+        fleet.time.hold()
+        assert fleet.time.now_s() is None
+        assert fleet.time.changes() == []
+        assert await fleet.time.settle() == {}
 
     on_a_loop(work, monkeypatch)
 
