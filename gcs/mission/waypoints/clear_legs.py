@@ -5,6 +5,8 @@ The choice of waypoints may be a little wrong: `gcs.mission.check` proves the cl
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from gcs.mission.check.flight_limits import limits_of
@@ -22,6 +24,7 @@ def clear_legs(scenario: Scenario, t_s: Array, position_ned_m: Array) -> Allowed
     """Return the test of legs between samples at `t_s` (N,), flown by all vehicles at positions (V, N, 3)."""
     least_m = limits_of(scenario).clearance_m + min(_OVER_M, _OVER_SHARE * scenario.mission.tolerance_m)
 
+    @cache  # the search asks for the same legs again and again
     def allowed(first: int, last: int) -> bool:
         share = ((t_s[first : last + 1] - t_s[first]) / (t_s[last] - t_s[first]))[:, None]
         begin, end = position_ned_m[:, None, first], position_ned_m[:, None, last]
@@ -39,11 +42,11 @@ def short_of_m(terrain: Terrain, places_ned_m: Array, clearance_m: float) -> Arr
     # Where the ground is steep, that beside a place is nearer than that below it.
     near = (above_m > 0.0) & (above_m < clearance_m * np.hypot(1.0, steepness(terrain)))
     north_m, east_m, down_m = places_ned_m[near].T
-    least_m = above_m[near]
-    for radius_m in np.array(_RINGS) * clearance_m:
-        for angle in 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES:
-            beside = north_m + radius_m * np.cos(angle), east_m + radius_m * np.sin(angle)
-            over_m = np.maximum(-down_m - ground_height_m(terrain, *beside), 0.0)
-            least_m = np.minimum(least_m, np.hypot(radius_m, over_m))
-    short_m[near] = clearance_m - least_m
+    if not north_m.size:
+        return np.asarray(short_m)
+    angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+    radius_m = (np.array(_RINGS) * clearance_m)[:, None, None]
+    beside = north_m + radius_m * np.cos(angles)[:, None], east_m + radius_m * np.sin(angles)[:, None]
+    over_m = np.maximum(-down_m - ground_height_m(terrain, *beside), 0.0)
+    short_m[near] = clearance_m - np.minimum(above_m[near], np.hypot(radius_m, over_m).min(axis=(0, 1)))
     return np.asarray(short_m)
