@@ -40,6 +40,7 @@ def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     ours.usable = False
     ours.receive(PLACE, 120.3)
     (back,) = ours.look(120.3)
+    assert back.unix_s == 120.3
     assert back.kind is IncidentKind.LINK_BACK
     assert not back.usable
     assert kinds(ours.look(120.4)) == []
@@ -82,7 +83,30 @@ def test_a_vehicle_that_was_lost_before_the_watch_is_back_with_its_first_positio
     ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.guided}), 130.0)
     assert kinds(ours.look(130.0)) == []
     ours.receive(PLACE, 130.5)
-    assert kinds(ours.look(130.5)) == [IncidentKind.LINK_BACK]
+    (back,) = ours.look(130.5)
+    assert (back.kind, back.usable) == (IncidentKind.LINK_BACK, True)  # it is near its place, and in an ordered mode
+    other = watch()
+    other.never_heard()
+    other.receive(PLACE, 130.5)
+    (back,) = other.look(130.5)
+    assert back.usable  # nothing is known against it
+
+
+def test_a_watch_begins_with_the_flight() -> None:
+    ours = watch()
+    ours.begin(150.0)
+    assert kinds(ours.look(152.9)) == []
+    assert kinds(ours.look(153.1)) == [IncidentKind.LINK_LOST]
+    theirs = watch()
+    theirs.begin(150.0, ARDUPILOT.hold)
+    assert kinds(theirs.look(150.0) + theirs.look(151.6)) == [IncidentKind.MODE_LEFT]
+
+
+def test_a_position_in_a_burst_of_messages_ends_a_silence() -> None:
+    ours = watch()
+    assert kinds(ours.look(104.0)) == [IncidentKind.LINK_LOST]
+    ours.receive(PLACE, 104.1)
+    assert kinds(ours.look(160.0)) == [IncidentKind.LINK_BACK]
 
 
 def test_incidents_bear_the_time_of_the_look_and_what_was_seen() -> None:
@@ -97,9 +121,19 @@ def test_incidents_bear_the_time_of_the_look_and_what_was_seen() -> None:
         (114.5, IncidentKind.VEHICLE_LOST, "silent for 14.5 s"),
     ]
     theirs = watch()
-    says(theirs, "Polygon fence breached", 101.0)
+    says(theirs, "Battery Failsafe", 101.0)
     shows(theirs, ARDUPILOT.returning, 101.0)
-    assert [one.unix_s for one in theirs.look(101.25)] == [101.25]
+    theirs.receive(Message("GPS_RAW_INT", {"fix_type": 1}), 101.0)
+    found = theirs.look(101.25)
+    theirs.receive(Message("FENCE_STATUS", {"breach_status": 1}), 101.5)
+    theirs.receive(Message("GPS_RAW_INT", {"fix_type": 3}), 101.5)
+    found += theirs.look(101.75)
+    assert [(one.unix_s, one.kind) for one in found] == [
+        (101.25, IncidentKind.GNSS_LOST),
+        (101.25, IncidentKind.FAILSAFE),
+        (101.75, IncidentKind.GNSS_BACK),
+        (101.75, IncidentKind.FENCE),
+    ]
 
 
 def test_a_burst_of_messages_is_no_silence() -> None:
@@ -131,8 +165,10 @@ def test_outages_of_gnss() -> None:
     assert kinds(ours.look(103.0)) == [IncidentKind.GNSS_BACK]
     ours.receive(Message("GPS_RAW_INT", {"fix_type": 0}), 104.0)
     assert kinds(ours.look(104.0)) == [IncidentKind.GNSS_LOST]
-    ours.receive(Message("GPS_RAW_INT", {"fix_type": 0}), 112.5)
-    assert kinds(ours.look(112.5)) == [IncidentKind.GNSS_GONE]
+    ours.receive(Message("GPS_RAW_INT", {"fix_type": 0}), 111.9)
+    assert kinds(ours.look(111.9)) == []
+    (gone,) = ours.look(112.5)
+    assert (gone.kind, gone.unix_s, gone.detail) == (IncidentKind.GNSS_GONE, 112.5, "no fix for 8.5 s")
     assert kinds(ours.look(113.0)) == []
 
 
@@ -179,10 +215,12 @@ def test_a_mode_without_any_sign_is_a_pilots_and_told_once() -> None:
     shows(ours, ARDUPILOT.hold, 101.0)
     assert kinds(ours.look(101.0)) == []  # a failsafe's text may follow
     assert kinds(ours.look(102.6)) == [IncidentKind.MODE_LEFT]
-    assert kinds(ours.look(103.0)) == []
+    for later_s in (102.8, 105.0, 107.0):
+        shows(ours, ARDUPILOT.hold, later_s)
+        assert kinds(ours.look(later_s)) == []
     ours.order(ARDUPILOT.land)
-    shows(ours, ARDUPILOT.land, 104.0)
-    assert kinds(ours.look(104.0)) == kinds(ours.look(106.5)) == []
+    shows(ours, ARDUPILOT.land, 108.0)
+    assert kinds(ours.look(108.0)) == kinds(ours.look(110.5)) == []
 
 
 @pytest.mark.parametrize("text_first", [True, False])
@@ -199,6 +237,9 @@ def test_a_mode_with_a_failsafes_text_is_the_failsafes(text_first: bool) -> None
     (took,) = found
     assert (took.kind, took.takeable) == (IncidentKind.FAILSAFE, True)
     assert took.detail == "now in RTL, cause: fence"
+    for later_s in (102.0, 104.0, 106.0):  # told once, however often it is shown
+        shows(ours, ARDUPILOT.returning, later_s)
+        assert kinds(ours.look(later_s)) == []
 
 
 @pytest.mark.parametrize("status", [5, 6])
@@ -277,6 +318,22 @@ def test_a_failsafe_of_a_standstill_of_this_program(
     (took,) = theirs.look(101.5)
     assert took.kind is IncidentKind.FAILSAFE
     assert (took.takeable, took.ours) == expected
+
+
+def test_a_failsafe_that_is_shown_by_the_first_heartbeat_has_no_cause() -> None:
+    ours = watch()
+    shows(ours, ARDUPILOT.hold, 100.0, 5)
+    (took,) = ours.look(100.0)
+    assert (took.kind, took.detail) == (IncidentKind.FAILSAFE, "now in LOITER, cause: not told")
+
+
+@pytest.mark.parametrize("first", ["Failsafe activated\t", "Critical battery, return now\t"])
+def test_the_last_cause_counts(first: str) -> None:
+    theirs = watch(behaviour=PX4)
+    says(theirs, first, 101.0)
+    says(theirs, "Geofence violation\t", 101.5)
+    shows(theirs, PX4.returning, 102.0, 5)
+    assert [one.detail for one in theirs.look(102.0)] == ["now in RTL, cause: fence"]
 
 
 @pytest.mark.parametrize(("later_s", "cause"), [(2.9, "battery"), (3.1, "not told")])

@@ -98,6 +98,106 @@ def test_every_incident_in_every_state_has_an_outcome(kind: IncidentKind, state:
             assert row is not None
 
 
+# What is right for one vehicle in each state, by hand, in the order of `State`: starting, flying, silent, holding,
+# spread, returning, landing, left, lost. A letter is an order with the state that follows from it.
+LETTERS = {
+    ".": (None, None),
+    "s": (None, State.SILENT),
+    "x": (None, State.LOST),
+    "H": (Action.HOLD, State.HOLDING),
+    "C": (Action.SPREAD, State.SPREAD),
+    "R": (Action.RETURN, State.RETURNING),
+    "D": (Action.DIVERT, State.RETURNING),
+    "L": (Action.LAND, State.LANDING),
+    "P": (Action.LEAVE, State.LEFT),
+    "J": (Action.REJOIN, State.FLYING),
+    "O": (Action.OBEY, None),
+}
+_K, _O = IncidentKind, Outcome
+ANSWERS: list[tuple[IncidentKind, dict[str, object], str]] = [
+    (_K.LINK_LOST, {}, ".s......."),
+    (_K.LINK_BACK, {}, "..J.....R"),
+    (_K.LINK_BACK, {"usable": False}, "..R.....R"),
+    (_K.VEHICLE_LOST, {}, "xxxxxxxxx"),
+    (_K.GNSS_LOST, {}, "........."),
+    (_K.GNSS_BACK, {}, "........."),
+    (_K.GNSS_GONE, {}, "LLLLLL..."),
+    (_K.BATTERY_LOW, {"outcome": _O.FINISH}, "L........"),
+    (_K.BATTERY_LOW, {"outcome": _O.NEAREST}, "LDD......"),
+    (_K.BATTERY_LOW, {"outcome": _O.RETURN}, "LRR......"),
+    (_K.BATTERY_LOW, {"outcome": _O.LAND}, "LLL......"),
+    (_K.BATTERY_LOW, {}, "LLL......"),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.FINISH}, "L..LL...."),  # who yielded has left the plan that it could finish
+    (_K.BATTERY_CRITICAL, {"outcome": _O.NEAREST}, "LDDDDD..."),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.RETURN}, "LRRRRR..."),
+    (_K.BATTERY_CRITICAL, {"outcome": _O.LAND}, "LLLLLL..."),
+    (_K.BATTERY_CRITICAL, {}, "LLLLLL..."),
+    (_K.FENCE, {}, "LRR......"),
+    (_K.FAILSAFE, {}, "LRRRRRL.."),
+    (_K.FAILSAFE, {"outcome": _O.FINISH}, "LRRRRRL.."),
+    (_K.FAILSAFE, {"outcome": _O.NEAREST}, "LDDDDDL.."),
+    (_K.FAILSAFE, {"outcome": _O.LAND}, "LLLLLLL.."),
+    (_K.FAILSAFE, {"takeable": False}, "LLLLLLL.."),
+    (_K.FAILSAFE, {"takeable": False, "outcome": _O.NEAREST}, "LLLLLLL.."),
+    (_K.FAILSAFE, {"ours": True}, "OORRRRL.."),
+    (_K.FAILSAFE, {"ours": True, "takeable": False}, "LLLLLLL.."),
+    (_K.MODE_LEFT, {}, "PPPPPPP.."),
+    (_K.STRANDED, {}, ".JR......"),
+    (_K.STRANDED, {"usable": False}, ".RR......"),
+    (_K.CONFLICT, {"in_s": 2.5}, "LH.CLL..."),  # the other one lands already
+    (_K.CONFLICT, {"in_s": 0.5}, "LC.CLL..."),
+]
+TRIGGERED: list[tuple[str, Choices, str]] = [
+    ("not obeyed", Choices(), "...LLL..."),
+    ("return all", Choices(), ".RR......"),
+    ("other lost", Choices(OnLoss.LAND), ".LL......"),
+    ("other lost", Choices(OnLoss.RETURN), ".RR......"),
+    ("other lost", Choices(OnLoss.CONTINUE), "........."),
+    ("leader lost", Choices(follow=True, on_leader_loss=OnLeaderLoss.RETURN), ".RR......"),
+    ("other in trouble before T0", Choices(), "L........"),
+    ("clear", Choices(), "...RR...."),
+]
+
+
+def assert_answer(ours: ContingencyPolicy, state: State, orders: list[Order], letter: str) -> None:
+    action, to = LETTERS[letter]
+    assert ordered(orders).get(3) is action
+    assert ours.states[3] is (to or state)
+
+
+@pytest.mark.parametrize(("kind", "values", "letters"), ANSWERS)
+def test_each_state_has_the_answer_worked_by_hand(kind: IncidentKind, values: dict[str, object], letters: str) -> None:
+    for state, letter in zip(State, letters, strict=True):
+        ours = fleet(on_loss=OnLoss.CONTINUE)
+        ours.states[3] = state
+        ours._ordered_s[3] = ours._conflict_s[3] = 0.0
+        if kind is IncidentKind.CONFLICT:
+            ours.states[2] = State.LANDING
+        orders = ours.take(Incident(kind, 3, 100.0, other=2, **values))  # type: ignore[arg-type]
+        assert_answer(ours, state, orders, letter)
+        assert set(ordered(orders)) <= {3}
+
+
+@pytest.mark.parametrize(("trigger", "choices", "letters"), TRIGGERED)
+def test_each_state_has_the_answer_to_what_befalls_others(trigger: str, choices: Choices, letters: str) -> None:
+    for state, letter in zip(State, letters, strict=True):
+        ours = ContingencyPolicy(FOUR, 1, choices)
+        ours.states[3] = state
+        ours._ordered_s[3] = ours._conflict_s[3] = 0.0
+        if trigger == "not obeyed":
+            orders = ours.not_obeyed(3, 100.0)
+        elif trigger == "return all":
+            orders = ours.return_all(100.0)
+        elif trigger == "clear":
+            orders = ours.clear(100.0)
+        elif trigger == "other in trouble before T0":
+            ours.states[2] = State.STARTING
+            orders = ours.take(Incident(IncidentKind.GNSS_GONE, 2, 100.0))
+        else:
+            orders = ours.take(Incident(IncidentKind.VEHICLE_LOST, 1 if trigger == "leader lost" else 2, 100.0))
+        assert_answer(ours, state, orders, letter)
+
+
 def test_every_state_and_incident_is_explained() -> None:
     assert list(MEANING) == list(State)
     assert list(DETECTED) == list(IncidentKind)
@@ -330,6 +430,15 @@ def test_conflicts_escalate_hold_spread_land() -> None:
     assert ours.take(conflict(15.0, 0.5)) == []  # it is still climbing
     assert ordered(ours.take(conflict(16.6, 0.5))) == {3: Action.LAND}
     assert ours.in_formation == (1, 2, 4)
+
+
+def test_an_order_says_which_conflict_it_answers() -> None:
+    (order,) = fleet().take(conflict(10.0, 2.5))
+    assert order.rule == "The yielding vehicle brakes and holds: vehicles 3 and 2 will be 0.2 m apart in 2.5 s"
+    (order,) = fleet().take(Incident(IncidentKind.FENCE, 3, 5.0, "2 m outside"))
+    assert order.rule == "A vehicle outside the fence returns"
+    (order,) = fleet().return_all(5.0)[:1]
+    assert ":" not in order.rule
 
 
 def test_with_no_time_to_brake_the_upper_one_climbs() -> None:
