@@ -33,6 +33,7 @@ from tests.unit.plan.problems import changed
 SAMPLE_S = 0.05
 DEPTH_M = (1e-3, 0.1)
 DEPTH_SHARE = (2e-3, 5e-2)  # of a limit
+DEPTH_HEADING = (1.2e-2, 0.1)  # of its tolerance, of which 1 % more is accepted
 LASTS_S = (1e-3, 40e-3)
 _WIDEST_S = 0.4
 _LENGTHS = (*GROUND, "height", "north position", "east position", "separation")
@@ -138,7 +139,8 @@ def bent(plan: Plan, wish: Wish) -> Bent | None:
     low_s, high_s = gap
     at_s = low_s + (0.2 + 0.6 * wish.place_in_gap) * (high_s - low_s)
     name, scale = wish.constraint, limit_of(plan, wish.constraint)
-    least, most = DEPTH_M if is_length(name) else (DEPTH_SHARE[0] * scale, DEPTH_SHARE[1] * scale)
+    shares = DEPTH_HEADING if name == HEADING else DEPTH_SHARE
+    least, most = DEPTH_M if is_length(name) else (shares[0] * scale, shares[1] * scale)
     depth = least * 1.05 * (0.95 * most / least / 1.05) ** wish.depth
     if wish.near:
         nearer = moved_limit(plan, name, at_s, reserve=0.5 * depth)
@@ -249,6 +251,8 @@ def _bend(plan: Plan, wish: Wish, at_s: float) -> Bend | None:
     if name in ("separation", "place in formation", "speed in the shape", "acceleration in the shape"):
         if len(plan.sysids) < 2:
             return None
+        if name == "place in formation" and wish.by_shape and turns_or_changes(plan):
+            return _whole(plan)
         vehicle = next(v for v in (vehicle, vehicle + 1) if v % len(plan.sysids) != plan.leader) % len(plan.sysids)
         toward = oracle.places_ned_m(now)[plan.leader, 0] - oracle.places_ned_m(now)[vehicle, 0]
         return _along(plan, vehicle, toward / np.linalg.norm(toward))
@@ -296,6 +300,21 @@ def _bend(plan: Plan, wish: Wish, at_s: float) -> Bend | None:
 
 def _along(plan: Plan, vehicle: int, toward: Array) -> Bend:
     return lambda size, top: humps.offset(plan, vehicle, size * toward, top)
+
+
+def turns_or_changes(plan: Plan) -> bool:
+    """Whether the shape may differ from the scheduled one: by automatic changes, or because it follows the course."""
+    formation = plan.scenario.formation
+    return formation.frame == "course" or any(change.auto for change in formation.change)
+
+
+def _whole(plan: Plan) -> Bend:
+    """All vehicles at once, as the formation may not move: a turn where it may only shrink, else to another size."""
+    start = plan.offsets(np.array([0.0]))[:, 0]
+    start = start / np.linalg.norm(start, axis=1).max()
+    if any(change.auto and change.kind == "shrink" for change in plan.scenario.formation.change):
+        start = start @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    return lambda size, top: humps.offsets(plan, size * start, top)
 
 
 def _downhill(plan: Plan, name: str, at_s: float, row: int) -> Array | None:

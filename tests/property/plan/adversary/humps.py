@@ -36,9 +36,15 @@ def leader_control(plan: Plan, row: int, size: float, top: PPoly) -> Plan:
 
 def offset(plan: Plan, vehicle: int, by_ned_m: Array, top: PPoly) -> Plan:
     """A hump in one vehicle's place within the shape."""
+    every = np.zeros(plan.shape.basis_ned_m.shape[1:])
+    every[vehicle] = by_ned_m
+    return offsets(plan, every, top)
+
+
+def offsets(plan: Plan, by_ned_m: Array, top: PPoly) -> Plan:
+    """A hump in the places (V, 3) of all vehicles within the shape."""
     old = plan.shape
-    tables = np.concatenate([old.basis_ned_m, np.zeros((1, *old.basis_ned_m.shape[1:]))])
-    tables[-1, vehicle] = by_ned_m
+    tables = np.concatenate([old.basis_ned_m, by_ned_m[None]])
     wide = PPoly(np.pad(old.functions.c, ((0, 0), (0, 0), (0, 1))), old.functions.x)
     return replace(plan, shape=Shape(_added(wide, top, len(tables) - 1, 1.0), tables))
 

@@ -14,7 +14,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.heightmap import Relief, packed
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
-from tests.unit.plan.formations import SHRINK, at, fleet
+from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet, gap
 from tests.unit.plan.problems import meadow
 
 _MISSIONS = Path(__file__).resolve().parents[4] / "missions"
@@ -111,7 +111,18 @@ def _course(scenario: Scenario) -> Scenario:
     return fleet(scenario, 3, formation=frame, time={"flight_s": 24.0}, end={"position_m": [40.0, 25.0, 5.0]})
 
 
-LONGER = {"course": _course}  # its planning takes longer
+def _automatic(change: dict[str, Any]) -> Callable[[Scenario], Scenario]:
+    """A row of five that passes a gap as the planner likes, by one kind of change."""
+    return lambda scenario: gap(scenario, 5.0, (auto(change),))
+
+
+# Their planning takes longer.
+LONGER: dict[str, Callable[[Scenario], Scenario]] = {
+    "course": _course,
+    "breathing": _automatic(SHRINK),
+    "swinging": _automatic(TURN),
+    "folding": _automatic(TO_FILE),
+}
 
 
 @cache

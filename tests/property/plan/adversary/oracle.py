@@ -14,6 +14,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.formation.coordinates import target_ned_m
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from tests.property.plan.adversary.ground import distance_m, height_up_m
@@ -121,8 +122,11 @@ class Oracle:
             (2, "acceleration in the shape", formation.change_accel_mps2),
         ):
             found[name] = lambda t, o=order, m=most: m - np.linalg.norm(self._offsets(t, o), axis=-1)  # type: ignore[misc]
-        if not any(change.auto or change.kind == "reshape" for change in formation.change):
+        autos = [change for change in formation.change if change.auto]
+        if not any(change.kind == "reshape" for change in formation.change if not change.auto) and not autos:
             found["place in formation"] = self._place
+        elif len(autos) == len(formation.change) == 1 and formation.frame == "inertial":
+            found["place in formation"] = self._place_of_automatic
         if formation.frame == "course":
             found[HEADING] = self._heading
         return found
@@ -194,6 +198,26 @@ class Oracle:
                 wanted[..., 0], wanted[..., 1] = turned.real, turned.imag
             off[:, inside] = np.linalg.norm(offsets[:, inside] - wanted, axis=-1)
         return -off
+
+    def _place_of_automatic(self, t_s: Array) -> Array:
+        """Distance of each vehicle from the nearest shape of the only automatic change: an angle, a share, a factor."""
+        (change,) = self.scenario.formation.change
+        seen, start = self._offsets(t_s), self.start_ned_m[:, None]
+        if change.kind == "rotate":
+            assert change.angle_deg is not None
+            most = 1.001 * abs(np.radians(change.angle_deg))
+            turn = np.exp(1j * np.clip(self._turn_rad(seen, self.start_ned_m), -most, most))
+            turned = (start[..., 0] + 1j * start[..., 1]) * turn
+            near = np.stack([turned.real, turned.imag, np.broadcast_to(start[..., 2], turned.shape)], axis=-1)
+            return -np.linalg.norm(seen - near, axis=-1)
+        zero, way, low, high = np.zeros_like(start), start, 0.0, 0.0
+        if change.kind == "shrink":
+            assert change.scale is not None
+            low, high = change.scale - 1e-3, 1.0 + 0.05 * (1.0 - change.scale) + 1e-3
+        else:
+            zero, way, low, high = start, target_ned_m(self.scenario)[:, None] - start, -0.051, 1.001
+        share = np.clip(np.einsum("vni,vni->n", seen - zero, way + 0.0 * seen) / np.sum(way**2), low, high)
+        return -np.linalg.norm(seen - zero - share[:, None] * way, axis=-1)
 
     def _turn_rad(self, offsets: Array, place: Array) -> Array:
         """The rotation (N,) about the vertical that brings a shape (V, 3) nearest to offsets (V, N, 3)."""

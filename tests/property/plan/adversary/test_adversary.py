@@ -24,9 +24,10 @@ from tests.property.plan.adversary.oracle import CLEARANCE, HEADING, HEIGHT, PAD
 from tests.property.plan.adversary.surroundings import SURPRISES, Surprise
 
 EXAMPLES = 10_000
+PLACE = "place in formation"
 EVERYWHERE = (
     *(CLEARANCE, HEIGHT),
-    *("north position", "east position", "height", "separation", "place in formation"),
+    *("north position", "east position", "height", "separation", PLACE),
     *("north speed", "east speed", "vertical speed", "roll", "pitch", "yaw", "roll rate", "pitch rate", "yaw rate"),
     *("thrust U1", "control U2", "control U3", "control U4", "rotor speed", "turning load factor"),
     *("speed in the shape", "acceleration in the shape"),
@@ -39,9 +40,10 @@ WHERE = {
 }
 # The short form flies where the verifier needs a tenth of a second. Zones come as surprises; `test_found` has a vehicle
 # out of its place.
-SHORT = {name: ("meadow",) for name, places in WHERE.items() if "meadow" in places and name != "place in formation"}
+SHORT = {name: ("meadow",) for name, places in WHERE.items() if "meadow" in places and name != PLACE}
 SHORT |= {CLEARANCE: ("ripple",), "acceleration": ("hills",)}
-LONGER = {"course": (HEADING, "place in formation", "pitch", "separation", "north speed")}
+BENT = {"course": (HEADING, PLACE), **dict.fromkeys(("breathing", "swinging", "folding"), (PLACE,))}
+LONGER = BENT | {"course": (*BENT["course"], "pitch", "separation", "north speed")}
 SURPRISED = {name: ("hills",) if name == "needle" else ("meadow", "ripple", "stairs") for name in SURPRISES}
 KINDS = len(WHERE) + len(SURPRISES) + 3
 _quiet = partial(
@@ -58,7 +60,7 @@ durations = st.floats(log(LASTS_S[0]), log(LASTS_S[1])).map(lambda x: float(np.e
 
 
 def wishes(name: str) -> st.SearchStrategy[Wish]:
-    near = st.just(False) if name in (HEIGHT, HEADING, "rotor speed", "place in formation") else st.booleans()
+    near = st.just(False) if name in (HEIGHT, HEADING, "rotor speed", PLACE) else st.booleans()
     return st.builds(
         Wish,
         st.just(name),
@@ -141,6 +143,20 @@ def test_the_valid_plans_pass_and_the_oracle_agrees() -> None:
 @given(data=st.data())
 def test_a_bent_plan_fails_for_what_is_bent(name: str, data: st.DataObject) -> None:
     attack(data, name, SHORT[name])
+
+
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [
+        pytest.param(where, name, marks=() if where in ("course", "breathing") else pytest.mark.slow)
+        for where, names in BENT.items()
+        for name in names
+    ],
+)
+@few
+@given(data=st.data())
+def test_a_formation_that_bends_as_it_may_not_fails(where: str, name: str, data: st.DataObject) -> None:
+    attack(data, name, (where,))
 
 
 @pytest.mark.parametrize("kind", SURPRISES)

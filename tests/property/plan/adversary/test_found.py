@@ -19,10 +19,11 @@ from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from tests.property.plan.adversary import humps
 from tests.property.plan.adversary.missions import STAIRS, mission
-from tests.property.plan.adversary.oracle import CLEARANCE, PAD, Oracle, window
+from tests.property.plan.adversary.oracle import CLEARANCE, HEADING, PAD, Oracle, window
 from tests.unit.plan.formations import SHAPES, TO_ROW, at, fleet
 from tests.unit.plan.problems import changed
 
+PLACE = "place in formation"
 SHEARED = {"speed_mps": 7.0, "from_deg": 180.0, "shear": 0.4}
 
 
@@ -230,3 +231,41 @@ def test_a_cliff_beside_a_pad() -> None:
     times = np.linspace(plan.t_start_s, plan.airborne_s, 400)
     assert Oracle(beside).margin(PAD, times, 1).min() < -0.04
     assert {check.phase for check in verify(beside).failures if check.name == PAD} >= {"takeoff"}
+
+
+SAMPLES_S = 0.01
+
+
+def seen_by_samples(plan: Plan, name: str) -> float:
+    """The least margin at every multiple of 0.01 s from the begin of the mission."""
+    return float(Oracle(plan).margin(name, np.arange(0.0, plan.flight_s, SAMPLES_S)).min())
+
+
+@pytest.mark.parametrize("name", ["breathing", "course"])
+def test_a_vehicle_out_of_a_shape_that_may_bend_for_four_milliseconds(name: str) -> None:
+    """5 cm down, between two samples: neither a scale nor a turn does that."""
+    plan = mission(name)
+    down = humps.offset(plan, 2, np.array([0.0, 0.0, 0.05]), humps.hump(10.003, 4e-3, 2))
+    assert seen_by_samples(down, PLACE) > -1e-9
+    failures = [check for check in verify(down).failures if check.name == PLACE]
+    assert [(check.phase, check.sysid) for check in failures] == [("mission", plan.sysids[2])]
+    assert failures[0].verdict == "violated"
+    assert -0.0501 < failures[0].worst < -0.8e-3
+    assert failures[0].t_s == pytest.approx(10.005, abs=2e-3)
+
+
+def test_a_heading_beside_the_course_for_six_milliseconds() -> None:
+    """The leader slips aside, about a degree farther from the formation's heading than it may."""
+    plan = mission("course")
+    now = np.array([12.005])
+    left_deg = float(Oracle(plan).margin(HEADING, now).min())
+    assert left_deg > 0.0
+    north, east = plan.leader_trajectory.state(now)[0, 3:5]
+    aside = np.radians(left_deg + 0.5) * float(np.hypot(north, east)) ** 2 / float(north)
+    tops = [humps.leader_state(plan, 4, sign * aside, humps.hump(12.002, 6e-3, 2)) for sign in (1.0, -1.0)]
+    slipped = min(tops, key=lambda bent: float(Oracle(bent).margin(HEADING, now).min()))
+    assert -1.5 < Oracle(slipped).margin(HEADING, now).min() < -0.3
+    assert seen_by_samples(slipped, HEADING) == seen_by_samples(plan, HEADING)
+    failure = failed(slipped)[HEADING]
+    assert failure.verdict == "violated"
+    assert failure.t_s == pytest.approx(12.005, abs=3e-3)

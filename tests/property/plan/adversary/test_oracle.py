@@ -11,6 +11,7 @@ from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import Check, verify
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone, Terrain
+from tests.property.plan.adversary import humps
 from tests.property.plan.adversary.bends import is_length, limit_of, spans_s
 from tests.property.plan.adversary.ground import distance_m, height_up_m
 from tests.property.plan.adversary.missions import MISSIONS, mission
@@ -66,6 +67,26 @@ def test_the_distance_from_a_polygon_counts_its_corners() -> None:
     np.testing.assert_allclose(outside_m(square, NOW, places)[:, 0], [5.0, -2.0, -0.1, 1.0])
     later = outside_m(square, np.array([5.0]), places)[:, 0]
     np.testing.assert_allclose(later, [np.hypot(8.0, 4.0), 3.0, 3.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "by_share", "margin_m"),
+    [
+        ("breathing", -0.45, 0.0),
+        ("breathing", 0.046, -0.12),
+        ("swinging", -0.45, -2.7),
+        ("folding", 0.01, -np.hypot(0.045, 0.0225)),
+    ],
+)
+def test_of_an_automatic_change_every_allowed_shape_is_a_place(name: str, by_share: float, margin_m: float) -> None:
+    """A row of five, 6 m to either end: larger by a share. To 1.026 at most where it may shrink; elsewhere, to 1.
+
+    Where it may become a file, a blend of -0.0025 is nearest: 90 m2 of row times 0.01, by 90 and 270 m2 of both shapes.
+    """
+    plan = mission(name)
+    start = plan.offsets(NOW)[:, 0]
+    larger = humps.offsets(plan, by_share * start, humps.hump(-1.01, 0.02, 2))
+    assert Oracle(larger).margin("place in formation", NOW - 1.0).min() == pytest.approx(margin_m, abs=1e-9)
 
 
 def assert_honest(plan: Plan) -> int:

@@ -67,7 +67,7 @@ def test_functions_enclose_what_lies_between(simulation1: Scenario) -> None:
 
 
 def test_without_a_schedule_all_is_rigid(planned: Planned) -> None:
-    plan = planned("course")[0]
+    plan = planned("auto shrink")[0]
     (only,) = stretches(plan)
     assert only.law == "rigid"
     assert not np.isfinite([only.start_s, only.end_s]).any()

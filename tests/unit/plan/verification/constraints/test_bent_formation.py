@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.formation.coordinates import Name, composed
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan
@@ -21,12 +22,11 @@ from gcs.plan.verification.scheduled_shape import stretches
 from gcs.plan.verification.verify import verify
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m
-from tests.unit.plan.formations import COURSE, SHRINK, TO_FILE, TURN, Planned, auto, fleet
+from tests.unit.plan.formations import COURSE, SHAPES, SHRINK, TO_FILE, TO_ROW, TURN, Planned, at, auto, fleet
 from tests.unit.plan.problems import changed
 
 END_S = 8.0
 WIDE = auto({**TURN, "angle_deg": 120.0})
-TWISTED = ({"name": "file", "generator": "sphere", "spacing_m": 5.0},)
 
 
 def family(plan: Plan) -> BentFormation:
@@ -36,17 +36,17 @@ def family(plan: Plan) -> BentFormation:
     return BentFormation(plan, stretches(plan), allowed, names.index("mission"))
 
 
-def proof(plan: Plan) -> Proof:
-    """Of the first END_S seconds, in the mission, from intervals between the joints."""
+def proof(plan: Plan, end_s: float = END_S) -> Proof:
+    """Of the first seconds of the mission, from intervals between the joints and the ends of changes."""
     law = family(plan)
-    edges = plan.joints_s[(plan.joints_s >= 0.0) & (plan.joints_s <= END_S)]
-    edges = np.unique(np.concatenate([[0.0], edges, [END_S]]))
+    edges = np.concatenate([[0.0], plan.joints_s, [t for part in law.stretches for t in (part.start_s, part.end_s)]])
+    edges = np.unique(np.append(edges[(edges >= 0.0) & (edges <= end_s)], end_s))
     return prove(law, law.cells(edges[:-1], edges[1:], np.full(len(edges) - 1, law.mission)), len(plan.phases))
 
 
 def still(planned: Planned, scenario: Scenario, offsets: Array) -> Plan:
     """A rigid shape (V, 3), whether it is allowed or not, along the track of another plan."""
-    plan, _ = planned("course")
+    plan, _ = planned("turn")
     return replace(plan, scenario=scenario, shape=rigid(offsets, plan.t_start_s, plan.t_end_s), moves=())
 
 
@@ -90,13 +90,16 @@ def test_margins_worked_by_hand(
     assert margin_m - max(3e-4, 0.03 * abs(margin_m)) <= found.proved[0, mission[0]] <= margin_m + 1e-7
 
 
-def moving(planned: Planned, scenario: Scenario, names: tuple[Name, ...], values: Array) -> Plan:
-    """A plan whose coordinates (C+1, A), highest power of t first, move for END_S seconds."""
-    plan, _ = planned("course")
+def moving(
+    planned: Planned, scenario: Scenario, names: tuple[Name, ...], values: Array, base: Shape | None = None
+) -> Plan:
+    """A plan whose coordinates (C+1, A), highest power of t first, move as long as the base shape is laid out."""
+    plan, _ = planned("turn")
     allowed = AllowedShapes.of(scenario)
     assert allowed is not None
-    base = rigid(offsets_ned_m(scenario), 0.0, END_S)
-    shape = composed(base, allowed.target_ned_m, names, PPoly(values[:, None], np.array([0.0, END_S])))
+    base = rigid(offsets_ned_m(scenario), 0.0, END_S) if base is None else base
+    coordinates = PPoly(values[:, None], np.array([base.start_s, base.end_s]))
+    shape = composed(base, allowed.target_ned_m, names, coordinates)
     return replace(plan, scenario=scenario, shape=shape, moves=())
 
 
@@ -119,6 +122,34 @@ def test_every_allowed_motion_is_proved(
     assert found.seen[0, mission] >= -1e-6
 
 
+TILTED = {"kind": "rotate", "angle_deg": 50.0, "axis": [1.0, 0.5, 2.0]}
+GROW, ACROSS = {**SHRINK, "scale": 1.4}, {"kind": "reshape", "to": "swapped", "assignment": "fixed"}
+
+
+@pytest.mark.parametrize(
+    "schedule", [(TURN,), (TILTED,), (GROW, TO_ROW), (ACROSS,)], ids=["turn", "tilted turn", "grow, reshape", "lanes"]
+)
+@pytest.mark.parametrize("chosen", [(0,), (0, 1, 2)])
+def test_scheduled_changes_that_bend_are_proved_and_late_ones_are_not(
+    planned: Planned, simulation1: Scenario, schedule: tuple[dict[str, Any], ...], chosen: tuple[int, ...]
+) -> None:
+    """The timeline's shape, bent; then the same shape half a second later than its moves say."""
+    shapes = (*SHAPES, {"name": "swapped", "offsets_m": [[0, 0, 0], [-3, -3, 0], [-3, 3, 0]]})
+    changes = (*(at(change, 1.0 + 40.0 * i) for i, change in enumerate(schedule)), *(ALL[i] for i in chosen))
+    scenario = fleet(simulation1, 3, "wedge", changes, shapes, time={"flight_s": 90.0})
+    timeline = lay(scenario, tuple(1.0 + 40.0 * i for i in range(len(schedule))), 0.0, 90.0)
+    values = FREE[:, list(chosen)] * np.array([[0.08], [1.0]])
+    plan = moving(planned, scenario, tuple(EVERY[i] for i in chosen), values, timeline.shape)
+    plan = replace(plan, moves=timeline.moves)
+    found = proof(plan, 90.0)
+    mission = np.flatnonzero(np.isfinite(found.seen[0]))
+    assert found.proved[0, mission] >= -0.8e-3
+    if len(chosen) > 1:
+        return  # other coordinates make up for what is late
+    late = tuple(replace(move, start_s=move.start_s - 0.5, end_s=move.end_s - 0.5) for move in timeline.moves)
+    assert proof(replace(plan, moves=late), 90.0).seen[0, mission] < -0.8e-3
+
+
 def test_bounds_are_no_more_than_the_margin_at_any_instant(planned: Planned, simulation1: Scenario) -> None:
     """A shape that is out of its ranges, in a scenario that allows little: intervals of all lengths."""
     scenario = fleet(simulation1, 5, "wedge", (auto({**SHRINK, "scale": 0.9}), auto({**TURN, "angle_deg": 20.0})))
@@ -131,8 +162,8 @@ def test_bounds_are_no_more_than_the_margin_at_any_instant(planned: Planned, sim
     assert (low <= seen + 1e-12).all()
     for number in range(40):
         times = np.linspace(start[number], end[number], 60)
-        at = law.bounds(law.cells(times - 1e-7, times + 1e-7, np.full(60, law.mission)))[1][0]
-        assert low[0, number] <= at.min() + 1e-5
+        margin = law.bounds(law.cells(times - 1e-7, times + 1e-7, np.full(60, law.mission)))[1][0]
+        assert low[0, number] <= margin.min() + 1e-5
 
 
 @pytest.mark.parametrize(("speed_mps", "applies"), [(1.5, True), (0.9, False)])
