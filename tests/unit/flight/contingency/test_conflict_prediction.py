@@ -76,6 +76,26 @@ def test_who_stands_in_the_way_is_seen_seconds_ahead(simulation1_plan: Plan) -> 
     assert ours.look(views, t_s, T0 + t_s, ALL[:5], ALL[:5]) == []  # once it is down, it is no conflict
 
 
+@pytest.mark.parametrize(("towards_mps", "nearest_m"), [(4.0, 3.0), (2.0, 4.0), (-4.0, 5.0)])
+def test_a_deviation_drifts_on_for_half_a_second_in_all(hop_plan: Plan, towards_mps: float, nearest_m: float) -> None:
+    """Two vehicles alone, 5 m abreast on the plan: one has a speed towards the other, which its controller will end."""
+    ours = SeparationWatch(hop_plan, 5.5)
+    for t_s in (10.0, 10.1, 10.2):
+        views = views_at(hop_plan, t_s)
+        between = views[3].position_ned_m - views[2].position_ned_m
+        views[2].velocity_ned_mps = views[2].velocity_ned_mps + towards_mps * between / np.linalg.norm(between)
+        found = ours.look(views, t_s, T0 + t_s, (2, 3), (2, 3))
+    (conflict,) = found
+    assert conflict.pair == (2, 3)
+    assert conflict.distance_m == pytest.approx(nearest_m, abs=0.01)  # e^-6 of it is left after three seconds
+
+
+def test_the_last_seconds_of_a_plan_are_predicted_too(hop_plan: Plan) -> None:
+    ours = SeparationWatch(hop_plan, 2.0)
+    for t_s in hop_plan.t_end_s - np.array([1.0, 0.5, 0.01]):
+        assert ours.look(views_at(hop_plan, t_s), t_s, T0 + t_s, (1, 2, 3), (1, 2, 3)) == []
+
+
 def on_pads(plan: Plan, unix_s: float, error_m: float = 0.0) -> dict[int, VehicleView]:
     """Vehicles that stand on their pads and report them with errors of this size, each in its own direction."""
     views = {}
@@ -86,12 +106,14 @@ def on_pads(plan: Plan, unix_s: float, error_m: float = 0.0) -> dict[int, Vehicl
     return views
 
 
-def looked(plan: Plan, move: Callable[[dict[int, VehicleView]], None], error_m: float = 0.0) -> list[Conflict]:
-    """What the watch says of vehicles before T0, after three looks."""
+def looked(
+    plan: Plan, move: Callable[[dict[int, VehicleView]], None], error_m: float = 0.0, age_s: float = 0.0
+) -> list[Conflict]:
+    """What the watch says of vehicles before T0, after three looks, from reports of this age."""
     ours = SeparationWatch(plan, 1.0)
     found: list[Conflict] = []
     for n in range(3):
-        views = on_pads(plan, T0 - 30.0 + 0.1 * n, error_m)
+        views = on_pads(plan, T0 - 30.0 + 0.1 * n - age_s, error_m)
         move(views)
         found = ours.look(views, -30.0 + 0.1 * n, T0 - 30.0 + 0.1 * n, (), plan.sysids, plan.sysids)
     return found
@@ -135,3 +157,10 @@ def test_a_vehicle_that_drifts_towards_a_standing_one_is_seen_seconds_ahead(hop_
     assert 1.0 < conflict.in_s < 2.6
     assert looked(hop_plan, drift(1.5, 0.8)) == []  # still over its pad: it comes back
     assert looked(hop_plan, drift(0.5, 1.2)) == []  # too slow to be near within three seconds
+
+
+@pytest.mark.parametrize(("age_s", "in_s"), [(0.0, 1.75), (1.0, 0.75)])
+def test_a_vehicle_has_drifted_on_since_its_report(hop_plan: Plan, age_s: float, in_s: float) -> None:
+    """It is 3.8 m from the other and nears it at 1.5 m/s: 1 m apart after 1.87 s. Checks are 0.25 s apart."""
+    (conflict,) = looked(hop_plan, drift(1.5, 1.2), age_s=age_s)
+    assert (conflict.pair, conflict.in_s) == ((2, 3), in_s)

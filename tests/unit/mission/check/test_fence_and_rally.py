@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from gcs.autopilots.traits import Autopilot
@@ -77,6 +79,23 @@ def test_everything_inside() -> None:
 def test_fence_and_mission(fence: Geofence, rule: Rule | None, level: Level | None, message: str) -> None:
     found = [f for f in findings(fence) if message in f.message and f.rule is not Rule.RETURN]
     assert [(f.rule, f.level) for f in found] == ([] if rule is None else [(rule, level)])
+
+
+@pytest.mark.parametrize(("radius_m", "leaves"), [(1000.1, False), (999.95, True)])
+def test_a_circle_to_stay_in_is_no_larger_than_it_is(radius_m: float, leaves: bool) -> None:
+    """The way out ends 1000 m from its centre, where the polygon inside the circle has a corner."""
+    fence = Geofence((), (FenceCircle(place(0, 0), radius_m, True),))
+    assert any("leaves the fence" in f.message for f in findings(fence, north_m=1000.0)) is leaves
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 0.7, 1.4, 11.0, 45.0])
+@pytest.mark.parametrize(("off_m", "leaves"), [(999.95, True), (1000.5, False)])
+def test_a_circle_to_stay_out_of_is_no_smaller_than_it_is(bearing_deg: float, off_m: float, leaves: bool) -> None:
+    """Its centre is so far from where the way out ends, straight on, in any direction."""
+    north_m = 100.0 + off_m * math.cos(math.radians(bearing_deg))
+    centre = place(north_m, off_m * math.sin(math.radians(bearing_deg)))
+    fence = Geofence((square(-50, 3000, -1500, 2000),), (FenceCircle(centre, 1000.0, False),))
+    assert any("leaves the fence" in f.message for f in findings(fence)) is leaves
 
 
 def test_inside_all_inclusions_or_one_of_them() -> None:

@@ -35,6 +35,16 @@ def test_two_vehicles_that_meet() -> None:
     assert check_separation([there, back], flights, FlightLimits(2.9))[1] == []
 
 
+def test_vehicles_that_are_nearest_at_the_end_of_a_mission_in_the_air() -> None:
+    arriving = mission(out_and_land(100.0)[:3], name="arriving.plan")
+    waiting = mission([at(22, 103, 0, 10), at(16, 103, 0, 10)], name="waiting.plan", home=(103, 0, 0))
+    missions = [arriving, waiting]
+    closest, found = check_separation(missions, [fly(one, FLAT) for one in missions], FlightLimits(3.5))
+    assert closest is not None
+    assert closest.distance_m == pytest.approx(3.0, abs=0.02)
+    assert [(f.source, f.item) for f in found] == [("arriving.plan", 3)]
+
+
 @pytest.mark.parametrize(
     ("up_m", "asked_m", "message"),
     [
@@ -91,9 +101,22 @@ def test_a_scenarios_limits(simulation1: Scenario) -> None:
     assert limits.clearance_m == pytest.approx(simulation1.limits.clearance_min_m - simulation1.mission.tolerance_m)
     assert limits.height_max_m == simulation1.limits.height_m[1] + simulation1.mission.tolerance_m
     assert limits_of(simulation1, 7.0).separation_m == 7.0
+    assert limits.speed_ned_mps == simulation1.limits.speed_ned_mps
+    assert limits.no_fly == simulation1.no_fly
     around = surroundings_of(simulation1)
     assert around.origin.lat_deg == simulation1.origin.lat_deg
     assert float(around.height_of_ground_m(np.array([760.0, 750.0, 0.0]), 0.0)) == pytest.approx(48.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("velocity_mps", "leaves_s"), [((0.0, 0.0, 0.0), -4.0), ((0.0, 1.0, 0.0), -7.0)])
+def test_vehicles_leave_the_take_off_before_their_hover_and_run_up(
+    simulation1: Scenario, velocity_mps: tuple[float, float, float], leaves_s: float
+) -> None:
+    """A hover of 4 s ends at T0, or where the run-up of 3 s begins that a start in motion needs."""
+    phases = simulation1.ground_phases.model_copy(update={"hover_s": 4.0, "run_up_s": 3.0})
+    start = simulation1.start.model_copy(update={"velocity_mps": velocity_mps})
+    moved = simulation1.model_copy(update={"ground_phases": phases, "start": start})
+    assert limits_of(moved).leaves_s == leaves_s
 
 
 def test_a_fleet_is_checked_as_the_wire_carries_it() -> None:

@@ -107,6 +107,21 @@ def test_a_rule_and_who_breaks_it(
     assert found[0].source == "a.plan"
 
 
+@pytest.mark.parametrize(("firmware", "items_max"), [(ARDUPILOT, 650), (PX4, 500)])
+def test_a_mission_may_fill_the_store(firmware: Autopilot, items_max: int) -> None:
+    home = 1 if firmware is ARDUPILOT else 0  # it is an item there
+    items = [*GOOD[:3], *[speed(5)] * (items_max - home - 4), GOOD[3]]
+    assert findings(items, firmware) == []
+    assert [f.rule for f in findings([*items[:3], *items[2:]], firmware)] == [Rule.ITEMS]
+
+
+@pytest.mark.parametrize(
+    ("kind", "speed_mps", "ignored"), [(1.0, -1.0, False), (1.0, -2.0, True), (0.0, -2.0, True), (2.0, -2.0, False)]
+)
+def test_minus_one_is_no_change_of_speed(kind: float, speed_mps: float, ignored: bool) -> None:
+    assert ["ignores -2 m/s" in f.message for f in findings(with_item(do(178, kind, speed_mps)))] == [True] * ignored
+
+
 def test_the_speed_that_float32_makes_of_the_slowest_is_fast_enough() -> None:
     assert findings(with_item(speed(0.2 - 1e-9))) == []
 
