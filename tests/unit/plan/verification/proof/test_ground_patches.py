@@ -114,3 +114,39 @@ def test_at_the_origin_of_the_ripple_a_patch_of_no_size_has_a_bound() -> None:
     patch = ground.around(np.zeros(1), np.zeros(1), np.zeros(1))
     bound = ground.support(patch, np.array([[0.0, 0.0, -1.0]]))
     assert bound[0] == pytest.approx(float(ground_height_m(GROUNDS["ripple"], np.zeros(1), np.zeros(1))[0]))
+
+
+# Grounds of one term of Eqs. 52 and 53 each, with a summit where their height is known: sin(a) + e = 0 and cos(a) = 0
+# leave nothing of the terms across.
+ALONE = {"a": np.pi / 2.0, "b": 0.0, "c": 0.0, "d": 0.0, "e": -1.0, "f": 0.0, "g": 0.0}
+PEAK = {"north_m": [7.0], "east_m": [-3.0], "height_m": [5.0], "spread_north_m": [4.0], "spread_east_m": [4.0]}
+SUMMITS: list[tuple[str, Terrain, tuple[float, float], float]] = [
+    ("rings of d", Terrain.model_validate({"ripple": ALONE | {"c": 2.0, "d": 0.6}}), (0.0, 0.0), 2.0),
+    ("waves of b", Terrain.model_validate({"ripple": ALONE | {"b": 2.0}}), (np.pi / 2.0, 5.0), 2.0),
+    ("waves of a and e", Terrain.model_validate({"ripple": ALONE | {"a": 0.0, "e": 1.0}}), (5.0, np.pi / 4.0), 2**0.5),
+    ("rings of g", Terrain.model_validate({"ripple": ALONE | {"f": 2.0, "g": 0.6}}), (np.pi / 1.2, 0.0), 2.0),
+    ("a mountain", Terrain.model_validate({"mountains": PEAK}), (7.0, -3.0), 5.0),
+]
+
+
+@pytest.mark.parametrize("sides_m", [(0.2, 0.2), (0.2, 0.02), (0.02, 0.2), (1.6, 1.6)])
+@pytest.mark.parametrize(("name", "terrain", "summit_m", "height_m"), SUMMITS, ids=[one[0] for one in SUMMITS])
+def test_a_summit_inside_a_patch_is_not_above_its_bound_and_the_bound_is_near(
+    name: str, terrain: Terrain, summit_m: tuple[float, float], height_m: float, sides_m: tuple[float, float]
+) -> None:
+    """All corners lie lower; the remainder makes up for it. It is of the second order in the sides."""
+    ground = ground_patches(terrain)
+    assert float(ground_height_m(terrain, *(np.array([one]) for one in summit_m))[0]) == pytest.approx(height_m)
+    (n, e), (north_m, east_m) = summit_m, (0.5 * side for side in sides_m)
+    patch = np.array([[n - north_m, n + north_m, e - east_m, e + east_m]])
+    above_m = float(ground.support(patch, np.array([[0.0, 0.0, -1.0]]))[0]) - height_m
+    assert -1e-12 <= above_m <= 0.4 * float(np.square(sides_m).sum())
+
+
+@pytest.mark.parametrize("shift_m", [0.0, 0.05, -0.05])
+def test_a_cone_at_the_origin_is_not_above_its_bound(shift_m: float) -> None:
+    """c cos(d r) + f sin(g r) with f below 0 falls from the origin on with a slope, f g."""
+    terrain = Terrain.model_validate({"ripple": ALONE | {"c": 2.0, "d": 0.01, "f": -1.0, "g": 0.5}})
+    patch = np.array([[-0.1 + shift_m, 0.1 + shift_m, -0.1, 0.1]])
+    bound = ground_patches(terrain).support(patch, np.array([[0.0, 0.0, -1.0]]))
+    assert 2.0 <= bound[0] <= 2.0 + 0.5 * 0.3

@@ -73,6 +73,9 @@ def test_a_product_is_enclosed_with_what_its_factors_leave_out(
     assert_encloses(second * first, x * y)
     assert_encloses(first + second, x + y)
     assert_encloses(2.0 - first, 2.0 - x)
+    assert_encloses(first / -4.0, x / -4.0)
+    assert_encloses(first / (second + 3.5), x / (y + 3.5))
+    assert_encloses(2.0 / (second + 3.5), 2.0 / (y + 3.5))
 
 
 @settings(max_examples=60, deadline=None)
