@@ -23,6 +23,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.autopilots.traits import FleetFirmware, one_each
+from gcs.mission.failsafe.every_start.ground_below import highest_below_returns_m
+from gcs.mission.failsafe.every_start.large_fleets.proved_fleet import proved_fleet
 from gcs.mission.failsafe.every_start.proved_separation import proved_separation
 from gcs.mission.failsafe.every_start.zones_crossed import zones_crossed
 from gcs.mission.failsafe.rally_choice import rally_points_ned_m
@@ -87,6 +89,7 @@ class ReturnPlan:
     routed: WorstReturn | None = None  # as `worst`, of returns that the ground station flies round no-fly zones
     no_way: tuple[NoWay, ...] = ()
     rally_ned_m: tuple[tuple[tuple[float, float, float], ...], ...] = ()  # of each vehicle, on the ground
+    proved_at_s: float = 0.0  # about when returns begin of which least is proved
 
 
 def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
@@ -97,15 +100,16 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     found = _searched(plan, firmware)
     rally = np.array(found.rally_ned_m)
     found = replace(found, crossings=tuple(zones_crossed(plan, firmware, rally)))
-    worst = found.worst  # of larger fleets, sampled: they have too many pairs
-    if worst is None or len(plan.sysids) > SEARCHED_MAX:
+    worst = found.worst
+    if worst is None:
         return found
+    prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
     altitudes_m, required_m = np.array(found.altitudes_m), plan.scenario.judge.separation_min_m
-    proof = proved_separation(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
+    proof = prove(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         first, second = proof.pair
         worst = WorstReturn(proof.least_m, proof.t_s, (plan.sysids[first], plan.sysids[second]), proof.ends)
-    return replace(found, worst=replace(worst, proved_m=proof.proved_m))
+    return replace(found, worst=replace(worst, proved_m=proof.proved_m), proved_at_s=proof.proved_at_s)
 
 
 def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
@@ -123,6 +127,7 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
         coarse = return_cases(plan, firmware, speeds, _COARSE_S, rally_ned_m=rally)
         if best is None:
             straight_m = highest_ground_m(plan, return_cases(plan, firmware, speeds, _GROUND_S, rally_ned_m=rally))
+            straight_m = highest_below_returns_m(plan, firmware, rally, straight_m)
             ground_m = max(straight_m, highest_under_ways_m(plan, routed))
         base_m = _base_m(ground_m + limits.clearance_min_m, -float(coarse[0].from_ned_m[..., 2].min()))
         vehicles = len(plan.sysids)
@@ -265,8 +270,9 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
         )
     elif worst is not None and worst.proved_m is not None and worst.proved_m < required_m - KEPT_M:
         yield (
-            f"returns that begin at any instant are proved only {worst.proved_m:.3f} m apart ({required_m:g} m "
-            "required); do not command RTL to all vehicles at once"
+            f"returns that begin at about {returns.proved_at_s:.1f} s are proved only {worst.proved_m:.3f} m apart "
+            f"({required_m:g} m required; vehicles as far from home as from a rally point may choose differently); do "
+            "not command RTL to all vehicles at once"
         )
     ceiling_m = plan.scenario.limits.height_m[1]
     if returns.top_m > ceiling_m:

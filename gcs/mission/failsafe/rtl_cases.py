@@ -82,7 +82,7 @@ def return_cases(
 
 
 def highest_ground_m(plan: Plan, cases: list[Returning]) -> float:
-    """The highest ground under all return tracks, above the origin's height, sampled every `_LOOKS_M`."""
+    """The highest envelope of the ground under all return tracks, above the origin's height, every `_LOOKS_M`."""
     start = cases[0].from_ned_m[..., :2]
     longest_m = max(float(np.linalg.norm(c.to_ned_m[..., :2] - start, axis=-1).max()) for c in cases)
     looks = max(2, math.ceil(longest_m / _LOOKS_M))

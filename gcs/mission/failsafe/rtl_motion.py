@@ -30,7 +30,7 @@ class Returning:
     """Begins and ends (V, N, 3) of a fleet's returns from instants t_s (N,).
 
     `datum_m` (V, N) is the height that return altitudes count from: that of home, on PX4 that of the return's end.
-    `waits_s` (V,) are the waits above the ends, if they differ between vehicles.
+    `waits_s` (V,) or (V, N) are the waits above the ends, if they differ between vehicles.
     """
 
     name: str
@@ -52,8 +52,8 @@ class Returning:
         flat_m = np.broadcast_to(np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]), shape)
         climb_s = (start[:, 2] - top_down) / speeds.climb_mps
         sink_s = np.maximum(end[:, 2] - top_down, 0.0) / speeds.sink_mps
-        wait_s = speeds.wait_s if self.waits_s is None else float(self.waits_s[row])
-        steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.full(shape, wait_s), sink_s]
+        wait_s = speeds.wait_s if self.waits_s is None else self.waits_s[row]
+        steps = [np.zeros(shape), climb_s, flat_m / speeds.cruise_mps, np.broadcast_to(wait_s, shape), sink_s]
         places = np.empty((*shape, len(steps), 3))
         places[..., :2, :2] = start[:, None, :2]
         places[..., 2:, :2] = end[:, None, :2]

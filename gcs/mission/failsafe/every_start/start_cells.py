@@ -24,15 +24,22 @@ _ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True)
+class Starts:
+    """Where M returns may begin: the place in the middle of their interval, and how far others are from it."""
+
+    place_ned_m: Array  # (M, 3)
+    level_m: Array  # (M,) horizontal distance, at most
+    vertical_m: Array  # (M,)
+
+
+@dataclass(frozen=True)
 class StartCells:
-    """N intervals of start times, and the places of vehicles in them."""
+    """N intervals of start times, and how the fleet moves in them, by powers of the scaled time."""
 
     begin_s: Array  # (N,)
     end_s: Array
-    place_ned_m: Array  # (V, N, 3) in the middle
-    level_m: Array  # (V, N) horizontal distance from there, at most
-    vertical_m: Array  # (V, N)
-    functions: Array  # (C, N, K) how the functions of the shape change, by powers of the scaled time
+    leader_m: Array  # (C, N, 3)
+    functions: Array  # (C, N, K) of the shape
     tables_m: Array  # (K, V, 3)
 
     @property
@@ -40,12 +47,24 @@ class StartCells:
         """The middle (N,) of each interval."""
         return 0.5 * (self.begin_s + self.end_s)
 
+    @property
+    def fleet(self) -> tuple[Array, Array]:
+        """Of all vehicles in all intervals: the middle places (V, N, 3), and horizontal distances (V, N) from them."""
+        shape = self.tables_m.shape[1], len(self.begin_s)
+        found = self.starts(*(index.ravel() for index in np.indices(shape)))
+        return found.place_ned_m.reshape(*shape, 3), found.level_m.reshape(shape)
+
+    def starts(self, vehicle: Rows, cell: Rows) -> Starts:
+        """The starts of vehicles (M,) in cells (M,)."""
+        powers = self.leader_m[:, cell] + np.einsum("cmk,kma->cma", self.functions[:, cell], self.tables_m[:, vehicle])
+        away = powers[1:]
+        level_m = np.hypot(away[..., 0], away[..., 1]).sum(axis=0) + _ROUNDING_M
+        return Starts(powers[0], level_m, np.abs(away[..., 2]).sum(axis=0) + _ROUNDING_M)
+
     def against(self, first: Rows, second: Rows, cell: Rows) -> tuple[Array, Array]:
         """How far, level and vertically (M,), two vehicles move against each other within cells (M,)."""
         apart = self.tables_m[:, second] - self.tables_m[:, first]  # (K, M, 3)
-        moved = np.abs(np.einsum("cmk,kma->cma", self.functions[:, cell], apart)) if len(self.functions) else None
-        if moved is None:
-            return np.zeros(len(cell)), np.zeros(len(cell))
+        moved = np.abs(np.einsum("cmk,kma->cma", self.functions[1:, cell], apart))
         return np.hypot(moved[..., 0], moved[..., 1]).sum(axis=0), moved[..., 2].sum(axis=0)
 
 
@@ -53,16 +72,12 @@ def start_cells(plan: Plan, begin_s: Array, end_s: Array) -> StartCells:
     """The cells of intervals (N,), none of which reaches over a joint of the plan."""
     state = plan.leader_trajectory.state
     leader = PPoly(np.ascontiguousarray(state.c[:, :, POSITION]), state.x)
-    leader_m, functions = _scaled(leader, begin_s, end_s), _scaled(plan.shape.functions, begin_s, end_s)
-    tables = plan.shape.basis_ned_m
-    powers = max(len(leader_m), len(functions))
-    places = np.zeros((powers, tables.shape[1], len(begin_s), 3))
-    places[: len(leader_m)] += leader_m[:, None]
-    places[: len(functions)] += np.einsum("cnk,kva->cvna", functions, tables)
-    away = places[1:]
-    level_m = np.hypot(away[..., 0], away[..., 1]).sum(axis=0) + _ROUNDING_M
-    vertical_m = np.abs(away[..., 2]).sum(axis=0) + _ROUNDING_M
-    return StartCells(begin_s, end_s, places[0], level_m, vertical_m, functions[1:], tables)
+    leader_m = scaled_coefficients(leader, begin_s, end_s)
+    functions = scaled_coefficients(plan.shape.functions, begin_s, end_s)
+    more = len(leader_m) - len(functions)
+    leader_m = np.pad(leader_m, ((0, max(-more, 0)), (0, 0), (0, 0)))
+    functions = np.pad(functions, ((0, max(more, 0)), (0, 0), (0, 0)))
+    return StartCells(begin_s, end_s, leader_m, functions, plan.shape.basis_ned_m)
 
 
 def plan_intervals(plan: Plan, longest_s: float) -> tuple[Array, Array]:
@@ -77,7 +92,7 @@ def plan_intervals(plan: Plan, longest_s: float) -> tuple[Array, Array]:
     return marks[:-1], marks[1:]
 
 
-def _scaled(polynomial: PPoly, begin_s: Array, end_s: Array) -> Array:
+def scaled_coefficients(polynomial: PPoly, begin_s: Array, end_s: Array) -> Array:
     """Coefficients (D+1, N, n), the lowest power first, of time counted from the middle in half lengths."""
     middle_s, half_s = 0.5 * (begin_s + end_s), 0.5 * (end_s - begin_s)
     piece = np.clip(np.searchsorted(polynomial.x, middle_s, side="right") - 1, 0, len(polynomial.x) - 2)

@@ -65,15 +65,16 @@ def _crossings(plan: Plan, zone: NoFlyZone, number: int, ends_m: Array, *, to_ra
 
 def _met(plan: Plan, zone: NoFlyZone, cells: StartCells, ends_m: Array) -> tuple[Mask, Mask]:
     """Whether (V, N) a return of a cell may cross the zone; and whether its middle one crosses much of it."""
-    away_m = np.linalg.norm(cells.place_ned_m[:, :, None, :2] - ends_m[:, None], axis=-1)
-    may = away_m - away_m.min(axis=-1, keepdims=True) <= 2.0 * cells.level_m[..., None]
+    places, levels_m = cells.fleet
+    away_m = np.linalg.norm(places[:, :, None, :2] - ends_m[:, None], axis=-1)
+    may = away_m - away_m.min(axis=-1, keepdims=True) <= 2.0 * levels_m[..., None]
     tolerance_m = plan.scenario.mission.tolerance_m
     still = None if zone.moves else outline(zone).buffer(-tolerance_m)
-    meets, crosses = np.zeros(cells.level_m.shape, dtype=bool), np.ones(cells.level_m.shape, dtype=bool)
+    meets, crosses = np.zeros(levels_m.shape, dtype=bool), np.ones(levels_m.shape, dtype=bool)
     if still is not None:
         shapely.prepare(still)
     vehicle, cell, end = np.nonzero(may)
-    place, reach_m = cells.place_ned_m[vehicle, cell, :2], cells.level_m[vehicle, cell]
+    place, reach_m = places[vehicle, cell, :2], levels_m[vehicle, cell]
     corners = place[:, None] + reach_m[:, None, None] * _CORNERS
     to = ends_m[vehicle, end]
     hulls = shapely.convex_hull(shapely.multipoints(np.concatenate([corners, to[:, None]], axis=1)))

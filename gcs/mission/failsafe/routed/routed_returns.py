@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from gcs.mission.failsafe.every_start.ground_below import highest_along_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
@@ -83,7 +84,10 @@ def routed_returns(
 
 
 def highest_under_ways_m(plan: Plan, cases: list[RoutedReturns]) -> float:
-    """The highest ground under all ways, above the origin's height, sampled every `_LOOKS_M`."""
+    """A height above the origin's that no ground below these ways is above.
+
+    It is that of the smooth envelope every `_LOOKS_M`, and of the ground between.
+    """
     highest = -math.inf
     for case in cases:
         brakes = np.stack([case.stop.places[:, :2], case.stop.half_ned_m[:, :2]], axis=1)
@@ -92,6 +96,9 @@ def highest_under_ways_m(plan: Plan, cases: list[RoutedReturns]) -> float:
         along = shapely.get_coordinates(shapely.segmentize(lines, _LOOKS_M)) if len(lines) else tracks[:, 0]
         places = np.concatenate([along, tracks[:, 0]])
         highest = max(highest, float(np.max(ground_envelope_m(plan.scenario.terrain, places[:, 0], places[:, 1]))))
+        begin_m, end_m = (legs.reshape(-1, 2) for legs in (tracks[:, :-1], tracks[:, 1:]))
+        moved = np.any(begin_m != end_m, axis=1)
+        highest = highest_along_m(plan, begin_m[moved], end_m[moved], highest)
     return highest
 
 

@@ -1,0 +1,162 @@
+"""Where groups of vehicles are at the begin of a return, if it begins at any instant of one interval.
+
+An interval in which the shape is rigid may be long: the leader's whole track counts as uncertain, but it is the same
+for all vehicles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from gcs.mission.failsafe.every_start.large_fleets.fleet_halves import FleetHalves
+from gcs.mission.failsafe.every_start.large_fleets.relative_motion import Between
+from gcs.mission.failsafe.every_start.start_cells import Rows, scaled_coefficients
+from gcs.mission.failsafe.rtl_cases import ReturnEnds
+from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
+from gcs.physics.quadrotor import POSITION, Array
+
+if TYPE_CHECKING:
+    from gcs.plan.trajectory.plan import Plan
+
+_ROUNDING_M = 1e-9
+_ENDS, _CHANGE, _CLIMB, _SEVERAL, _MOVES = slice(2, 4), slice(4, 6), 6, 7, 8  # columns of the boxes; offsets are first
+
+
+@dataclass(frozen=True)
+class FleetCell:
+    """Groups of a tree (G): the middle of what their members have, and how far members are from it, in m, level."""
+
+    middle: Array  # (G, D) of the columns
+    begin_off: Array  # (G,)
+    ends_off: Array
+    change_off: Array  # of the vector from the offset to the end
+    moves: Array  # (G, C, 2) how the middle of the offsets moves, by powers of the scaled time
+    moves_off: Array  # (G,) how much members move otherwise
+    climb_off: Array
+    several: Array  # (G,) how far apart the possible ends of one vehicle are
+    leader_m: Array  # (2,)
+    leader_off: float
+
+    def between(self, first: Rows, second: Rows, speeds: ReturnSpeeds) -> Between:
+        """Pairs (M,) of groups."""
+        moved = self.moved_m(first, second)
+        begin_off = self.begin_off[first] + self.begin_off[second] + moved
+        change_off = self.change_off[first] + self.change_off[second] + moved
+        ends_off = self.ends_off[first] + self.ends_off[second]
+        share = speeds.cruise_mps / speeds.climb_mps
+        apart = self.middle[second] - self.middle[first]
+        return Between(
+            apart[:, :2],
+            apart[:, _CHANGE],
+            begin_off,
+            change_off,
+            np.minimum(ends_off, begin_off + change_off),
+            (self._ways(first), self._ways(second)),
+            (self._ways_off(first), self._ways_off(second)),
+            share * apart[:, _CLIMB],
+            share * (self.climb_off[first] + self.climb_off[second]),
+        )
+
+    def moved_m(self, first: Rows, second: Rows) -> Array:
+        """How far (M,) groups move against each other."""
+        across = np.linalg.norm(self.moves[second] - self.moves[first], axis=-1).sum(axis=-1)
+        return np.asarray(across + self.moves_off[first] + self.moves_off[second])
+
+    def time_counts(self, first: Rows, second: Rows) -> Array:
+        """What (M,) a shorter interval makes certain, roughly."""
+        change_m = np.linalg.norm(self.middle[second, _CHANGE] - self.middle[first, _CHANGE], axis=-1)
+        found = self.moved_m(first, second) + self.several[first] + self.several[second]
+        for each in (first, second):
+            way_m = np.linalg.norm(self._ways(each), axis=-1)
+            found = found + change_m * np.minimum(self.leader_off / np.maximum(way_m, 1e-9), 2.0)
+        return np.asarray(found)
+
+    def size_counts(self, first: Rows, second: Rows) -> Array:
+        """What (M,) smaller groups make certain, roughly."""
+        return np.asarray(self.begin_off[first] + self.begin_off[second] + self._own(first) + self._own(second))
+
+    def _own(self, group: Rows) -> Array:
+        return np.maximum(self.change_off[group] - self.several[group], 0.0) + self.climb_off[group]
+
+    def _ways(self, group: Rows) -> Array:
+        return np.asarray(self.middle[group, _CHANGE] - self.leader_m)
+
+    def _ways_off(self, group: Rows) -> Array:
+        moved = np.linalg.norm(self.moves[group], axis=-1).sum(axis=-1) + self.moves_off[group]
+        return np.asarray(self.change_off[group] + moved + self.leader_off)
+
+
+@dataclass(frozen=True)
+class FleetReturn:
+    """What does not depend on the interval: the plan, its ends, and the altitudes (V,) of the return."""
+
+    plan: Plan
+    ends: ReturnEnds
+    altitudes_m: Array
+    to_rally: bool
+
+    @property
+    def places_m(self) -> Array:
+        """The ends (V, E, 3) of this case."""
+        return self.ends.ned_m if self.to_rally else self.ends.ned_m[:, :1]
+
+    def cell(self, tree: FleetHalves, begin_s: float, end_s: float) -> FleetCell:
+        """The cell of an interval in which the shape is rigid, or one polynomial."""
+        functions = scaled_coefficients(self.plan.shape.functions, np.array([begin_s]), np.array([end_s]))[:, 0]
+        tables = self.plan.shape.basis_ned_m
+        leader, leader_reach = self._leader(begin_s, end_s)
+        offsets = np.einsum("k,kva->va", functions[0], tables)
+        moves = np.einsum("ck,kva->vca", functions[1:], tables)
+        places = self.places_m
+        chosen = self._possible(leader + offsets, leader_reach, moves)[..., None]
+        tops = (self.ends.datum_m(places, to_rally=self.to_rally) + self.altitudes_m[:, None])[..., None]
+        rises = np.abs(moves[..., 2]).sum(axis=1)[:, None]
+        columns = []
+        for sign, extreme in ((-1.0, np.min), (1.0, np.max)):
+            ends = extreme(np.where(chosen, places[..., :2], -sign * np.inf), axis=1)
+            climb = offsets[:, 2:] + extreme(np.where(chosen, tops, -sign * np.inf), axis=1) + sign * rises
+            columns.append([offsets[:, :2], ends, ends - offsets[:, :2], climb])
+        several = np.linalg.norm(columns[1][1] - columns[0][1], axis=1, keepdims=True)
+        flat = moves[..., :2].reshape(len(moves), -1)
+        low, high = tree.boxes(*(np.concatenate([*column, several, flat], axis=1) for column in columns))
+        empty = ~np.isfinite(low)
+        low, high = np.where(empty, 0.0, low), np.where(empty, 0.0, high)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        begin_off, ends_off, change_off = (
+            np.hypot(half[:, n], half[:, n + 1]) + _ROUNDING_M for n in (0, _ENDS.start, _CHANGE.start)
+        )
+        shape = (len(middle), -1, 2)
+        moves_off = np.linalg.norm(half[:, _MOVES:].reshape(shape), axis=-1).sum(axis=-1)
+        return FleetCell(
+            middle,
+            begin_off,
+            ends_off,
+            change_off,
+            middle[:, _MOVES:].reshape(shape),
+            moves_off,
+            half[:, _CLIMB],
+            high[:, _SEVERAL],
+            leader[:2],
+            float(np.hypot(leader_reach[0], leader_reach[1])),
+        )
+
+    def _possible(self, starts: Array, reach: Array, moves: Array) -> Array:
+        """Which ends (V, E) returns of an interval may lead to."""
+        away_m = np.linalg.norm(starts[:, None, :2] - self.places_m[..., :2], axis=-1)
+        level_m = np.hypot(reach[0], reach[1]) + np.linalg.norm(moves[..., :2], axis=-1).sum(axis=-1) + _ROUNDING_M
+        return np.asarray(away_m - away_m.min(axis=-1, keepdims=True) <= 2.0 * level_m[:, None])
+
+    def _leader(self, begin_s: float, end_s: float) -> tuple[Array, Array]:
+        """The middle (3,) of a box that the leader stays in, and half its sides."""
+        state = self.plan.leader_trajectory.state
+        inner_s = state.x[(state.x > begin_s) & (state.x < end_s)]
+        marks_s = np.concatenate([[begin_s], inner_s, [end_s]])
+        leader = PPoly(np.ascontiguousarray(state.c[:, :, POSITION]), state.x)
+        powers = scaled_coefficients(leader, marks_s[:-1], marks_s[1:])
+        reach = np.abs(powers[1:]).sum(axis=0)
+        low, high = (powers[0] - reach).min(axis=0), (powers[0] + reach).max(axis=0)
+        return 0.5 * (low + high), 0.5 * (high - low)
