@@ -32,6 +32,7 @@ COURSE_SPEED_MPS = 1.0
 COURSE_TOLERANCE = 0.01  # share of `course_tolerance_deg`
 ORDER = 4
 _POLISHED = 2  # steps of Gauss and Newton after the search for the nearest allowed shape
+_TOGETHER = 200_000  # vehicles times intervals at once: more would need gigabytes of memory
 _SINGULAR = 1e-8  # of the largest eigenvalue: below it, shapes do not tell scale, turn and blend apart
 _FLAT = np.array([1.0, 1.0, 0.0])
 _QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # row vectors: (n, e) -> (-e, n)
@@ -76,14 +77,16 @@ class BentFormation:
         """See `Family`."""
         shape = len(self.constraints), len(cells)
         low, seen = np.full(shape, np.inf), np.full(shape, np.inf)
+        many = max(_TOGETHER // len(self.plan.sysids), 1)
         for index in np.unique(cells.who[:, 0]):
-            chosen = np.flatnonzero(cells.who[:, 0] == index)
-            part = cells[chosen]
-            witness = self._witness(self.stretches[index], part)
-            low[0, chosen] = -witness.off_m
-            seen[0, chosen] = -witness.off_middle_m.max(axis=0)
-            if len(self.constraints) > 1:
-                low[1, chosen], seen[1, chosen] = self._heading_deg(part, witness)
+            whole = np.flatnonzero(cells.who[:, 0] == index)
+            for chosen in np.split(whole, range(many, len(whole), many)):
+                part = cells[chosen]
+                witness = self._witness(self.stretches[index], part)
+                low[0, chosen] = -witness.off_m
+                seen[0, chosen] = -witness.off_middle_m.max(axis=0)
+                if len(self.constraints) > 1:
+                    low[1, chosen], seen[1, chosen] = self._heading_deg(part, witness)
         return low, seen
 
     def children(self, cells: Cells, chosen: Mask) -> tuple[Cells, Rows]:

@@ -16,6 +16,7 @@ from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.allowed_shapes import AllowedShapes
+from gcs.plan.verification.constraints import bent_formation
 from gcs.plan.verification.constraints.bent_formation import BentFormation
 from gcs.plan.verification.proof.subdivision import Proof, prove
 from gcs.plan.verification.scheduled_shape import stretches
@@ -41,7 +42,9 @@ def proof(plan: Plan, end_s: float = END_S) -> Proof:
     law = family(plan)
     edges = np.concatenate([[0.0], plan.joints_s, [t for part in law.stretches for t in (part.start_s, part.end_s)]])
     edges = np.unique(np.append(edges[(edges >= 0.0) & (edges <= end_s)], end_s))
-    return prove(law, law.cells(edges[:-1], edges[1:], np.full(len(edges) - 1, law.mission)), len(plan.phases))
+    cells = law.cells(edges[:-1], edges[1:], np.full(len(edges) - 1, law.mission))
+    with np.errstate(invalid="ignore"):  # as `verify` does: what has no bounds is not proved
+        return prove(law, cells, len(plan.phases))
 
 
 def still(planned: Planned, scenario: Scenario, offsets: Array) -> Plan:
@@ -150,6 +153,19 @@ def test_scheduled_changes_that_bend_are_proved_and_late_ones_are_not(
     assert proof(replace(plan, moves=late), 90.0).seen[0, mission] < -0.8e-3
 
 
+def test_many_intervals_are_bounded_as_few_are(
+    planned: Planned, simulation1: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So many at once as there is memory for: the result does not depend on it."""
+    plan = moving(planned, fleet(simulation1, 5, "wedge", ALL), EVERY, FREE)
+    law, joints = family(plan), plan.shape.joints_s
+    cells = law.cells(joints[:-1], joints[1:], np.full(len(joints) - 1, law.mission))
+    whole = law.bounds(cells)
+    monkeypatch.setattr(bent_formation, "_TOGETHER", 5)
+    assert len(cells) > 2
+    np.testing.assert_allclose(law.bounds(cells), whole, atol=1e-12)
+
+
 def test_bounds_are_no_more_than_the_margin_at_any_instant(planned: Planned, simulation1: Scenario) -> None:
     """A shape that is out of its ranges, in a scenario that allows little: intervals of all lengths."""
     scenario = fleet(simulation1, 5, "wedge", (auto({**SHRINK, "scale": 0.9}), auto({**TURN, "angle_deg": 20.0})))
@@ -212,7 +228,10 @@ def test_the_vehicle_that_is_off_is_named(planned: Planned) -> None:
     assert all(check.worst == pytest.approx(-0.02, rel=1e-3) for check in failures)
 
 
-@pytest.mark.parametrize("name", ["auto shrink", "auto turn", "auto reshape", "course", "course and schedule"])
+@pytest.mark.parametrize(
+    "name",
+    ["auto shrink", "auto turn", "auto reshape", "course", pytest.param("course and schedule", marks=pytest.mark.slow)],
+)
 def test_of_valid_plans_nothing_is_only_sampled(planned: Planned, name: str) -> None:
     _, report = planned(name)
     assert report.sampled == ()
