@@ -21,11 +21,11 @@ MOUNTAINS = {
 }
 
 
-def hills(bend: float = 0.0) -> Relief:
-    """40 x 40 pixels of 2 m around the origin; `bend` makes rows curved."""
+def hills(bend: float = 0.0, pixel_m: tuple[float, float] = (2.0, 2.0)) -> Relief:
+    """40 x 40 pixels, 2 m to the north and 2 m to the east, around the origin; `bend` makes rows curved."""
     random = np.random.default_rng(11)
     row, column = np.zeros(10), np.zeros(10)
-    row[[0, 1, 3, 5]], column[[0, 2, 4]] = (20.0, 20.0, bend, bend), (20.0, 20.0, bend)
+    row[[0, 1, 3, 5]], column[[0, 2, 4]] = (20.0, 40.0 / pixel_m[0], bend, bend), (20.0, 40.0 / pixel_m[1], bend)
     return Relief(
         rows=40,
         columns=40,
@@ -46,6 +46,8 @@ GROUNDS: dict[str, Terrain] = {
     "mountains": Terrain.model_validate({"mountains": MOUNTAINS}),
     "both": Terrain.model_validate({"ripple": RIPPLE, "mountains": MOUNTAINS}),
     "relief": Terrain.model_validate({"relief": hills().model_dump()}),
+    "relief of long pixels": Terrain.model_validate({"relief": hills(pixel_m=(-1.0, 3.0)).model_dump()}),
+    "relief of wide pixels": Terrain.model_validate({"relief": hills(pixel_m=(-3.0, 1.0)).model_dump()}),
     "curved relief": Terrain.model_validate({"relief": hills(0.05).model_dump()}),
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.verification.proof import subdivision as module
 from gcs.plan.verification.proof.subdivision import SHORTEST_S, Cells, Constraint, Mask, Rows, halved, prove
 from gcs.plan.verification.verdict import Check
 
@@ -85,6 +86,16 @@ def test_close_to_the_tolerance_the_verdict_is_right(floor: float, expected: str
 def test_a_bound_that_never_gets_tight_is_undecided() -> None:
     assert verdict(Wave((1.0, 0.01, 1.0), loose=0.02)) == "undecided"
     assert verdict(Wave((1.0, 0.05, 1.0), loose=0.02)) == "proved"
+
+
+def test_the_search_ends_at_its_most_cells_with_a_bound_that_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bound that is 10 too low divides all six cells again and again: 6 + 12 + ... + 768, then 1536 once more."""
+    monkeypatch.setattr(module, "_CELLS_MAX", 2000)
+    family = Wave(loose=10.0)
+    proof = prove(family, begin(), 2)
+    assert family.cells == 6 * (2**9 - 1)
+    assert -10.0 < proof.proved[0, 0] < 0.1 - 9.9 + 0.01
+    assert proof.seen[0, 0] == pytest.approx(0.1, abs=1e-3)
 
 
 def test_what_is_no_number_is_not_proved() -> None:
