@@ -33,10 +33,11 @@ from gcs.mission.failsafe.routed.routed_returns import (
     NoWay,
     RoutedReturns,
     highest_under_ways_m,
-    nearest_pair,
+    instants_s,
     routed_returns,
     without_way,
 )
+from gcs.mission.failsafe.routed.start_search import nearest_return
 from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_cases
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
@@ -119,7 +120,7 @@ def _searched(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     limits = plan.scenario.limits
     best: ReturnPlan | None = None
     routes = ReturnRoutes(plan)
-    routed = routed_returns(plan, routes, _ROUTED_S)
+    routed = routed_returns(plan, routes, instants_s(plan, _ROUTED_S))
     rally = rally_points_ned_m(plan, min(known.traits.missions.rally_points_max for known in every))
     ground_m = 0.0
     for share in _CRUISE_SHARES:
@@ -176,16 +177,9 @@ def _with_routed(plan: Plan, routes: ReturnRoutes, cases: list[RoutedReturns], f
     if found.worst is None:
         return found
     top_down_m = plan.pads_ned_m[:, 2] - np.array(found.altitudes_m)
-    worst = WorstReturn(math.inf, plan.t_start_s, (0, 0), "")
-    for period_s in (_ROUTED_S, _FINEST_S):
-        if period_s == _FINEST_S:
-            around = max(worst.t_s - _ROUTED_S, plan.t_start_s), min(worst.t_s + _ROUTED_S, plan.t_end_s)
-            cases = routed_returns(plan, routes, period_s, around)
-        for case in cases:
-            least_m, t_s, (i, j) = nearest_pair(case, top_down_m, found.speeds, plan.scenario.limits.separation_min_m)
-            if least_m < worst.distance_m - EQUAL:
-                worst = WorstReturn(least_m, t_s, (plan.sysids[i], plan.sysids[j]), case.name)
-    return replace(found, routed=worst)
+    near = nearest_return(plan, routes, cases, top_down_m, found.speeds)
+    sysids = plan.sysids[near.pair[0]], plan.sysids[near.pair[1]]
+    return replace(found, routed=WorstReturn(near.distance_m, near.t_s, sysids, near.name))
 
 
 def _worst(plan: Plan, firmware: FleetFirmware, speeds: ReturnSpeeds, altitudes_m: Array, rally: Array) -> WorstReturn:

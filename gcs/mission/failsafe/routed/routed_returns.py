@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from gcs.mission.failsafe.every_start.ground_below import highest_along_m
 from gcs.mission.failsafe.return_routes import ReturnRoutes
 from gcs.mission.failsafe.routed.routed_motion import PiecewiseMotion, Stops, routed_motion, stops
 from gcs.mission.failsafe.rtl_motion import ReturnSpeeds
-from gcs.mission.machine_independent import EQUAL, first_least
+from gcs.mission.machine_independent import EQUAL
 from gcs.mission.predicted.closest_approach import least_distance
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.scenario.environment.terrain import ground_envelope_m
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 _LOOKS_M = 5.0  # between samples of the ground under a way
 _SAMPLES = 40  # of the climbs, and of the descents
+_RESTS_S = 0.01  # a shorter brake is none
 _CLIMBED, _SINKING = 5, -4  # knots at which a vehicle has reached its return altitude, and leaves it
 
 
@@ -38,6 +40,21 @@ class RoutedReturns:
     ways_m: Array
     length_m: Array  # (V, N), infinite without a way
     end_down_m: Array  # (V * N,)
+
+    def kinds(self) -> Array:
+        """What (N, V, 6) jumps where ways do: the first corner, the end, and how the vehicle brakes."""
+        stop, duration_s = self.stop, self.stop.duration_s
+        run = stop.end_ned_m - stop.places - 0.5 * stop.velocities * duration_s[:, None]
+        aside = stop.velocities[:, 0] * run[:, 1] - stop.velocities[:, 1] * run[:, 0]
+        level_mps = np.hypot(stop.velocities[:, 0], stop.velocities[:, 1])
+        rests = (duration_s < _RESTS_S) | (level_mps < _RESTS_S)
+        strength = [
+            np.divide(aside, level_mps * duration_s**2, out=np.zeros_like(aside), where=~rests),
+            np.divide(np.linalg.norm(stop.velocities, axis=1), duration_s, out=np.zeros_like(aside), where=~rests),
+        ]
+        found = np.column_stack([self.ways_m[:, 2], self.ways_m[:, -1], *strength])
+        vehicles = len(self.length_m)
+        return np.ascontiguousarray(found.reshape(vehicles, len(self.t_s), -1).swapaxes(0, 1))
 
     def motion(self, top_down_m: Array, speeds: ReturnSpeeds) -> PiecewiseMotion:
         """All motions; top_down_m (V,) are the heights at which vehicles return. A higher one keeps its height."""
@@ -54,13 +71,15 @@ class NoWay:
     to_s: float
 
 
-def routed_returns(
-    plan: Plan, routes: ReturnRoutes, period_s: float, within: tuple[float, float] | None = None
-) -> list[RoutedReturns]:
+def instants_s(plan: Plan, period_s: float) -> Array:
+    """Instants (N,) of a plan, from its begin to its end."""
+    count = max(2, math.ceil((plan.t_end_s - plan.t_start_s) / period_s) + 1)
+    return np.clip(np.linspace(plan.t_start_s, plan.t_end_s, count), None, np.nextafter(plan.t_end_s, -np.inf))
+
+
+def routed_returns(plan: Plan, routes: ReturnRoutes, t_s: Array) -> list[RoutedReturns]:
     """Two cases: returns to homes, and to the end of the shorter way of home and landing point."""
-    begin_s, end_s = within or (plan.t_start_s, plan.t_end_s)
-    count = max(2, math.ceil((end_s - begin_s) / period_s) + 1)
-    t_s = np.clip(np.linspace(begin_s, end_s, count), plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf))
+    count = len(t_s)
     leader = plan.leader_trajectory.state(t_s)
     places = (leader[:, POSITION] + plan.offsets(t_s)).reshape(-1, 3)
     velocities = (leader[:, VELOCITY] + plan.offsets(t_s, 1)).reshape(-1, 3)
@@ -111,10 +130,10 @@ def without_way(plan: Plan, cases: list[RoutedReturns]) -> Iterator[NoWay]:
             yield NoWay(sysid, float(cases[0].t_s[begin]), float(cases[0].t_s[end - 1]))
 
 
-def nearest_pair(
+def nearest_pairs(
     case: RoutedReturns, top_down_m: Array, speeds: ReturnSpeeds, apart_m: float
-) -> tuple[float, float, tuple[int, int]]:
-    """The least distance of two vehicles of all returns, the plan time at which it begins, and their rows.
+) -> tuple[Array, NDArray[np.intp]]:
+    """The least distance (N,) of two vehicles of each return, and their rows (N, 2).
 
     Vehicles at return altitudes that are `apart_m` apart count as such: then only climbs and descents are looked at.
     """
@@ -132,13 +151,11 @@ def nearest_pair(
         [climbed_s[:, None] * shares, sinking_s[:, None] + (landed_s - sinking_s)[:, None] * shares], axis=1
     )
     places = motion.places_at(np.tile(looks_s, (vehicles, 1))).reshape(vehicles, count, -1, 3)
-    best = math.inf, math.nan, (0, 0)
+    least_m, pairs = np.full(count, np.inf), np.zeros((count, 2), dtype=np.intp)
     for first, second in itertools.combinations(range(vehicles), 2):
         between = places[second] - places[first]
         distance, _ = least_distance(between[:, :-1], between[:, 1:])
         distance[:, _SAMPLES - 1] = np.where(together, distance[:, _SAMPLES - 1], np.inf)
-        at = first_least(distance.min(axis=1))
-        least = float(distance.min())
-        if least < best[0] - EQUAL:
-            best = least, float(case.t_s[at]), (first, second)
-    return best
+        nearer = distance.min(axis=1) < least_m - EQUAL
+        least_m[nearer], pairs[nearer] = distance.min(axis=1)[nearer], (first, second)
+    return least_m, pairs
