@@ -28,7 +28,7 @@ from gcs.plan.formation.coordinates import (
 )
 from gcs.plan.formation.shape import Shape, joined, rigid, stretched
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import offsets_ned_m
+from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m
 from tests.unit.plan.formations import SHRINK, TO_FILE, TO_ROW, TURN, at, auto, fleet
 
 NAMES: tuple[Name, ...] = get_args(Name)
@@ -324,3 +324,12 @@ def test_an_automatic_turn_and_blend_have_their_words(simulation1: Scenario) -> 
     )
     assert [move.name for move in moves] == ["rotate -29 deg", "reshape, 80 % done"]
     assert [move.kind for move in moves] == ["rotate", "reshape"]
+
+
+def test_a_blend_beside_scheduled_changes_counts_the_longest_way_that_there_may_be(simulation1: Scenario) -> None:
+    """From anywhere to the vehicle farthest from the leader: both distances, and nothing of the other vehicles."""
+    scenario = fleet(simulation1, 5, "wedge", (AUTOS["blend"], at(TO_ROW, 1.0)))
+    (blend,) = coordinates(scenario)
+    shapes = [offsets_ned_m(scenario), *(shape_offsets_ned_m(scenario, s.name) for s in scenario.formation.shape)]
+    way_m = np.linalg.norm(target_ned_m(scenario), axis=1).max() + np.linalg.norm(shapes, axis=2).max()
+    assert blend.most == pytest.approx([rate / way_m for rate in astuple_of(budget_of_each(scenario))])
