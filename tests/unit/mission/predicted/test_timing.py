@@ -18,7 +18,7 @@ from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.predicted.timing import Timing, predicted
 from gcs.mission.waypoints.placement import Deviation
 from gcs.mission.waypoints.timed_legs import Gate, TimedLegs
-from gcs.physics.quadrotor import POSITION
+from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
@@ -30,6 +30,7 @@ SPEED_MPS = 2.0
 DUE_S = (5.0, 15.0, 30.0)  # at the waypoints; the last is where the plan arrives
 LEAVES_S = -1.0
 HOVER_S = 7.5  # time of the flight at which a vehicle leaves its hover
+SWITCH_S = 0.5  # before it passes a waypoint, an autopilot turns to the next one
 NEAR_M = 2.0  # of a stop: the vehicle has arrived
 NEAR_S = 0.11  # the plan is near its end at a multiple of 0.1 s
 Delays = tuple[float, float, float]
@@ -47,11 +48,12 @@ def flown(
 ) -> tuple[VehicleMission, PredictedFlight]:
     """A mission of three waypoints, and a flight that passes each so much later than the plan."""
     origin = local_origin(plan.scenario)
-    start_ned_m = plan.motion(np.array([0.0]), slice(row, row + 1))[0][0, 0, POSITION]
+    start = plan.motion(np.array([0.0]), slice(row, row + 1))[0][0, 0]
+    start_ned_m, velocity_mps = start[POSITION], start[VELOCITY]
     home = Home(0.0, 0.0, origin.alt_amsl_m - 3.0)  # its height counts only
     items = [MissionItem(Command.NAV_TAKEOFF, Altitude.RELATIVE.frame, (0.0,) * 4, 0, 0, 8.0)]
     for due_s in DUE_S:
-        lat_deg, lon_deg, alt_m = ned_to_geodetic(start_ned_m + np.array([SPEED_MPS * due_s, 0.0, 0.0]), origin)
+        lat_deg, lon_deg, alt_m = ned_to_geodetic(start_ned_m + due_s * velocity_mps, origin)
         above_m = float(alt_m) - (home.alt_amsl_m if altitude is Altitude.RELATIVE else 0.0)
         place = to_degE7(float(lat_deg)), to_degE7(float(lon_deg)), above_m
         items.append(MissionItem(Command.NAV_WAYPOINT, altitude.frame, (0.0,) * 4, *place))
@@ -69,8 +71,8 @@ def flown(
     corners.append((40.0 + delays_s[2], 40.0, len(items) - 1))
     begins_s, along_s, item = (np.array(column) for column in zip(*corners, strict=True))
     t_s = np.union1d(begins_s, np.arange(LEAVES_S, 40.0, 0.1))  # as dense as a model's
-    ned_m = start_ned_m + np.outer(np.interp(t_s, begins_s, along_s), [SPEED_MPS, 0.0, 0.0])
-    brought = item[np.minimum(np.searchsorted(begins_s, t_s), len(item) - 1)]
+    ned_m = start_ned_m + np.outer(np.interp(t_s, begins_s, along_s), velocity_mps)
+    brought = item[np.minimum(np.searchsorted(begins_s - SWITCH_S, t_s), len(item) - 1)]
     climb = start_ned_m + np.array([[0.0, 0.0, 8.0], [0.0, 0.0, 0.0]])
     flight = PredictedFlight(
         np.concatenate([[0.0, HOVER_S - 1.5], t_s - LEAVES_S + HOVER_S]),
@@ -147,6 +149,7 @@ def test_a_gate_opens_so_long_after_the_last_arrival(straight: Plan) -> None:
     assert timing.spread_s == pytest.approx(0.9, abs=NEAR_S)
 
 
+@pytest.mark.parametrize("north_mps", [SPEED_MPS, -SPEED_MPS], ids=["leader in front", "leader behind"])
 @pytest.mark.parametrize("all_pairs", [20, 2])
 @pytest.mark.parametrize(
     ("known", "apart_s", "pair"),
@@ -162,11 +165,13 @@ def test_the_nearest_two_are_those_of_which_one_is_behind(
     apart_s: float,
     pair: tuple[int, int],
     all_pairs: int,
+    north_mps: float,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Who is 4.33 m behind and `apart_s` early is 2 m/s times that nearer. Two abreast stay 5 m apart."""
     monkeypatch.setattr(module, "_ALL_PAIRS", all_pairs)
-    nearest = timing_of(straight, [(0.0,) * 3] * 3, known).nearest
+    plan = even(straight, (0.0, 0.0, -8.0), (north_mps, 0.0, 0.0))
+    nearest = timing_of(plan, [(0.0,) * 3] * 3, known).nearest
     assert nearest is not None
     assert nearest.distance_m == pytest.approx(np.hypot(4.33 - SPEED_MPS * apart_s, 2.5), abs=1e-3)
     assert (nearest.sysids, nearest.apart_s) == (pair, apart_s)
