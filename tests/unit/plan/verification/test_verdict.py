@@ -8,6 +8,7 @@ import pytest
 
 from gcs.errors import VerificationError
 from gcs.plan.verification.verdict import Check, Report, refusal
+from gcs.plan.verification.verify import _merged
 
 
 def check(worst: float, proved: float | None, name: str = "clearance", t_s: float | None = 12.345) -> Check:
@@ -70,3 +71,17 @@ def test_a_refusal_names_the_first_failures_and_counts_the_others() -> None:
         )
         assert error.message == f"the plan failed verification: {words}{more}"
         assert "--unverified" in str(error.hint)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_checks_of_one_limit_the_worse_counts_and_the_lower_bound_of_both(order: int) -> None:
+    """The leader stands for all while they fly alike; else the followers have checks of their own."""
+    leader = Check("roll", "mission", "rad", 0.2, 0.001, 1, 3.0, 0.1)
+    follower = Check("roll", "mission", "rad", 0.3, 0.001, 2, 4.0, -0.05)
+    other = Check("roll", "landing", "rad", 0.9, 0.001, 1, 50.0, 0.9)
+    merged = _merged([leader, follower, other][::order])
+    found = {one.phase: one for one in merged}
+    assert len(merged) == 2
+    assert found["mission"] == Check("roll", "mission", "rad", 0.2, 0.001, 1, 3.0, -0.05)
+    assert found["mission"].verdict == "undecided"
+    assert found["landing"] == other
