@@ -104,7 +104,8 @@ def test_ways_keep_out_of_any_zones_and_inside_the_fence(
     if straight_is_free:
         assert line.length == pytest.approx(float(np.linalg.norm(ends[1] - ends[0])), abs=1e-9)
     backwards = routes.length_m(ends[1], ends[0])
-    assert backwards == pytest.approx(line.length, abs=1e-6)
+    # Corners of ways stand 0.02 m outside, so an end beside an edge may see another one than its counterpart.
+    assert backwards == pytest.approx(line.length, abs=0.02)
     assert routes.way_ned_m(*ends).tolist() == ReturnRoutes(plan).way_ned_m(*ends).tolist()
 
 
