@@ -21,6 +21,7 @@ LEAVES = (
     "gcs/frames.py",
     "gcs/mavlink.py",
     "gcs/mavlink_names.py",
+    "gcs/once.py",
     "gcs/own_process.py",
     "gcs/physics",
     "gcs/reading",

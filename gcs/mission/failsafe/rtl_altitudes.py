@@ -42,6 +42,7 @@ from gcs.mission.failsafe.rtl_cases import Crossing, highest_ground_m, return_ca
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds, pair_distances, places_at
 from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_order
 from gcs.mission.machine_independent import EQUAL, first_least
+from gcs.once import once
 from gcs.physics.quadrotor import Array
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ class ReturnPlan:
     proved_at_s: float = 0.0  # about when returns begin of which least is proved
 
 
+@once
 def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     """The return altitudes of a plan's fleet, and the fastest return that keeps the separation, both verified.
 

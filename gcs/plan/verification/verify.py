@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gcs.once import once
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
@@ -47,6 +48,7 @@ _LONGEST_S = 4.0  # of the first intervals
 _FEW = 16  # up to so many vehicles, each is a group of its own from the beginning
 
 
+@once
 def verify(plan: Plan) -> Report:
     """The report on a plan: Eqs. 1, 14-25, 51-53 and separations, in every phase, for every vehicle."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what has no bounds is not proved

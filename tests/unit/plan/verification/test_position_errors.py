@@ -39,7 +39,9 @@ def test_vehicles_side_by_side_lose_the_difference_of_two_errors(simulation1_pla
     assert left.left_m == pytest.approx(left.planned_m - DEVIATIONS * math.sqrt(2.0) * 0.01, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["simulation1", "simulation2", "field", "ridge", "gap", "changes"])
+@pytest.mark.parametrize(
+    "name", ["simulation1", "simulation2", "field", "ridge", pytest.param("gap", marks=pytest.mark.slow), "changes"]
+)
 def test_the_bundled_missions_keep_their_required_separation(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     left = separation_left(plan)
