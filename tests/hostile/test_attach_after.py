@@ -72,7 +72,9 @@ def killed(world: World, port: int, plan: Path, flights: Path, moment: str = "fl
         assert ground.ended().code == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("order", ["--land", pytest.param("--return", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "order", [pytest.param("--land", marks=pytest.mark.slow), pytest.param("--return", marks=pytest.mark.long)]
+)
 def test_a_vehicle_that_is_not_heard_does_not_keep_the_others_up(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, order: str
 ) -> None:

@@ -63,7 +63,9 @@ def waiting_file(hop: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("to_its_end", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "to_its_end", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=pytest.mark.long)]
+)
 def test_further_flights_of_vehicles_that_fly_leave_them_alone(
     vehicles: MakeVehicles, waiting_file: Path, tmp_path: Path, *, to_its_end: bool
 ) -> None:

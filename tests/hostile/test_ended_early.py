@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from gcs.errors import FlightError
 from gcs.flight.sequence.flight import FlightSequence
 from gcs.mavlink import MavCommand
@@ -17,6 +19,7 @@ from tests.hostile.ground import Ground, fly_arguments
 FORCED = 21196.0
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_is_disarmed_in_the_air_by_another_station(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:

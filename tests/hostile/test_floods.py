@@ -35,7 +35,9 @@ def events(flights: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in file.read_text().splitlines()]
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), pytest.param("px4", marks=pytest.mark.long)]
+)
 def test_bytes_that_are_no_frames_hold_nothing_up(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:

@@ -149,6 +149,7 @@ def test_in_every_phase_for_every_time(
     assert len(told(done, seconds)) == 1
 
 
+@pytest.mark.slow
 def test_emulated_vehicles_that_wait_meanwhile_notice_nothing(hop_file: Path, tmp_path: Path) -> None:
     """As fast as the machine can, emulated time waits for setpoints: the plan and T0 stay."""
     with Ground("fly", hop_file, "--sim", "--speedup", "max", "--to", tmp_path) as ground:

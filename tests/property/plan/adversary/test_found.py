@@ -63,6 +63,7 @@ def leaning(scenario: Scenario) -> Plan:
     )
 
 
+@pytest.mark.slow
 def test_in_sheared_wind_a_vehicle_above_the_leader_leans_too_far(simulation1: Scenario) -> None:
     """The limit is met by the leader, and by all in a wind that is the same everywhere."""
     plan = leaning(simulation1)
