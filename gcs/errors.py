@@ -45,6 +45,12 @@ class VerificationError(GcsError):
     exit_code = 5
 
 
+class NotWritten(VerificationError):
+    """The plan is verified, and missions of it that were asked for are not written: they are not fit to fly."""
+
+    exit_code = 13
+
+
 class FileFormatError(GcsError):
     """A plan, mission or log file is not in the format that it claims."""
 

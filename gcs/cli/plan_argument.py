@@ -13,9 +13,10 @@ from gcs.cli.console import Screen
 from gcs.errors import UsageError
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import MeshRound, Plan
-from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
+from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, read_plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.load import load_scenario
+from gcs.scenario.schema.scenario import Scenario
 
 
 @dataclass
@@ -47,14 +48,18 @@ def plan_for(
     unverified: bool = False,
     alternatives: bool = False,
     from_the_air: bool = False,
+    refuse: Callable[[Scenario], None] | None = None,
 ) -> tuple[Plan, Report]:
     """The plan of a mission folder, a scenario file or a plan file, with the report of its verification, made now.
 
-    `alternatives` optimises every route class through the map, for comparison. Raises VerificationError for a plan
+    `alternatives` optimises every route class through the map, for comparison. `refuse` gets the scenario before
+    anything is planned or verified, and raises where this command cannot work. Raises VerificationError for a plan
     that failed verification, unless `unverified`. Raises UsageError for one that begins in flight, unless
     `from_the_air`.
     """
     if is_plan_file(mission):
+        if refuse is not None:
+            refuse(read_plan(mission)[0].scenario)
         plan, report = load_plan(mission, screen.warn)
         if plan.begin_state is not None and not from_the_air:
             raise UsageError(
@@ -64,6 +69,8 @@ def plan_for(
         watch.lap("load and verify")
     else:
         scenario = load_scenario(mission)
+        if refuse is not None:
+            refuse(scenario)
         watch.lap("scenario")
         with _progress(screen) as on_round:
             plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)

@@ -55,7 +55,9 @@ from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.trajectory.plan_file import save_plan
 from gcs.plan.verification.verify import Report, verify
+from gcs.scenario import si
 from gcs.scenario.schema.preflight_table import PreflightTable
+from gcs.scenario.schema.scenario import Scenario
 from gcs.steady_loop import host_s
 
 SIM_LINK = "udpin:127.0.0.1:0"
@@ -142,7 +144,8 @@ def fly(
 def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     """Fly, judge emulated vehicles by their true states, and write the folder. Raises as `fly`."""
     plan = order.plan
-    _refuse_late_starts(order)
+    if order.keeping.mode is FlightMode.MISSION:
+        refuse_late_starts(plan.scenario)
     with unwritable_is_told(order.root):
         folder = new_folder(order.root, plan.scenario.name, datetime.now())
         refuse_without_room(folder, needed_bytes(plan, emulated=order.link is None))
@@ -182,13 +185,13 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     return Flown(folder, times, late_s, verdict, data | {"incomplete": gaps.data()}, nearest)
 
 
-def _refuse_late_starts(order: FlightRun) -> None:
-    """Raises `UsageError` for missions on board that cannot start together, before anything is computed for them."""
-    rows = zip(order.plan.sysids, order.plan.autopilots, strict=True)
+def refuse_late_starts(scenario: Scenario) -> None:
+    """Raise `UsageError` for missions on board that cannot start together: known before anything is planned."""
+    rows = zip(si.sysids(scenario), si.autopilots(scenario), strict=True)
     late = [
         f"vehicle {sysid} ({known.title})" for sysid, known in rows if not known.traits.flight.waits_for_time_of_day
     ]
-    if order.keeping.mode is FlightMode.MISSION and late:
+    if late:
         raise UsageError(
             f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
             hint="fly with --mode stream, which keeps all vehicles on time",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,9 @@ from gcs.cli.shared_options import (
     within,
 )
 from gcs.errors import UsageError
+
+if TYPE_CHECKING:
+    from gcs.scenario.schema.scenario import Scenario
 
 SPEEDUPS = (0.01, 10_000.0)  # least and most, in multiples of real time
 LARGEST_SEED = 2**53
@@ -135,7 +138,7 @@ def fly(
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
     from gcs.flight.options import FlightMode, FlightOptions
-    from gcs.flight.run import Emulated, FlightRun
+    from gcs.flight.run import Emulated, FlightRun, refuse_late_starts
     from gcs.flight.setup.mission_choice import TimeKeeping
     from gcs.flight.setup.preflight_check import known_checks
     from gcs.flight.setup.simulator_process import refuse_wrong_options
@@ -143,25 +146,35 @@ def fly(
     waived = known_checks(waive or ())
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, report = plan_for(mission, screen, watch, unverified=unverified)
-    if max(plan.sysids) > LARGEST_SYSID:
-        raise UsageError(
-            f"{len(plan.sysids)} vehicles: one MAVLink network has at most {LARGEST_SYSID} system ids",
-            hint="fly a smaller formation; `gcs export` writes files for all vehicles",
-        )
+
+    def refuse(scenario: Scenario) -> None:
+        _refuse_large(scenario)
+        if mode == "mission":
+            refuse_late_starts(scenario)
+        if sim and (fault or wind is not None or gusts is not None):
+            refuse_wrong_options(scenario, tuple(fault or ()), wind, gusts)
+
+    plan, report = plan_for(mission, screen, watch, unverified=unverified, refuse=refuse)
     limits = plan.scenario.preflight
     if share is not None:
         limits = limits.model_copy(update={"reserve": share})
     choices = FlightOptions(
         follow=follow, on_loss=OnLoss(on_loss), on_leader_loss=OnLeaderLoss(on_leader_loss), waived=waived
     )
-    if sim and (fault or wind is not None or gusts is not None):
-        refuse_wrong_options(plan.scenario, tuple(fault or ()), wind, gusts)
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
     run = FlightRun(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
     return fly_and_judge(run, screen, watch, asks=not yes_arm)
+
+
+def _refuse_large(scenario: Scenario) -> None:
+    count = len(scenario.formation.sysids)
+    if max(scenario.formation.sysids) > LARGEST_SYSID:
+        raise UsageError(
+            f"{count} vehicles: one MAVLink network has at most {LARGEST_SYSID} system ids",
+            hint="fly a smaller formation; `gcs export` writes files for all vehicles",
+        )
 
 
 def _check(sim: bool, link: bool, mode: str, speedup: str, seed: int) -> None:

@@ -22,12 +22,13 @@ from gcs.cli.shared_options import (
     unknown_choice,
     within,
 )
-from gcs.errors import UsageError
+from gcs.errors import NotWritten, UsageError
 from gcs.mission.formats.registry import ALL, DEFAULT, FORMATS, select_formats
 
 if TYPE_CHECKING:
     from gcs.mission.export.index import ExportIndex
     from gcs.plan.trajectory.plan import Plan
+    from gcs.scenario.schema.scenario import Scenario
 
 AUTOPILOTS = tuple(known.key for known in Autopilot)
 _SHOWN = 20  # vehicles
@@ -89,6 +90,9 @@ def export(
 ) -> int:
     """Write missions, setpoints and maps of every vehicle, for other ground stations.
 
+    Exit status 13 when missions were asked for, also by default, and are not fit to fly: the other files are written.
+    With --untimed or --format setpoints no such missions are asked for.
+
     Examples: gcs export missions/simulation1 --to out
 
     gcs export missions/field --to out --format plan --format kml
@@ -99,18 +103,28 @@ def export(
     _check(autopilot, altitude, gates, smooth)
     start_s = None if start is None else _seconds_of_day(start)
     from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.mission.export.atomic_folder import refuse_foreign
     from gcs.mission.export.export import export as write
+    from gcs.mission.export.mission_files import MissionOrder
     from gcs.mission.model import Altitude
+    from gcs.scenario.si import autopilots
+
+    firmware = None if autopilot is None else Autopilot.named(autopilot)
+
+    def refuse(scenario: Scenario) -> None:
+        fleet = autopilots(scenario) if firmware is None else firmware
+        MissionOrder(fleet, Altitude(altitude), not untimed, gates, start_s).refuse_impossible()
+        refuse_foreign(to.resolve())
 
     wanted = select_formats(formats) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
-    plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True)
+    plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)
     index = write(
         plan,
         to,
         formats=wanted,
-        firmware=None if autopilot is None else Autopilot.named(autopilot),
+        firmware=firmware,
         altitude=Altitude(altitude),
         smooth_m=smooth,
         timed=not untimed,
@@ -131,11 +145,6 @@ def export(
             f"{index.smoothing.yaw_deviation_deg:.2f} degrees of yaw from the plan, at least "
             f"{index.smoothing.clearance_min_m:.3f} m above ground (knots every {index.smoothing.knots_every_s:g} s)"
         )
-    if index.refused:
-        screen.warn(
-            f"no missions were written: {index.refused}. Fly the setpoint stream, which keeps path and time, or write "
-            "missions at the plan's own speeds with --untimed"
-        )
     _say_verified(screen, index, plan)
     _say_timing(screen, index)
     _say_returns(screen, index, plan)
@@ -149,13 +158,28 @@ def export(
             "altitude": index.altitude,
             "waypoints": index.waypoints,
             "timing": None if index.timing is None else index.timing.data(),
+            "ok": not index.refused,
             "refused": index.refused or None,
             "findings": [] if index.report is None else [f.data() for f in index.report.findings],
             "returns": asdict(index.safety.returns),
             "smoothing": None if index.smoothing is None else asdict(index.smoothing),
         }
     )
-    return 0
+    if not index.refused:
+        return 0
+    refusal = _not_written(index, plan, to)
+    if json:
+        return refusal.exit_code
+    raise refusal
+
+
+def _not_written(index: ExportIndex, plan: Plan, to: Path) -> NotWritten:
+    """The error for missions that were asked for, by --format or its default, and are left out."""
+    hint = "to write the setpoint stream alone, give --format setpoints"
+    if plan.begin_state is None:
+        hint += "; --untimed writes missions at the plan's own speeds"
+    written = f"{to} has no missions, and {len(index.sha256)} other files"
+    return NotWritten(f"{written}: {index.refused}", hint=hint)
 
 
 def _say_verified(screen: Screen, index: ExportIndex, plan: Plan) -> None:

@@ -55,7 +55,7 @@ def replaced(folder: Path) -> Iterator[Folder]:
     system does.
     """
     folder = folder.resolve()
-    _refuse_foreign(folder)
+    refuse_foreign(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".part", dir=folder.parent))
     try:
@@ -85,7 +85,7 @@ def listed(index: Path) -> dict[str, str]:
         raise FileFormatError(f"{index}: not the index of an export.", hint="choose another folder") from error
 
 
-def _refuse_foreign(folder: Path) -> None:
+def refuse_foreign(folder: Path) -> None:
     """Raise `UsageError` if the folder holds a file that no export wrote."""
     if not folder.exists():
         return

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gcs.autopilots.traits import Autopilot, FleetFirmware, one_each, titles
-from gcs.errors import UsageError, VerificationError
+from gcs.errors import NotWritten, UsageError, VerificationError
 from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.check.landing_separation import refuse_close_landing
 from gcs.mission.export.verify_export import check_written, refuse_broken, refuse_untimely, verify_box
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 _DAY_S = 86400
-_IN_THE_AIR = VerificationError(
+_IN_THE_AIR = NotWritten(
     "the plan begins in the air, and a mission cannot start in time there: missions are left out",
     hint="fly its setpoint stream: --format setpoints",
 )
@@ -75,15 +75,15 @@ class MadeMissions:
     files: dict[str, str | bytes]
     report: FleetReport | None
     timing: Timing | None
-    refusal: VerificationError | None = None  # why they must not fly; there are then no files
+    refusal: NotWritten | None = None  # why they must not fly; there are then no files
 
 
 def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequence[Format]) -> MadeMissions:
     """The verified missions of a plan, in those formats that hold missions.
 
-    Raises `ScenarioError` if the autopilot cannot store them, and `VerificationError` if missions at the plan's own
-    speeds fail verification. Missions at corrected speeds return a `refusal` instead. Landings at the autopilots' own
-    speeds are verified for streams too: they raise `VerificationError`.
+    Raises `ScenarioError` if the autopilot cannot store them, and `NotWritten` if missions at the plan's own speeds
+    fail verification. Missions at corrected speeds return a `refusal` instead. Landings at the autopilots' own speeds
+    are verified for streams too: they raise `VerificationError`.
     """
     altitude = order.altitude
     autopilots = one_each(order.firmware, len(plan.sysids))
@@ -117,9 +117,10 @@ def make_missions(plan: Plan, order: MissionOrder, safety: Safety, formats: Sequ
         verify_box(plan, missions, altitude)
         if timing is not None:
             refuse_untimely(plan, autopilots, timing)
-    except VerificationError as refusal:
+    except VerificationError as reason:
+        refusal = NotWritten(reason.message, hint=reason.hint)
         if timing is None:
-            raise
+            raise refusal from reason
         return MadeMissions(legs, missions, {}, None, timing, refusal)
     return MadeMissions(legs, missions, files, report, timing)
 

@@ -1,0 +1,91 @@
+"""What was asked for and cannot work: an exit code of its own for missions left out, and refusals before planning."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gcs.cli import main
+from gcs.errors import NotWritten
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.verification.verify import verify
+
+
+def gcs(*arguments: object) -> int:
+    return main.run([str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def simulation1_skein(simulation1_plan: Plan, tmp_path: Path) -> Path:
+    path = tmp_path / "simulation1.skein"
+    save_plan(simulation1_plan, verify(simulation1_plan), path)
+    return path
+
+
+@pytest.fixture
+def px4_field(repo_root: Path, tmp_path: Path) -> Path:
+    """The mission `field` with PX4 vehicles."""
+    folder = tmp_path / "field"
+    shutil.copytree(repo_root / "missions" / "field", folder)
+    file = folder / "scenario.toml"
+    text = file.read_text()
+    assert text.count('"ardupilot"') == 1
+    file.write_text(text.replace('"ardupilot"', '"px4"'))
+    return folder
+
+
+def test_an_export_without_the_missions_it_was_asked_for_is_an_error(
+    simulation1_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    asked = ("export", simulation1_skein, "--to", out, "--autopilot", "px4")
+    assert gcs(*asked) == 13
+    told = capsys.readouterr().err
+    assert f"error: {out} has no missions, and 6 other files: not fit for mission mode: vehicles" in told
+    assert "next: to write the setpoint stream alone, give --format setpoints; --untimed writes missions" in told
+    assert {path.suffix for path in out.iterdir()} == {".setpoints", ".json"}
+    assert gcs(*asked, "--json") == 13
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"] is False
+    assert told["refused"].startswith("not fit for mission mode")
+    assert gcs(*asked, "--format", "setpoints") == 0
+    assert gcs(*asked, "--untimed") == 0
+
+
+def test_missions_alone_that_are_not_fit_have_the_same_code(
+    simulation1_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert gcs("export", simulation1_skein, "--to", out, "--autopilot", "px4", "--format", "plan") == 13
+    assert NotWritten.exit_code == 13
+    assert "not fit for mission mode" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("fly", "MISSION", "--sim", "--mode", "mission"), "missions cannot start together"),
+        (("fly", "MISSION", "--link", "udpin:127.0.0.1:0", "--mode", "mission"), "missions cannot start together"),
+        (("fly", "MISSION", "--sim", "--fault", "99:die@3"), "99"),
+        (("export", "MISSION", "--to", "out", "--gates", "2", "--start", "10:30:00"), "PX4 cannot wait"),
+        (("export", "MISSION", "--to", "."), "export"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_is_planned(
+    arguments: tuple[str, ...],
+    told: str,
+    px4_field: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(px4_field.parent)
+    assert gcs(*("field" if word == "MISSION" else word for word in arguments)) == 2
+    out, err = capsys.readouterr()
+    assert "solve 1" not in out
+    assert told in err
+    assert [path.name for path in px4_field.parent.iterdir()] == ["field"]
