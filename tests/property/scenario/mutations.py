@@ -176,7 +176,8 @@ def _another_size(data: Data, chance: random.Random) -> None:
 def _another_type(data: Data, chance: random.Random) -> None:
     if found := _slots(data):
         node, key = chance.choice(found)
-        node[key] = chance.choice((*NUMBERS, *STRINGS, *OTHERS, *OTHERS))
+        # A copy: the next mistake may change it, and each seed must give one file.
+        node[key] = copy.deepcopy(chance.choice((*NUMBERS, *STRINGS, *OTHERS, *OTHERS)))
 
 
 def _another_string(data: Data, chance: random.Random) -> None:
