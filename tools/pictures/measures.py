@@ -1,6 +1,6 @@
 """Numbers of a plan over time, for people to look at.
 
-Knows: size of the formation, height above ground, nearest vehicles. Does not know: matplotlib, verdicts.
+Knows: size of the formation, distance to the ground, nearest vehicles. Does not know: matplotlib, verdicts.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import numpy as np
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import nearest_pair_m
+from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
 
 
@@ -28,10 +29,15 @@ def size(plan: Plan, t_s: Array) -> Array:
 
 
 def clearance_m(plan: Plan, t_s: Array) -> Array:
-    """Least height above the exact ground of any vehicle (N,)."""
-    places = places_ned_m(plan, t_s)
-    ground = ground_height_m(plan.scenario.terrain, places[..., 0], places[..., 1])
-    return np.asarray((-places[..., 2] - ground).min(axis=0))
+    """Least distance of any vehicle to the exact ground, in any direction (N,)."""
+    places, terrain = places_ned_m(plan, t_s), plan.scenario.terrain
+    north, east, up = places[..., 0], places[..., 1], -places[..., 2]
+    lowest_m = (up - ground_height_m(terrain, north, east)).min(axis=0)
+    away = [
+        ground_distance_m(terrain, north[:, n], east[:, n], up[:, n], float(reach_m)).min()
+        for n, reach_m in enumerate(lowest_m)
+    ]
+    return np.array(away)
 
 
 def nearest_m(plan: Plan, t_s: Array) -> Array:

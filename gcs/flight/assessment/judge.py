@@ -17,6 +17,7 @@ from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.reading.archives import ArrayKind, read_arrays
 from gcs.reading.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
+from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
 
 GRID_S = 0.05
@@ -80,9 +81,9 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     """Return the verdict on the true flight against plan and scenario.
 
     Separation counts from T0 to the order to land, and again in the ground phases: from the pads to T0, and from the
-    order to land to the last stop. Clearance above the exact ground counts from the hover after take-off to the order
-    to land; the position error from T0 to the planned arrival. The arrival is the last entry into the circle of
-    `arrival_position_m` around the goal, against the time at which the plan enters it.
+    order to land to the last stop. The distance to the exact ground, in any direction, counts from the hover after
+    take-off to the order to land; the position error from T0 to the planned arrival. The arrival is the last entry
+    into the circle of `arrival_position_m` around the goal, against the time at which the plan enters it.
     """
     limits = plan.scenario.judge
     positions = _in_plan_order(plan, truth)
@@ -147,7 +148,9 @@ def _separations(plan: Plan, truth: Truth, states: Array, times: FlightTimes) ->
 
 
 def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:
-    above = -flown[..., 2] - ground_height_m(plan.scenario.terrain, flown[..., 0], flown[..., 1])
+    terrain, north_m, east_m, up_m = plan.scenario.terrain, flown[..., 0], flown[..., 1], -flown[..., 2]
+    lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
+    above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
     row, instant = np.unravel_index(np.argmin(above), above.shape)
     return Criterion(
         "clearance above ground", "m", float(above[row, instant]), 0.0, True, plan.sysids[row], float(t_s[instant])

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
 from gcs.mission.check.between_samples import clearance_along, outside_along, parts_beside
+from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M
 from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.taylor import Taylor
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
 from gcs.scenario.environment.ground_bounds import highest_ground
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class PathBounds:
 def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBounds:
     """The bounds of the leader's spline (north, east, down, yaw) with the offsets of a plan.
 
-    Lengths have the verifier's tolerance, speeds a share `limit_tolerance` of their limit.
+    Lengths have the tolerance of every export, 1 cm; speeds a share `limit_tolerance` of their limit.
     """
     leader = _pieces(spline)
     edges_s = _edges(plan, leader)

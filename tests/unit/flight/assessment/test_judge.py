@@ -12,6 +12,7 @@ from gcs.flight.assessment.judge import GROUND_SEPARATION, Criterion, Truth, Ver
 from gcs.flight.progress import FlightTimes
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.environment.terrain import ground_height_m
 
 T0_UNIX_S = 1.7e9
 STEP_S = 0.1
@@ -92,3 +93,24 @@ def test_vehicles_may_stand_as_near_as_their_pads(simulation1_plan: Plan) -> Non
     plan = simulation1_plan
     assert pdist(plan.pads_ned_m).min() >= plan.scenario.judge.separation_min_m
     assert pdist(plan.landing_points_ned_m).min() >= plan.scenario.judge.separation_min_m
+
+
+def test_clearance_is_the_distance_to_the_ground_in_any_direction(simulation1_plan: Plan) -> None:
+    """A vehicle is put beside a summit, where the slope is nearer than the ground below: looked for on a fine grid."""
+    plan = simulation1_plan
+    mountains = plan.scenario.terrain.mountains
+    top = int(np.argmax(np.array(mountains.height_m) / np.array(mountains.spread_north_m)))
+    place = np.array([mountains.north_m[top] + 0.7 * mountains.spread_north_m[top], mountains.east_m[top]])
+    below_m = float(ground_height_m(plan.scenario.terrain, *place[:, None])[0])
+    up_m = below_m + 0.6
+
+    def change(times_s: Array, states: Array) -> None:
+        states[2, np.abs(times_s - 100.0) <= 0.3, :6] = [*place, -up_m, 0.0, 0.0, 0.0]
+
+    north, east = np.meshgrid(*(centre + np.arange(-1.0, 1.0, 2e-3) for centre in place), indexing="ij")
+    ground = ground_height_m(plan.scenario.terrain, north, east)
+    nearest_m = float(np.sqrt((north - place[0]) ** 2 + (east - place[1]) ** 2 + (ground - up_m) ** 2).min())
+    assert nearest_m < 0.5
+    clearance = named(judged(plan, change), "clearance above ground")
+    assert clearance.value == pytest.approx(nearest_m, abs=5e-3)
+    assert (clearance.sysid, clearance.t_s) == (plan.sysids[2], pytest.approx(100.0, abs=0.31))
