@@ -69,6 +69,15 @@ KeyOption = Annotated[
 ]
 
 
+AlsoToOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--also-to",
+        metavar="LINK",
+        help="Copy what the vehicles send to another ground station, which then watches: udpout:127.0.0.1:14550 for "
+        "QGroundControl on this machine. One way: nothing from there reaches a vehicle. Repeat it for several.",
+    ),
+]
 BackendOption = Annotated[
     str,
     typer.Option("--backend", help="skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign."),
@@ -99,6 +108,13 @@ def connection(
     if transfer not in TRANSFERS:
         raise unknown_choice("--transfer", transfer, TRANSFERS)
     return Connection(chosen, parse_map(systems), load_key(key_file), transfer)
+
+
+def watchers(also_to: Sequence[str] | None, links: Sequence[str] | None) -> tuple[str, ...]:
+    """The values of --also-to. Raises `UsageError`."""
+    from gcs.link.endpoints.udp_copy import listeners
+
+    return tuple(str(spec) for spec in listeners(also_to or (), links or ()))
 
 
 def within(option: str, value: float, least: float, most: float, unit: str = "") -> float:

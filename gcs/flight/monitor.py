@@ -108,8 +108,12 @@ class Monitor:
 
     def separation_m(self) -> float:
         """Return the least distance between two vehicles of `aloft`; NaN before all have reported."""
-        nearest = self._nearest(self.aloft)
+        nearest = self.nearest_now()
         return math.nan if nearest is None else nearest.distance_m
+
+    def nearest_now(self) -> NearestPair | None:
+        """Return the nearest two vehicles of `aloft`; None before all have reported."""
+        return self._nearest(self.aloft)
 
     def watch_separation(self, aloft: Collection[int]) -> None:
         """Take in which vehicles are in the air, and note the nearest two of those that are heard."""

@@ -31,6 +31,7 @@ class FlightOptions:
     # In mission mode: vehicle time from the upload to the provisional start, beside twice the take-off's duration.
     start_after_takeoff_s: float = 45.0
     telemetry_rate_hz: float = 10.0
+    watched_elsewhere: bool = False  # another ground station gets the frames: also those are requested that it shows
     follow: bool = False  # followers fly relative to the reported position of their leader
     on_loss: OnLoss = OnLoss.LAND
     on_leader_loss: OnLeaderLoss = OnLeaderLoss.PROMOTE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
@@ -62,8 +62,34 @@ class Snapshot:
     armed: dict[int, bool]
     separation_m: float
     formation_error_m: float  # Definition 1
+    plan_phase: str = ""  # of the plan: hover, mission, ...; empty outside of it
+    plan_end_s: float = math.nan  # end of the plan's landing, plan time
+    unix_s: float | None = None  # the vehicles' common GNSS time
+    nearest: NearestPair | None = None  # the pair of `separation_m`
+    separation_min_m: float = math.nan  # the limit of `[judge]`
 
 
+@dataclass(frozen=True)
+class VehicleNow:
+    """One vehicle as it reports itself now; NaN for what it has not reported.
+
+    Positions carry the error of the vehicle's own navigation, so every figure here does.
+    """
+
+    sysid: int
+    mode: str  # empty before its first HEARTBEAT
+    armed: bool
+    height_m: float  # above the origin's height
+    speed_mps: float
+    battery_pct: float  # of a full battery
+    link_age_s: float  # since its last message; infinite if it was never heard
+    loss: float  # share of its frames that were lost
+    error_m: float  # distance to its planned position
+    zone_m: float  # outside the nearest no-fly zone, negative inside; infinite without zones
+    above_ground_m: float  # vertically
+
+
+GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed
 ALL_VEHICLES, OURSELVES = 0, -1  # as the vehicle of an event: the whole fleet, and this program
 
 
@@ -94,6 +120,14 @@ class InFlight(Protocol):
 
     def snapshot(self) -> Snapshot:
         """Return how it stands now."""
+        ...
+
+    def vehicles_now(self) -> tuple[VehicleNow, ...]:
+        """Return every vehicle as it reports itself now."""
+        ...
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`."""
         ...
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -92,6 +92,7 @@ class FlightRun:
     options: FlightOptions = field(default_factory=FlightOptions)
     safety: bool = True  # with a link: fences, rally points and parameters go along
     limits: PreflightTable | None = None  # None: the scenario's
+    also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT` of other ground stations that watch
 
 
 @dataclass(frozen=True)
@@ -116,11 +117,13 @@ def fly(
     emulated: Emulated | None = None,
     to: Path | str = "flights",
     watcher: Watcher | None = None,
+    also_to: Sequence[str] = (),
 ) -> Flown:
     """Verify a plan, export it, upload it, read it back, fly it, and judge the flight if true states are known.
 
     Without a `link` the vehicles are emulated. With one, `confirmed` is the operator's permission to arm them. `mode`
-    is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. Raises
+    is stream (timed setpoints) or mission (the uploaded waypoints). The flight's folder is made under `to`. What the
+    vehicles send is copied to each `udpout:HOST:PORT` of `also_to`. Raises
     `UsageError` without confirmation, `VerificationError` for a plan that failed verification, and the errors of links,
     vehicles and flights. It runs its own event loop: call it in a thread where one runs already.
     """
@@ -137,6 +140,7 @@ def fly(
         emulated or Emulated(),
         Path(to),
         FlightOptions(follow=follow),
+        also_to=tuple(also_to),
     )
     return fly_run(order, watcher or Watcher())
 
@@ -229,7 +233,7 @@ async def _fly(
         record = stack.enter_context(
             FlightRecord(folder, spared(watcher.warn, "the screen"), lambda: time.now_s() if time else None)
         )
-        known = order.link or Connection((SIM_LINK,))
+        known = replace(order.link or Connection((SIM_LINK,)), also_to=order.also_to)
         on_frame = spared(record.write_frame, TELEMETRY, say)
         fleet = await stack.enter_async_context(
             known.open(on_frame, vehicles=plan.sysids, on_notice=spared(on_notice, "the report of events"))
@@ -297,7 +301,7 @@ async def _flight(
     lead_s = SIM_LEAD_S if order.link is None else 0.0
     if order.options.follow and len({session.autopilot for session in sessions.values()}) > 1:
         watcher.warn(MIXED_FOLLOWING)
-    options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s)
+    options = replace(order.options, mode=order.keeping.mode, lead_s=lead_s, watched_elsewhere=bool(order.also_to))
     if order.link is None:
         loads = missions_only(exported.missions)
     else:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Collection
+from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gcs.errors import UsageError
+from gcs.link.endpoints.udp_copy import copies_to
 from gcs.link.mission_protocol.strategy import Transfer
-from gcs.link.session.linked_fleet import FrameHook, LinkedFleet, NoticeHook
+from gcs.link.session.linked_fleet import FrameDirection, FrameHook, LinkedFleet, NoticeHook
+from gcs.link.wire.frame_scanner import frame_system
 from gcs.link.wire.signing_keys import signing_with
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ class Connection:
     systems: dict[int, int] = field(default_factory=dict)  # of plan vehicles with another MAVLink system id
     key: bytes | None = field(default=None, repr=False)
     transfer: str = "auto"  # one of TRANSFERS: as a file or item by item
+    also_to: tuple[str, ...] = ()  # `udpout:HOST:PORT`: every frame of the vehicles is copied there, one way
 
     @asynccontextmanager
     async def open_backend(self, backend: str) -> AsyncIterator[LinkedFleet | MavsdkFleet]:
@@ -64,15 +67,32 @@ class Connection:
 
         Raises `UsageError`, `LinkError`.
         """
-        async with LinkedFleet.open(
-            self.links,
-            on_frame=on_frame,
-            signing=signing_with(self.key, asyncio.get_running_loop().time()),
-            transfer=Transfer(self.transfer),
-            only=None if vehicles is None else [self.systems.get(sysid, sysid) for sysid in vehicles],
-            on_notice=on_notice,
-        ) as fleet:
+        only = None if vehicles is None else [self.systems.get(sysid, sysid) for sysid in vehicles]
+        async with (
+            copies_to(self.also_to, self.links) as copy,
+            LinkedFleet.open(
+                self.links,
+                on_frame=_also(copy, only, on_frame) if self.also_to else on_frame,
+                signing=signing_with(self.key, asyncio.get_running_loop().time()),
+                transfer=Transfer(self.transfer),
+                only=only,
+                on_notice=on_notice,
+            ) as fleet,
+        ):
             yield fleet
 
     def __str__(self) -> str:
         return ", ".join(self.links)
+
+
+def _also(copy: Callable[[bytes], None], only: Collection[int] | None, on_frame: FrameHook | None) -> FrameHook:
+    """Return the hook that copies what vehicles send, besides `on_frame`; `only`: of these systems."""
+    systems = None if only is None else frozenset(only)
+
+    def hook(direction: FrameDirection, frame: bytes) -> None:
+        if direction is FrameDirection.IN and (systems is None or frame_system(frame) in systems):
+            copy(frame)
+        if on_frame is not None:
+            on_frame(direction, frame)
+
+    return hook

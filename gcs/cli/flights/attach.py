@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption, KeyOption, LinkOption
+from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, watchers
 from gcs.errors import UsageError
 
 
@@ -22,6 +22,7 @@ def attach(
     resume: Annotated[bool, typer.Option("--resume", help="Fly the remaining plan.")] = False,
     link: LinkOption = None,
     signing_key_file: KeyOption = None,
+    also_to: AlsoToOption = None,
     to: Annotated[Path, typer.Option("--to", help="Folder that holds the folders of flights.")] = Path("flights"),
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -43,6 +44,6 @@ def attach(
 
     what = Resume.LAND if land else Resume.RETURN if home else Resume.RESUME if resume else Resume.SHOW
     screen = Screen(json=json)
-    return take_up(
-        AttachRequest(folder or newest_unfinished(to, screen.warn), what, tuple(link or ()), signing_key_file, screen)
-    )
+    watched_at = watchers(also_to, link)
+    found = folder or newest_unfinished(to, screen.warn)
+    return take_up(AttachRequest(found, what, tuple(link or ()), signing_key_file, screen, watched_at))

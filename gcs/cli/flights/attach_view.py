@@ -50,6 +50,7 @@ class AttachRequest:
     links: tuple[str, ...]
     key_file: Path | None
     screen: Screen
+    also_to: tuple[str, ...] = ()
 
 
 def take_up(request: AttachRequest) -> int:
@@ -60,7 +61,7 @@ def take_up(request: AttachRequest) -> int:
         raise UsageError(
             f"the vehicles of {request.folder} were emulated and ended with their flight.", hint="name another flight"
         )
-    known = replace(connection(links, key_file=request.key_file), systems=book.systems)
+    known = replace(connection(links, key_file=request.key_file), systems=book.systems, also_to=request.also_to)
     loads = missions_only(build_missions(plan))  # before the links are open: they would have to wait
     stream = build_stream(plan, plan.scenario.mission.setpoint_rate_hz)
     ctrl_c = Stoppable()
@@ -122,7 +123,7 @@ async def _take_up(
     stream: SetpointStream,
     ctrl_c: Stoppable,
 ) -> dict[str, Any]:
-    options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow)
+    options = FlightOptions(mode=FlightMode(book.mode), follow=book.follow, watched_elsewhere=bool(request.also_to))
     folder, screen = request.folder, request.screen
     async with AsyncExitStack() as stack:
         flight: FlightSequence | None = None

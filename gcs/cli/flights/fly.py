@@ -10,6 +10,7 @@ import typer
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
+    AlsoToOption,
     DebugOption,
     JsonOption,
     KeyOption,
@@ -20,6 +21,7 @@ from gcs.cli.shared_options import (
     UnverifiedOption,
     connection,
     unknown_choice,
+    watchers,
     within,
 )
 from gcs.errors import UsageError
@@ -112,6 +114,7 @@ def fly(
         ),
     ] = None,
     to: Annotated[Path, typer.Option("--to", help="Folder for the folders of flights.")] = Path("flights"),
+    also_to: AlsoToOption = None,
     yes_arm: Annotated[bool, typer.Option("--yes-arm", help="With --link: arm without confirmation.")] = False,
     unverified: UnverifiedOption = False,
     json: JsonOption = False,
@@ -125,6 +128,8 @@ def fly(
     Examples: gcs fly missions/simulation1 --sim
 
     gcs fly missions/simulation1 --sim --mode mission --speedup max
+
+    gcs fly missions/simulation1 --sim --speedup 1 --also-to udpout:127.0.0.1:14550
     """
     screen = Screen(json=json)
     _check(sim, bool(link), mode, speedup, seed)
@@ -134,6 +139,7 @@ def fly(
     if waive and sim:
         raise UsageError("--waive applies to vehicles on a --link only", hint="leave --waive out with --sim")
     known = connection(link, systems, signing_key_file, transfer) if link else None
+    watched_at = watchers(also_to, known.links if known else None)
     from gcs.cli.flights.fly_view import fly_and_judge
     from gcs.cli.plan_argument import Stopwatch, plan_for
     from gcs.flight.contingency.policy import OnLeaderLoss, OnLoss
@@ -164,7 +170,9 @@ def fly(
     emulated = Emulated(speedup, seed, tuple(fault or ()), wind, gusts)
     keeping = TimeKeeping(FlightMode(mode), sim, nav, gates)
     safety = not missions_only
-    run = FlightRun(plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits)
+    run = FlightRun(
+        plan, report, keeping, known, emulated, to, choices, safety=safety, limits=limits, also_to=watched_at
+    )
     return fly_and_judge(run, screen, watch, asks=not yes_arm)
 
 

@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.table import Table
 
 from gcs.cli.console import Screen
+from gcs.cli.flights.live.flight_table import FlightTable
 from gcs.cli.plan_argument import Stopwatch, verdict_word
 from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError
@@ -71,9 +72,10 @@ class FlightView(Watcher):
         """Show the flight until cancelled: a live table on a terminal, else a line every few seconds."""
         if not self._screen.is_watched:
             await _say_progress(self._screen, flight)
-        with Live(console=self._screen.console, refresh_per_second=4, transient=True) as self._live:
+        console, table = self._screen.console, FlightTable()
+        with Live(console=console, refresh_per_second=4, transient=True) as self._live:
             while True:
-                self._live.update(_table(flight.snapshot()))
+                self._live.update(table.draw(flight, console.width, console.height))
                 await asyncio.sleep(_REFRESH_S)
 
 
@@ -134,20 +136,6 @@ def _line(snapshot: Snapshot) -> str:
     )
     known = (f"{name} {metres:.2f} m" for name, metres in figures if not math.isnan(metres))
     return ", ".join((f"{snapshot.phase}: t = {snapshot.plan_time_s:.0f} s ({snapshot.progress:.0%})", *known))
-
-
-def _table(snapshot: Snapshot) -> Table:
-    bar = "█" * round(30 * snapshot.progress)
-    time_text = "" if snapshot.plan_time_s is None else f"  t = {snapshot.plan_time_s:.0f} s"
-    separation = "" if math.isnan(snapshot.separation_m) else f"  separation {snapshot.separation_m:.2f} m"
-    off = "" if math.isnan(snapshot.formation_error_m) else f"  formation error {snapshot.formation_error_m:.2f} m"
-    table = Table("vehicle", "armed", "position error", "link", title=f"{snapshot.phase}{time_text}{separation}{off}")
-    table.caption = f"{bar:░<30} {snapshot.progress:.0%}"
-    for sysid, error in snapshot.errors_m.items():
-        error_text = "–" if math.isnan(error) else f"{error:.3f} m"
-        age = snapshot.link_age_s[sysid]
-        table.add_row(str(sysid), "yes" if snapshot.armed[sysid] else "no", error_text, f"{age:.1f} s ago")
-    return table
 
 
 def _skew_text(late_s: dict[int, float]) -> str | None:

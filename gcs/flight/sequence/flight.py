@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
 from typing import Any, TypeVar
 
 from gcs.aio import alongside, each, ended
@@ -26,9 +26,10 @@ from gcs.flight.options import FlightMode, FlightOptions
 from gcs.flight.orders.fleet_landing import FleetLanding
 from gcs.flight.orders.flight_guard import FlightGuard
 from gcs.flight.orders.order_book import StandingOrder
-from gcs.flight.progress import Event, FlightTimes, Snapshot, Step
+from gcs.flight.progress import Event, FlightTimes, Snapshot, Step, VehicleNow
 from gcs.flight.sequence.common_start import CommonStart
 from gcs.flight.sequence.fleet_time import FleetTime
+from gcs.flight.sequence.reported_now import ReportedNow
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
     expected_landings,
@@ -92,6 +93,7 @@ class FlightSequence:
             )
             for row, sysid in enumerate(plan.sysids)
         }
+        self._reported = ReportedNow(plan, sessions, self.monitor)
         self.time = FleetTime(sessions)
         self._texts = TextWatch(sessions, self.monitor, self._hooks.on_event)
         self.streamer = Streamer(plan, stream, self.vehicles, self.time, options)
@@ -132,6 +134,7 @@ class FlightSequence:
         t_s = self.monitor.plan_time_s
         span = self.plan.t_end_s - self.plan.t_start_s
         progress = 0.0 if t_s is None else min(max((t_s - self.plan.t_start_s) / span, 0.0), 1.0)
+        nearest = self.monitor.nearest_now()
         return Snapshot(
             self.step.value,
             1.0 if self.step is Step.DONE else progress,
@@ -139,9 +142,22 @@ class FlightSequence:
             self.monitor.errors_m,
             {sysid: s.silent_s() for sysid, s in self.sessions.items()},
             {sysid: s.armed for sysid, s in self.sessions.items()},
-            self.monitor.separation_m(),
+            math.nan if nearest is None else nearest.distance_m,
             self.monitor.formation_error_m(),
+            "" if t_s is None else next((p.name for p in self.plan.phases if p.start_s <= t_s < p.end_s), ""),
+            self.plan.t_end_s,
+            self.time.now_s(),
+            nearest,
+            self.plan.scenario.judge.separation_min_m,
         )
+
+    def vehicles_now(self) -> tuple[VehicleNow, ...]:
+        """Return every vehicle as it reports itself now, for display."""
+        return self._reported.vehicles()
+
+    def ground_margins_m(self, sysids: Collection[int]) -> dict[int, float]:
+        """Return the distance of vehicles to the ground in any direction, up to `GROUND_REACH_M`; NaN if not known."""
+        return self._reported.ground_margins_m(sysids)
 
     async def each(self, action: Callable[[FlightVehicle], Awaitable[object]]) -> None:
         """Run `action` for all vehicles at once."""

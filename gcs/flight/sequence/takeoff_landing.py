@@ -23,6 +23,9 @@ from gcs.mavlink import MavCommand, MessageId
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 
+# What another ground station shows of a vehicle, besides its heartbeat and what every flight requests.
+WATCHED_IDS = (MessageId.GLOBAL_POSITION_INT, MessageId.ATTITUDE, MessageId.VFR_HUD)
+WATCHED_HZ = 2.0
 _SETTLED_M, _SETTLED_MPS = 0.4, 0.25
 
 
@@ -50,12 +53,19 @@ class FlightVehicle:
 
 
 async def request_telemetry(vehicle: FlightVehicle) -> None:
-    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz."""
+    """Request positions at the telemetry rate, and the messages that incidents are detected from at 2 Hz.
+
+    A station that watches cannot request what it shows; a vehicle that refuses that flies all the same.
+    """
     session = vehicle.session
     await session.set_message_interval(MessageId.LOCAL_POSITION_NED, vehicle.options.telemetry_rate_hz)
     m = vehicle.behaviour
     for number in (session.estimator.message, MessageId.EXTENDED_SYS_STATE, MessageId.SYSTEM_TIME, *m.health_ids):
         await session.set_message_interval(number, 2.0)
+    if vehicle.options.watched_elsewhere:
+        for number in WATCHED_IDS:
+            with suppress(PeerError):
+                await session.set_message_interval(number, WATCHED_HZ)
 
 
 async def until_ready(vehicle: FlightVehicle) -> None:

@@ -138,6 +138,11 @@ def frame_length(data: bytes, at: int) -> int:
     return 0
 
 
+def frame_system(frame: bytes) -> int:
+    """Return the system id of a whole frame's sender."""
+    return frame[5] if frame[0] == V2 else frame[3]
+
+
 def message_id(frame: bytes) -> int:
     """Return the message id of a whole frame."""
     return frame[7] | frame[8] << 8 | frame[9] << 16 if frame[0] == V2 else frame[5]

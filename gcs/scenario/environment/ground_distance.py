@@ -149,10 +149,11 @@ def _distance_to_surface(
         n, e, u = north[part], east[part], up[part]
         size = known[part, None]
         squared = _squared(surface, n[:, None], e[:, None], u[:, None], *(size * trial[:, axis] for axis in (0, 1)))
-        starts = np.argpartition(squared, _STARTS, axis=1)[:, :_STARTS]
-        for start in starts.T:
-            away = size * trial[start]
-            found[part] = np.minimum(found[part], _descended(surface, n, e, u, away[:, 0], away[:, 1]))
+        # All starts of all places at once: for few places the calls cost more than the numbers.
+        away = size[:, :, None] * trial[np.argpartition(squared, _STARTS, axis=1)[:, :_STARTS]]
+        places = (np.repeat(values, _STARTS) for values in (n, e, u))
+        feet = _descended(surface, *places, *away.reshape(-1, 2).T)
+        found[part] = feet.reshape(-1, _STARTS).min(axis=1)
     return found
 
 

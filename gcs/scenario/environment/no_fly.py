@@ -7,6 +7,7 @@ than the true distance, never more.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -100,6 +101,7 @@ def _neighbours(parts: list[_Part]) -> list[tuple[_Part, _Part]]:
     return [(parts[first], parts[second]) for first, second in pairs]
 
 
+@lru_cache(maxsize=256)
 def outline(zone: NoFlyZone) -> shapely.Polygon:
     """The zone (north, east) in the plane, where it is when it has not moved; a disk with many corners around it."""
     if zone.polygon_m is not None:
@@ -138,6 +140,16 @@ def signed_distance_m(zone: NoFlyZone, north_m: Array, east_m: Array) -> Array:
     points = shapely.points(north_m, east_m)
     away_m = shapely.distance(area.exterior, points)
     return np.asarray(np.where(shapely.intersects(area, points), -away_m, away_m))
+
+
+def nearest_zone_m(zones: Sequence[NoFlyZone], t_s: float, north_m: Array, east_m: Array) -> Array:
+    """True distance (N,) of places (N,) at a plan time to the edge of the nearest zone: negative inside, infinite
+    without zones."""
+    found = np.full(np.shape(north_m), np.inf)
+    for zone in zones:
+        moved_north, moved_east = displacement_m(zone, np.array(t_s))
+        found = np.minimum(found, signed_distance_m(zone, north_m - moved_north, east_m - moved_east))
+    return found
 
 
 def _is_convex(polygon: shapely.Polygon) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from gcs.errors import FlightError, PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
 from gcs.flight.sequence.takeoff_landing import (
+    WATCHED_IDS,
     FlightVehicle,
     request_telemetry,
     set_mode,
@@ -230,3 +231,22 @@ def test_nothing_is_expected_that_was_not_asked_for(behaviour: FlightBehaviour) 
     }
     assert wanted <= set(asked)
     assert all(interval_us > 0.0 for interval_us in asked.values())
+
+
+@BOTH
+def test_what_another_station_shows_is_requested_too_and_may_be_refused(behaviour: FlightBehaviour) -> None:
+    """`--also-to` is one way: that station cannot request anything itself."""
+
+    async def request(crew: FlightVehicle) -> None:
+        await request_telemetry(replace(crew, options=FlightOptions(watched_elsewhere=True)))
+
+    def refuse(vehicle: Vehicle, fields: dict[str, Any]) -> None:
+        vehicle.result = MavResult.DENIED if len(vehicle.heard) >= needed else MavResult.ACCEPTED
+
+    needed = 10**6
+    vehicle = Vehicle(behaviour, obey=refuse)
+    live(vehicle, None, request)
+    assert set(WATCHED_IDS) <= {int(fields["param1"]) for fields in vehicle.heard}
+    needed = len(vehicle.heard) - len(WATCHED_IDS)
+    live(refusing := Vehicle(behaviour, obey=refuse), None, request)
+    assert len(refusing.heard) == len(vehicle.heard)

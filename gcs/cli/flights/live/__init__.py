@@ -1,0 +1,1 @@
+"""The live view of a flight: which vehicles fit the screen, and their table."""
