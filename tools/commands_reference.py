@@ -20,6 +20,13 @@ HEAD = """# Commands of gcs
 `--json` print one JSON object on stdout; stderr then has warnings only. The how-to lists the
 [exit codes](howto.md#exit-codes). `sim-bridge` has [its own page](sim_bridge.md).
 
+`gcs --install-completion` has your shell complete commands, options, missions, plans, flights and the words that an
+option takes. `gcs` must be found on the PATH: `. .venv/bin/activate` in a checkout. Completion opens no link, so it
+does not offer the vehicles on one: a port that it opened would take frames from the station that flies.
+
+`--to` names where results go, in every command. `--out` and `-o` are its older names in `plan` and `replan`, and `--to`
+is the older name of `--until` in `replay`.
+
 Options in **bold** must be given.
 """
 _EVERYWHERE = ("debug", "json", "help")

@@ -8,6 +8,7 @@ from typing import Any
 from gcs.files import atomic_write
 from gcs.scenario.schema.json_schema import scenario_schema
 from tools.api_reference import api_reference
+from tools.shape_drawings import shape_drawings
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 HEAD = """# Scenario files
@@ -50,6 +51,8 @@ def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[s
             heading = f"`[[{inner}]]`" if many else f"`[{inner}]`"
             below += [f"## {heading}\n", f"{schema['$defs'][target].get('description', '')}\n"]
             below += _section(schema, schema["$defs"][target], target, inner)
+            if inner == "formation.shape":
+                below.append(shape_drawings())
             if not path:
                 continue
             what = f"see {heading}"

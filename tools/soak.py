@@ -179,7 +179,7 @@ def soak(options: argparse.Namespace) -> dict[str, Any]:
     to.mkdir(parents=True, exist_ok=True)
     scenario, plan = to / "scenario.json", to / "soak.skein"
     scenario.write_text(long_scenario(options.vehicles, options.leg).model_dump_json(indent=2), encoding="utf-8")
-    subprocess.run([Path(sys.executable).with_name("gcs"), "plan", scenario, "--out", plan], check=True)
+    subprocess.run([Path(sys.executable).with_name("gcs"), "plan", scenario, "--to", plan], check=True)
     rows: list[dict[str, Any]] = []
     ended: list[int] = []
     flown_s, leg = 0.0, 0

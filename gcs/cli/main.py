@@ -8,6 +8,7 @@ holds this). A traceback is printed with `--debug` only.
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 import traceback
@@ -30,6 +31,7 @@ from gcs.cli.missions.export import export
 from gcs.cli.missions.upload import restore, upload
 from gcs.cli.outlet import install
 from gcs.cli.planning.new import new
+from gcs.cli.planning.places_given import PlaceCommand
 from gcs.cli.planning.plan import plan
 from gcs.cli.planning.replan import replan
 from gcs.cli.planning.schema import schema
@@ -37,6 +39,7 @@ from gcs.cli.planning.show import show
 from gcs.cli.planning.verify import verify
 from gcs.errors import FileFormatError, GcsError, UsageError
 
+NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
 STOPPED = 130  # typer's, for every KeyboardInterrupt
 OUTPUT_LOST = 1
 BUG = 70
@@ -74,7 +77,6 @@ PANELS = {  # of `gcs --help`, by the folder of the command
 app = typer.Typer(
     help="Plan, verify and fly formations of quadrotors over MAVLink.",
     epilog=EXAMPLES,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
@@ -97,7 +99,8 @@ for _command in (
     vehicles,
     tell,
 ):
-    app.command(rich_help_panel=PANELS[_command.__module__.split(".")[2]])(_command)
+    _class = PlaceCommand if _command is new else None
+    app.command(rich_help_panel=PANELS[_command.__module__.split(".")[2]], cls=_class)(_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -122,6 +125,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
     Without arguments it prints the first steps.
     """
+    if COMPLETING in os.environ:  # the shell asks what may follow; the words are in the environment
+        app(args=[], prog_name=NAME)
     is_the_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not is_the_process:
@@ -152,9 +157,11 @@ def _run(arguments: list[str]) -> int:
         # Not standalone: typer then leaves the endings to the lines below. None is success.
         code = 0
         if arguments:
-            code = app(args=arguments, prog_name="gcs", standalone_mode=False) or 0
+            code = app(args=arguments, prog_name=NAME, standalone_mode=False) or 0
         else:
             print(FIRST_STEPS)
+    except SystemExit as ended:  # --install-completion
+        code = ended.code if isinstance(ended.code, int) else 0
     except KeyboardInterrupt:
         code = STOPPED
     except typer.TyperException as error:

@@ -82,6 +82,13 @@ def plan_for(
     return plan, report
 
 
+def plan_path(to: Path | None, otherwise: Path) -> Path:
+    """Where a plan is written: the file that --to names, in the folder that it names, or `otherwise`."""
+    if to is None:
+        return otherwise
+    return to / otherwise.name if to.is_dir() else to
+
+
 def verdict_word(ok: bool) -> str:
     """The last column of a table of criteria."""
     return "ok" if ok else "FAILED"

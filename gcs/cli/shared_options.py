@@ -8,13 +8,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.cli.completions import flights, missions, one_of, plans
 from gcs.errors import UsageError
 
 MissionArgument = Annotated[
     Path,
-    typer.Argument(metavar="MISSION", help="Mission folder, scenario file or plan file.", show_default=False),
+    typer.Argument(
+        metavar="MISSION",
+        help="Mission folder, scenario file or plan file.",
+        show_default=False,
+        autocompletion=missions,
+    ),
 ]
-PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False)]
+PlanArgument = Annotated[
+    Path,
+    typer.Argument(metavar="PLAN", help="Plan file of `gcs plan`.", show_default=False, autocompletion=plans),
+]
+FlightArgument = Annotated[
+    Path,
+    typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False, autocompletion=flights),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on stdout; stderr then has warnings only.")
 ]
@@ -80,7 +93,11 @@ AlsoToOption = Annotated[
 ]
 BackendOption = Annotated[
     str,
-    typer.Option("--backend", help="skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign."),
+    typer.Option(
+        "--backend",
+        help="skein: Skein's own MAVLink; mavsdk: MAVSDK, which is slower and cannot sign.",
+        autocompletion=one_of("skein", "mavsdk"),
+    ),
 ]
 TransferOption = Annotated[
     str,
@@ -88,6 +105,7 @@ TransferOption = Annotated[
         "--transfer",
         help="How ArduPilot receives its mission: items (one by one), file (over MAVLink FTP), or auto (a file where "
         "the vehicle offers MAVLink FTP, else items).",
+        autocompletion=one_of("items", "file", "auto"),
     ),
 ]
 

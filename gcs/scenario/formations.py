@@ -19,6 +19,15 @@ def places_up_m(generator: Generator, count: int, spacing_m: float) -> Array:
     return _GENERATORS[generator](count) * spacing_m
 
 
+def turned(places_m: Array, heading_deg: float) -> Array:
+    """Places (count, 3) north, east, up with their front at a heading, clockwise from north."""
+    angle = np.radians(heading_deg)
+    north, east, up = places_m.T
+    return np.column_stack(
+        [north * np.cos(angle) - east * np.sin(angle), north * np.sin(angle) + east * np.cos(angle), up]
+    )
+
+
 def _triangle(count: int) -> Array:
     """Rows of 1, 2, 3, ... behind the leader, equilateral."""
     row = np.ceil((np.sqrt(8.0 * np.arange(1, count + 1) + 1.0) - 3.0) / 2.0 - 1e-9)

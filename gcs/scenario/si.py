@@ -10,7 +10,7 @@ from gcs.physics.quadrotor import Array, Quadrotor, hover_trim
 from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.heightmap import Region
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.formations import places_up_m
+from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Performance, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
@@ -94,6 +94,8 @@ def shape_offsets_ned_m(scenario: Scenario, name: str) -> Array:
     else:
         assert shape.spacing_m is not None
         generated = places_up_m(shape.generator, len(formation.sysids), shape.spacing_m)
+        if shape.heading_deg is not None:
+            generated = turned(generated, shape.heading_deg)
         places = np.insert(generated[1:], leader, generated[0], axis=0)
     return np.asarray((places - places[leader]) * NED_FROM_UP)
 

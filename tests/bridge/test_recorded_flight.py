@@ -178,7 +178,7 @@ def test_another_ground_station_hears_what_vehicles_said_in_order_and_in_time(
         listener = threading.Thread(target=listen)
         listener.start()
         link = f"udpout:127.0.0.1:{ear.getsockname()[1]}"
-        assert run(["replay", str(log), "--from", "2", "--to", "8", "--speed", "6", "--to-link", link]) == 0
+        assert run(["replay", str(log), "--from", "2", "--until", "8", "--speed", "6", "--to-link", link]) == 0
         over.set()
         listener.join()
     recalled = load_recording(log)

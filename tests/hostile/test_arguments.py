@@ -135,8 +135,8 @@ def thorough() -> Iterator[list[str]]:
         yield ["show", "hop.skein", "--picture", place + ".png"]
         yield ["fly", "hop.skein", "--sim", "--to", place, "--fault", "99:die"]
         yield ["download", "--to", place, *LISTENING]
-        yield ["plan", "meadow", "--out", place]
-        yield ["replan", "hop.skein", "--at", "5", "--out", place]
+        yield ["plan", "meadow", "--to", place]
+        yield ["replan", "hop.skein", "--at", "5", "--to", place]
     for number in NUMBERS:
         yield ["replan", "hop.skein", "--at", "5", "--disk", f"{number},0,5"]
         yield ["replan", "hop.skein", "--at", "5", "--disk", f"0,0,{number}"]

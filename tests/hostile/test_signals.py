@@ -137,7 +137,7 @@ def test_emulated_vehicles_land_first_and_end_with_the_flight(hop_file: Path, tm
 
 def test_a_plan_in_the_making_leaves_no_file(repo_root: Path, tmp_path: Path) -> None:
     mission = repo_root / "missions" / "simulation1"
-    with Ground("plan", mission, "--out", tmp_path / "plan.skein", env={"TMPDIR": tmp_path}) as ground:
+    with Ground("plan", mission, "--to", tmp_path / "plan.skein", env={"TMPDIR": tmp_path}) as ground:
         while not catches(ground.process.pid, TERM):
             time.sleep(0.02)
         ground.signal(TERM)

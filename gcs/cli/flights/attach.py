@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.cli.completions import flights
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import AlsoToOption, DebugOption, JsonOption, KeyOption, LinkOption, watchers
 from gcs.errors import UsageError
@@ -15,7 +16,12 @@ from gcs.errors import UsageError
 def attach(
     folder: Annotated[
         Path | None,
-        typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default="the newest unfinished one"),
+        typer.Argument(
+            metavar="FOLDER",
+            help="Folder of the flight.",
+            show_default="the newest unfinished one",
+            autocompletion=flights,
+        ),
     ] = None,
     land: Annotated[bool, typer.Option("--land", help="Land every vehicle where it is.")] = False,
     home: Annotated[bool, typer.Option("--return", help="Return all vehicles (RTL) at staggered altitudes.")] = False,

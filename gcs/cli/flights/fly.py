@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.cli.completions import one_of
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
@@ -46,7 +47,12 @@ def fly(
         typer.Option("--missions-only", help="With --link: do not change fences, rally points and parameters."),
     ] = False,
     mode: Annotated[
-        str, typer.Option("--mode", help="stream: setpoint stream; mission: waypoint missions on board.")
+        str,
+        typer.Option(
+            "--mode",
+            help="stream: setpoint stream; mission: waypoint missions on board.",
+            autocompletion=one_of("stream", "mission"),
+        ),
     ] = "stream",
     speedup: Annotated[
         str, typer.Option("--speedup", help="With --sim: speed in multiples of real time, or max.")
@@ -64,20 +70,30 @@ def fly(
     ] = None,
     gusts: Annotated[
         str | None,
-        typer.Option("--gusts", help="With --sim: gusts: light, moderate, severe, or the standard deviation in m/s."),
+        typer.Option(
+            "--gusts",
+            help="With --sim: gusts: light, moderate, severe, or the standard deviation in m/s.",
+            autocompletion=one_of("light", "moderate", "severe"),
+        ),
     ] = None,
     follow: Annotated[
         bool,
         typer.Option("--follow", help="With --mode stream: followers use the leader's telemetry instead of its plan."),
     ] = False,
     on_loss: Annotated[
-        str, typer.Option("--on-loss", help="What the other vehicles do when one is lost: land, return or continue.")
+        str,
+        typer.Option(
+            "--on-loss",
+            help="What the other vehicles do when one is lost: land, return or continue.",
+            autocompletion=one_of("land", "return", "continue"),
+        ),
     ] = "land",
     on_leader_loss: Annotated[
         str,
         typer.Option(
             "--on-leader-loss",
             help="With --follow, when the leader is lost: promote (the next vehicle leads) or return.",
+            autocompletion=one_of("promote", "return"),
         ),
     ] = "promote",
     nav: Annotated[
@@ -86,6 +102,7 @@ def fly(
             "--nav",
             help="With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
             "ideal: it keeps the plan's times; auto: own where it is predicted to meet [judge], else ideal.",
+            autocompletion=one_of("auto", "own", "ideal"),
         ),
     ] = "auto",
     gates: Annotated[

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcs.cli.completions import recordings
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import DebugOption, JsonOption
 from gcs.errors import UsageError
@@ -20,7 +21,13 @@ SPEEDS = (0.01, 10_000.0)  # least and most, in multiples of real time
 
 def replay(
     flight: Annotated[
-        Path, typer.Argument(metavar="FLIGHT", help="Folder of a flight, or any .tlog.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="FLIGHT",
+            help="Folder of a flight, or any .tlog.",
+            show_default=False,
+            autocompletion=recordings,
+        ),
     ],
     speed: Annotated[
         str | None,
@@ -34,7 +41,9 @@ def replay(
             "--from", metavar="SECONDS", help="Begin at this plan time; in a .tlog without a plan, at this log time."
         ),
     ] = None,
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="End at this time.")] = None,
+    until_s: Annotated[
+        float | None, typer.Option(*("--until", "--to"), metavar="SECONDS", help="End at this time.")
+    ] = None,
     picture: Annotated[
         Path | None,
         typer.Option(
@@ -75,7 +84,7 @@ def replay(
     recording = loaded.recording
     for note in recording.notes:
         screen.say(f"note: {note}")
-    window = _window(recording, from_s, to_s)
+    window = _window(recording, from_s, until_s)
     if picture is not None:
         from gcs.flight.assessment.replay_plot import save_picture
 
@@ -114,13 +123,13 @@ def _rate(speed: str | None, to_link: str | None) -> float:
     return rate
 
 
-def _window(recording: Recording, from_s: float | None, to_s: float | None) -> tuple[float, float]:
+def _window(recording: Recording, from_s: float | None, until_s: float | None) -> tuple[float, float]:
     """The first and last time to show. Raises `UsageError` where the recording has nothing between them."""
     begin_s, end_s = recording.span_s
     first = begin_s if from_s is None else max(begin_s, from_s)
-    last = end_s if to_s is None else min(end_s, to_s)
+    last = end_s if until_s is None else min(end_s, until_s)
     if not first < last:
-        given = " ".join(f"{name} {t:g}" for name, t in (("--from", from_s), ("--to", to_s)) if t is not None)
+        given = " ".join(f"{name} {t:g}" for name, t in (("--from", from_s), ("--until", until_s)) if t is not None)
         raise UsageError(
             f"{given or 'this flight'}: nothing to show; its reports are from {begin_s:.1f} s to {end_s:.1f} s",
             hint="give times within these",

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.shared_options import DebugOption, FlightArgument, JsonOption
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -19,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the flight.", show_default=False)],
+    folder: FlightArgument,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
 from gcs.cli.shared_options import (
     LISTEN_S,
@@ -30,7 +31,13 @@ _DONE = {"hold": "holds", "land": "lands", "return": "returns"}
 
 def tell(
     what: Annotated[
-        str, typer.Argument(metavar="hold|land|return", help="Command for the vehicles.", show_default=False)
+        str,
+        typer.Argument(
+            metavar="hold|land|return",
+            help="Command for the vehicles.",
+            show_default=False,
+            autocompletion=one_of("hold", "land", "return"),
+        ),
     ],
     link: LinkOption = None,
     vehicles: Annotated[

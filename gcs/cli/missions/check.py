@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from gcs.cli.completions import missions, one_of
 from gcs.cli.console import Screen
 from gcs.cli.missions.export import AUTOPILOTS
 from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
@@ -41,11 +42,17 @@ def check(
             "--autopilot",
             help=f"Autopilot: {' or '.join(AUTOPILOTS)}.",
             show_default="that of each file",
+            autocompletion=one_of(*AUTOPILOTS),
         ),
     ] = None,
     terrain: Annotated[
         Path | None,
-        typer.Option("--terrain", metavar="SCENARIO", help="Scenario whose ground and limits to check against."),
+        typer.Option(
+            "--terrain",
+            metavar="SCENARIO",
+            help="Scenario whose ground and limits to check against.",
+            autocompletion=missions,
+        ),
     ] = None,
     separation: Annotated[
         float | None,
@@ -63,6 +70,7 @@ def check(
             help="How flights are computed: planned (from speeds and distances alone) or autopilot (with a model of "
             "its navigator and its delays).",
             show_default=f"autopilot; planned for more than {_MODELLED_MAX} missions",
+            autocompletion=one_of(*TIMINGS),
         ),
     ] = None,
     json: JsonOption = False,

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from gcs.autopilots.traits import Autopilot, titles
+from gcs.cli.completions import one_of
 from gcs.cli.console import BEGAN_S, Screen
 from gcs.cli.shared_options import (
     GATES,
@@ -45,12 +46,16 @@ def export(
             metavar="NAME",
             help=f"What to write; repeat it for several: {', '.join(row.name for row in FORMATS)}, or {ALL}.",
             show_default=", ".join(row.name for row in DEFAULT),
+            autocompletion=one_of(*(row.name for row in FORMATS), ALL),
         ),
     ] = None,
     autopilot: Annotated[
         str | None,
         typer.Option(
-            "--autopilot", help=f"Of all vehicles: {' or '.join(AUTOPILOTS)}.", show_default="those of the scenario"
+            "--autopilot",
+            help=f"Of all vehicles: {' or '.join(AUTOPILOTS)}.",
+            show_default="those of the scenario",
+            autocompletion=one_of(*AUTOPILOTS),
         ),
     ] = None,
     altitude: Annotated[
@@ -59,6 +64,7 @@ def export(
             "--altitude",
             help="Reference of the altitudes: relative (the vehicle's home), amsl (mean sea level) or terrain (the "
             "ground under the vehicle).",
+            autocompletion=one_of(*ALTITUDES),
         ),
     ] = "relative",
     smooth: Annotated[

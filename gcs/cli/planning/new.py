@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
-from gcs.cli.shared_options import DebugOption, JsonOption
+from gcs.cli.planning.places_given import COURSES, parse_course, parse_place
+from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
+SHAPES = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")
 
 
 def new(
@@ -19,29 +22,100 @@ def new(
         typer.Argument(metavar="FOLDER", help="Folder to make. Its last part names the scenario.", show_default=False),
     ],
     at: Annotated[
-        tuple[float, float, float],
-        typer.Option("--at", metavar="LAT LON ALT", help="Origin: degrees, degrees, m above mean sea level."),
-    ] = _ORIGIN,
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="LAT,LON[,ALT]",
+            help="Origin: degrees, degrees, m above mean sea level. Spaces do as well as commas.",
+            show_default="the field of ArduPilot's simulators",
+        ),
+    ] = None,
+    count: Annotated[int | None, typer.Option("--count", metavar="N", help="Vehicles.", show_default="6")] = None,
+    shape: Annotated[
+        str | None,
+        typer.Option(
+            "--shape",
+            metavar="SHAPE",
+            help=f"Formation: {', '.join(SHAPES[:-1])} or {SHAPES[-1]}. It faces the course.",
+            show_default="vee",
+            autocompletion=one_of(*SHAPES),
+        ),
+    ] = None,
+    spacing: Annotated[
+        float | None,
+        typer.Option("--spacing", metavar="METRES", help="Distance between neighbours.", show_default="10"),
+    ] = None,
+    course: Annotated[
+        str | None,
+        typer.Option(
+            "--course",
+            metavar="COURSE",
+            help="Direction of the flight: north-east, ne, or degrees clockwise from north.",
+            show_default="north",
+            autocompletion=one_of(*COURSES),
+        ),
+    ] = None,
+    distance: Annotated[
+        float | None, typer.Option("--distance", metavar="METRES", help="Length of the flight.", show_default="300")
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option("--height", metavar="METRES", help="Height of the flight above the origin.", show_default="15"),
+    ] = None,
     full: Annotated[bool, typer.Option("--full", help="Write every table, with comments.")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Write a short scenario that plans at once.
 
+    Without options the flight passes a no-fly zone; with any of --count to --height it has none.
+
     Examples: gcs new plans/first
 
-    gcs new plans/first --at 47.3977 8.5456 488 --full
+    gcs new plans/line --at 47.39,8.54 --count 4 --shape line --spacing 8 --course north-east --distance 400
+
+    gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
     screen = Screen(json=json)
+    _check(count, shape, spacing, distance, height)
+    given: dict[str, Any] = {
+        "count": count,
+        "shape": shape,
+        "spacing_m": spacing,
+        "course_deg": None if course is None else parse_course(course),
+        "distance_m": distance,
+        "height_m": height,
+    }
+    lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
     from gcs.errors import UsageError
     from gcs.files import atomic_write
     from gcs.scenario.load import FILE_NAME
-    from gcs.scenario.template import scenario_text
+    from gcs.scenario.template import FirstFlight, scenario_text
 
     file = folder / FILE_NAME
     if file.exists():
         raise UsageError(f"{file} exists already.", hint="choose another name, or delete the file first")
-    atomic_write(file, scenario_text(folder, *at, full=full))
+    wanted = {key: value for key, value in given.items() if value is not None}
+    flight = FirstFlight(**wanted) if wanted else None
+    atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
     screen.say(f"wrote {file}")
+    if alt_amsl_m is None:
+        screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
     screen.say(f"next: gcs plan {folder}")
     screen.result({"scenario": file})
+
+
+def _check(
+    count: int | None, shape: str | None, spacing: float | None, distance: float | None, height: float | None
+) -> None:
+    """Refuse wrong options before heavy imports. Raises `UsageError`."""
+    if shape is not None and shape not in SHAPES:
+        raise unknown_choice("--shape", shape, SHAPES)
+    for option, value, least, most, unit in (
+        ("--count", count, 1, 10_000, ""),
+        ("--spacing", spacing, 0.1, 1000.0, "m"),
+        ("--distance", distance, 1.0, 20_000.0, "m"),
+        ("--height", height, 1.0, 1000.0, "m"),
+    ):
+        if value is not None:
+            within(option, value, least, most, unit)

@@ -16,14 +16,19 @@ if TYPE_CHECKING:
     from gcs.plan.formation.changes.timeline import Move
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
-
 _BAR = 20  # characters
 
 
 def plan(
     mission: MissionArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="plans/NAME.skein")
+    to: Annotated[
+        Path | None,
+        typer.Option(
+            *("--to", "--out", "-o"),
+            metavar="FILE",
+            help="Plan file to write, or the folder for it.",
+            show_default="plans/NAME.skein",
+        ),
     ] = None,
     alternatives: Annotated[
         bool, typer.Option("--alternatives", help="Optimise every route class through the map and show its cost.")
@@ -39,14 +44,14 @@ def plan(
     Example: gcs plan missions/simulation1
     """
     screen = Screen(json=json)
-    from gcs.cli.plan_argument import Stopwatch, plan_for
+    from gcs.cli.plan_argument import Stopwatch, plan_for, plan_path
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     made, report = plan_for(mission, screen, watch, unverified=True, alternatives=alternatives, from_the_air=True)
-    path = out or Path("plans") / f"{made.scenario.name}{SUFFIX}"
+    path = plan_path(to, Path("plans") / f"{made.scenario.name}{SUFFIX}")
     save_plan(made, report, path)
     watch.lap("write")
     show_plan(screen, made, report)

@@ -35,8 +35,14 @@ def replan(
         list[str] | None,
         typer.Option("--disk", metavar="NORTH,EAST,RADIUS", help="A new no-fly disk, m. Repeat it for several."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Plan file to write.", show_default="PLAN-at-T.skein")
+    to: Annotated[
+        Path | None,
+        typer.Option(
+            *("--to", "--out", "-o"),
+            metavar="FILE",
+            help="Plan file to write, or the folder for it.",
+            show_default="PLAN-at-T.skein",
+        ),
     ] = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", "-p", metavar="FILE", help="Draw a map of the new plan.")
@@ -46,14 +52,15 @@ def replan(
 ) -> int:
     """Plan the remaining flight again, from the leader's state at a time, around new no-fly disks; verify and write it.
 
-    The new plan begins in the air. You can show, verify and export it (setpoints, histories, maps); `gcs fly` does not
-    take it. Exit status 0 when the plan is verified, 5 when it failed verification.
+    The new plan begins in the air. You can show, verify and export it (--format setpoints, history, kml and others
+    without missions); `gcs fly` does not take it. Exit status 0 when the plan is verified, 5 when it failed
+    verification.
 
     Example: gcs replan plans/simulation1.skein --at 100 --disk 560,480,30
     """
     screen = Screen(json=json)
     within("--at", at, 0.0, _LATEST_S, "s")
-    from gcs.cli.plan_argument import Stopwatch, solve_line
+    from gcs.cli.plan_argument import Stopwatch, plan_path, solve_line
     from gcs.cli.planning.plan import show_plan
     from gcs.plan.replanning.replanner import Replanner
     from gcs.plan.trajectory.plan_file import SUFFIX, load_plan, save_plan
@@ -71,7 +78,7 @@ def replan(
     watch.lap("re-plan")
     report = verify(made)
     watch.lap("verify")
-    path = out or plan.with_name(f"{plan.stem}-at-{at:g}{SUFFIX}")
+    path = plan_path(to, plan.with_name(f"{plan.stem}-at-{at:g}{SUFFIX}"))
     save_plan(made, report, path)
     if picture is not None:
         from gcs.flight.assessment.overview_plot import save_overview

@@ -55,6 +55,11 @@ class ShapeTable(Part):
     name: ShapeName = Field(description="name of the shape, for changes")
     generator: Generator | None = Field(default=None, description="a shape for any number of vehicles")
     spacing_m: Length | None = Field(default=None, description="generator: distance between neighbours, m")
+    heading_deg: Turn | None = Field(
+        default=None,
+        description="generator: direction of its front, degrees clockwise from north; left out: north",
+        exclude_if=lambda heading: heading is None,
+    )
     offsets_m: tuple[Place, ...] = Field(
         default=(),
         max_length=10_000,
@@ -69,6 +74,8 @@ class ShapeTable(Part):
             yield (), "has no places. Give generator and spacing_m, or offsets_m"
         elif self.generator is None and self.spacing_m is not None:
             yield ("spacing_m",), "has no effect on offsets_m. Remove it, or give a generator instead of them"
+        elif self.generator is None and self.heading_deg is not None:
+            yield ("heading_deg",), "has no effect on offsets_m. Remove it, or give a generator instead of them"
         elif self.generator is not None and self.offsets_m:
             yield (
                 ("offsets_m",),

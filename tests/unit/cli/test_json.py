@@ -31,7 +31,7 @@ def plan_file(simulation1_plan: Plan, tmp_path: Path) -> Path:
         ("show {plan} --picture {out}/map.png", 0, "pads"),
         ("show missions/simulation1", 0, "pads"),
         ("verify {plan}", 0, "checks"),
-        ("plan {plan} --out {out}/copy.skein", 0, "hash"),
+        ("plan {plan} --to {out}/copy.skein", 0, "hash"),
         ("export {plan} --to {out} --format plan --untimed", 0, "files"),
         ("check missions/simulation1/expected/uav1.plan --timing planned", 0, "findings"),
         ("vehicles --listen 0.05 --link udpin:127.0.0.1:0", 8, "error"),

@@ -28,7 +28,7 @@ def is_drawn(path: Path) -> bool:
 def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("new", tmp_path / "first", "--at", "-33.4", "-70.6", "740") == 0
     assert f"next: gcs plan {tmp_path / 'first'}" in capsys.readouterr().out
-    assert gcs("plan", tmp_path / "first", "--out", tmp_path / "first.skein", "--json") == 0
+    assert gcs("plan", tmp_path / "first", "--to", tmp_path / "first.skein", "--json") == 0
     assert json.loads(capsys.readouterr().out)["ok"]
     assert gcs("show", tmp_path / "first", "--picture", tmp_path / "scenario.png") == 0
     text = capsys.readouterr().out

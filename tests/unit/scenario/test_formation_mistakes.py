@@ -163,6 +163,10 @@ def test_one_mistake_in_a_change(told: Told, lines: list[str], says: str) -> Non
             "7: formation.shape[0].spacing_m = 2.0: has no effect on offsets_m. Remove it",
         ),
         (
+            'name = "a"\nheading_deg = 45.0\noffsets_m = [[0, 0, 0], [1, 0, 0]]',
+            "7: formation.shape[0].heading_deg = 45.0: has no effect on offsets_m. Remove it",
+        ),
+        (
             'name = "a"\nspacing_m = 2.0\ngenerator = "line"\noffsets_m = [[0, 0, 0], [1, 0, 0]]',
             '9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: generator = "line" defines the places already',
         ),

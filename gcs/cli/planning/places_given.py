@@ -1,0 +1,78 @@
+"""Places and courses as they are typed: `--at 47.39,8.54`, `--at 47.39 8.54 450`, `--course north-east`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from typer.core import TyperCommand
+
+from gcs.errors import UsageError
+
+WINDS = ("n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw")
+COURSES = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_PLACE_MAX = 3  # numbers of a place
+_INITIALS = {"north": "n", "east": "e", "south": "s", "west": "w", "-": "", " ": ""}
+
+
+class PlaceCommand(TyperCommand):
+    """A command whose --at takes its numbers with commas or with spaces between them."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments, with the numbers after --at in one word."""
+        return super().parse_args(ctx, joined_places(args))
+
+
+def joined_places(arguments: list[str]) -> list[str]:
+    """The arguments with the numbers that follow --at joined by commas."""
+    joined: list[str] = []
+    rest = list(arguments)
+    while rest:
+        word = rest.pop(0)
+        if word == "--at" and rest:
+            parts = [rest.pop(0)]
+            while rest and _numbers(parts) < _PLACE_MAX and _numbers([rest[0]]):
+                parts.append(rest.pop(0))
+            word = f"--at={','.join(part.strip().strip(',') for part in parts)}"
+        joined.append(word)
+    return joined
+
+
+def parse_place(text: str) -> tuple[float, float, float | None]:
+    """Latitude, longitude, and height above the sea if it is given. Raises `UsageError`."""
+    parts = text.replace(",", " ").split()
+    count = _numbers([text])
+    if count != len(parts) or not 2 <= count <= _PLACE_MAX:
+        raise UsageError(
+            f"--at {text}: not a place",
+            hint="write for example --at 47.39,8.54 or, with its height, --at 47.39 8.54 450",
+        )
+    lat_deg, lon_deg, *height = map(float, parts)
+    return lat_deg, lon_deg, height[0] if height else None
+
+
+def parse_course(text: str) -> float:
+    """Degrees clockwise from north, from a number or a point of the compass. Raises `UsageError`."""
+    wind = text.strip().lower()
+    for word, initial in _INITIALS.items():
+        wind = wind.replace(word, initial)
+    if wind in WINDS:
+        return 360.0 / len(WINDS) * WINDS.index(wind)
+    try:
+        course_deg = float(text)
+    except ValueError:
+        course_deg = math.nan
+    if not -360.0 <= course_deg <= 360.0:
+        raise UsageError(
+            f"--course {text}: not a course", hint="give degrees clockwise from north, or north, north-east, east, ..."
+        )
+    return course_deg
+
+
+def _numbers(words: list[str]) -> int:
+    """How many numbers the words hold; 0 where one is something else."""
+    parts = [part for word in words for part in word.replace(",", " ").split()]
+    try:
+        return len([float(part) for part in parts])
+    except ValueError:
+        return 0

@@ -1,0 +1,103 @@
+"""`gcs new` writes the formation that its options name, at places as people write them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.cli import main
+from gcs.cli.planning import new
+from gcs.scenario import si
+from gcs.scenario.load import load_scenario
+from gcs.scenario.template import SHAPES
+
+
+def gcs(line: str) -> int:
+    return main.run(line.split())
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_scenario_one_has_in_mind_plans_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    wanted = "--count 4 --shape line --spacing 8 --course north-east --distance 400"
+    assert gcs(f"new plans/line --at 47.39,8.54 {wanted}") == 0
+    assert "0 m above the sea" in capsys.readouterr().out
+    scenario = load_scenario("plans/line")
+    assert (scenario.origin.lat_deg, scenario.origin.lon_deg) == (47.39, 8.54)
+    assert scenario.title == "line: four quadrotors in a line"
+    north_m, east_m, height_m = scenario.end.position_m
+    assert math.hypot(north_m, east_m) == pytest.approx(400.0, abs=0.01)
+    assert (math.degrees(math.atan2(east_m, north_m)), height_m) == (pytest.approx(45.0), 15.0)
+    abreast = np.array([math.cos(math.radians(135.0)), math.sin(math.radians(135.0)), 0.0])
+    assert si.offsets_ned_m(scenario) == pytest.approx(8.0 * np.outer([0, 1, -1, 2], abreast), abs=1e-9)
+    assert scenario.no_fly == ()
+    assert gcs("plan plans/line --to plans --json") == 0
+    assert json.loads(capsys.readouterr().out)["plan"] == "plans/line.skein"
+    assert Path("plans/line.skein").is_file()
+
+
+@pytest.mark.parametrize("at", ["47.39,8.54,450", "47.39 8.54 450", "47.39, 8.54, 450", "47.39,8.54 450"])
+def test_places_take_commas_and_spaces(at: str) -> None:
+    assert gcs(f"new --at {at} first") == 0
+    assert gcs(f"new second --full --at={at.replace(' ', ',').replace(',,', ',')}") == 0
+    for name in ("first", "second"):
+        origin = load_scenario(name).origin
+        assert (origin.lat_deg, origin.lon_deg, origin.alt_amsl_m) == (47.39, 8.54, 450.0)
+
+
+def test_places_in_the_south_and_west_are_no_options() -> None:
+    assert gcs("new first --at -33.4,-70.6") == 0
+    assert gcs("new second --at -33.4 -70.6 740 --count 2") == 0
+    assert load_scenario("first").origin.lon_deg == -70.6
+    assert load_scenario("second").origin.alt_amsl_m == 740.0
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("full", ["", "--full"])
+def test_every_shape_is_a_valid_scenario_in_every_direction(shape: str, full: str) -> None:
+    for course in ("south", "wnw", "-45", "123.4"):
+        line = f"new {shape}{course.strip('-.')[:2]} --shape {shape} --course {course} --count 7 --height 30 {full}"
+        assert gcs(line) == 0
+
+
+def test_short_and_full_are_the_same_flight(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = []
+    for folder, full in (("a/first", ""), ("b/first", "--full")):
+        assert (
+            gcs(f"new {folder} --count 3 --shape column --spacing 6 --course sw --distance 50 --height 40 {full}") == 0
+        )
+        capsys.readouterr()
+        assert gcs(f"show {folder} --json") == 0
+        shown.append(json.loads(capsys.readouterr().out))
+    assert shown[0] == shown[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("--at 47.39", "--at 47.39: not a place"),
+        ("--at here", "--at here: not a place"),
+        ("--shape wedge", "give one of triangle, line, column, vee, grid, circle, sphere"),
+        ("--course sideways", "--course sideways: not a course"),
+        ("--spacing 0", "--spacing 0: not from 0.1 to 1000 m"),
+        ("--count 0", "--count 0: not from 1 to 10000"),
+        ("--spacing 0.1 --count 2", "such a flight is not possible"),
+    ],
+)
+def test_what_is_no_flight_writes_nothing(options: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs(f"new first {options}") == 2
+    err = capsys.readouterr().err
+    assert told in err
+    assert "line " not in err  # of a file that was not written
+    assert not Path("first").exists()
+
+
+def test_the_words_for_shapes_are_those_of_scenarios() -> None:
+    assert new.SHAPES == SHAPES
