@@ -17,6 +17,7 @@ from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, read_plan
 from gcs.plan.verification.verify import Report, refusal, verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation.slips.lookalikes import doubts
 
 
 @dataclass
@@ -71,6 +72,8 @@ def plan_for(
         scenario = load_scenario(mission)
         if refuse is not None:
             refuse(scenario)
+        for question in doubts(scenario):
+            screen.warn(question)
         watch.lap("scenario")
         with _progress(screen) as on_round:
             plan = make_plan(scenario, on_round, every_way=alternatives, workers=os.cpu_count() or 1)

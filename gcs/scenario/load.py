@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
 from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, read_file
@@ -16,10 +16,12 @@ from gcs.reading.bounded_json import read_json
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.mistakes import Mistake, from_pydantic, toml
-from gcs.scenario.validation.toml_lines import key_lines, line_of
+from gcs.scenario.validation.mistakes import Mistake, from_pydantic
+from gcs.scenario.validation.slips.key_slips import Meant, as_meant, type_mistake
+from gcs.scenario.validation.slips.told_at_once import all_at_once
+from gcs.scenario.validation.slips.toml_slips import read_toml, syntax_mistake
 from gcs.scenario.validation.vehicle_rules import RULES
-from gcs.scenario.vehicle_types import KEY, VehicleFile, presets, vehicle_file, with_vehicle
+from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
@@ -33,44 +35,84 @@ def load_scenario(path: Path | str) -> Scenario:
     """
     file = scenario_file(Path(path))
     text = _read(file)
-    data = _parsed(file, text)
-    if isinstance(wanted := data.get(KEY), str):
-        data = with_vehicle(data, load_vehicle(vehicle_file(wanted, file.parent)))
-    mistakes: list[Mistake] = []
+    meant = _meant(file, text, Scenario, (KEY,))
+    data, mistakes, elsewhere = meant.data, list(meant.mistakes), None
     try:
-        scenario = Scenario.model_validate(data)
-        scenario, lacking = _with_relief(scenario, file.parent)
-        mistakes += lacking or check(scenario)
-    except ValidationError as error:
-        mistakes += from_pydantic(error)
-        sound = _sound_tables(data)
-        mistakes += check(Scenario.model_construct(**sound), sound)
-    if mistakes:
-        raise _all_at_once(file, text, mistakes)
+        types = _possible_types(data, file.parent, mistakes)
+    except ScenarioError as error:
+        types, elsewhere = _stand_ins(), error
+    judged = [_judged(with_vehicle(data, kind) if kind is not None else data, file.parent) for kind in types]
+    scenario, found = judged[0]
+    # Where the type is unknown, only what holds for every type is a mistake.
+    mistakes += [one for one in found if not meant.follows(one) and all(_has(others, one) for _, others in judged)]
+    if mistakes or elsewhere is not None or scenario is None:
+        raise all_at_once(file, mistakes, meant, elsewhere)
     return scenario
 
 
 def load_vehicle(file: Path) -> VehicleFile:
     """The vehicle type of a file, checked by the rules of physics. Raises ScenarioError like `load_scenario`."""
+    text = _read(file)
+    meant = _meant(file, text, VehicleFile)
+    mistakes = list(meant.mistakes)
+    try:
+        kind = VehicleFile.model_validate(meant.data)
+        alone = Scenario.model_construct(None, vehicle=kind.vehicle, limits=kind.limits)
+        mistakes += RULES.violated(alone, ("vehicle", "limits"))
+    except ValidationError as error:
+        mistakes += [one for one in from_pydantic(error, VehicleFile) if not meant.follows(one)]
+    if mistakes:
+        raise all_at_once(file, mistakes, meant)
+    return kind
+
+
+def _possible_types(data: dict[str, Any], folder: Path, mistakes: list[Mistake]) -> list[VehicleFile | None]:
+    """The type that a scenario names, or None for its own [vehicle]; all presets where its type is a mistake.
+
+    Raises ScenarioError with the mistakes of the vehicle's file.
+    """
+    known = presets()
+    if KEY not in data:
+        if "vehicle" in data:
+            return [None]
+        names = ", ".join(f'"{name}"' for name in known)
+        text = f"missing, and there is no table [vehicle]; it must be one of {names}, or the path of a vehicle file"
+        mistakes.append(Mistake((KEY,), text, remedy=f'add vehicle_type = "{known[-1]}" above the first table'))
+        return _stand_ins()
+    wanted = data[KEY]
+    if not isinstance(wanted, str):
+        mistakes.append(type_mistake(wanted, known, "must be text: the name of a vehicle type"))
+        return _stand_ins()
+    file = vehicle_file(wanted, folder)
     try:
         is_there = file.is_file()
-    except OSError:  # a name that is too long
-        raise ScenarioError(f"vehicle_type = {toml(str(file))} is not a path", hint="name a preset or a file") from None
+    except (OSError, ValueError):  # a name that is too long; a NUL byte
+        is_there = False
     if not is_there:
-        known = ", ".join(presets())
-        raise ScenarioError(
-            f"there is no vehicle type {file.name}: no file {file}",
-            hint=f"presets are {known}; a path is relative to the scenario's folder",
-        )
-    text = _read(file)
+        mistakes.append(type_mistake(wanted, known, "is neither a vehicle type nor a file"))
+        return _stand_ins()
+    return [load_vehicle(file)]
+
+
+def _stand_ins() -> list[VehicleFile | None]:
+    """The types with which a scenario is checked whose own type is unknown."""
+    return [load_vehicle(preset_file(name)) for name in presets()]
+
+
+def _judged(data: dict[str, Any], folder: Path) -> tuple[Scenario | None, list[Mistake]]:
+    """The scenario of these tables, and its mistakes."""
+    data = {name: value for name, value in data.items() if name != KEY}
     try:
-        kind = VehicleFile.model_validate(_parsed(file, text))
+        scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        raise _all_at_once(file, text, from_pydantic(error, VehicleFile)) from None
-    alone = Scenario.model_construct(None, vehicle=kind.vehicle, limits=kind.limits)
-    if mistakes := RULES.violated(alone, ("vehicle", "limits")):
-        raise _all_at_once(file, text, mistakes)
-    return kind
+        sound = _sound_tables(data)
+        return None, [*from_pydantic(error), *check(Scenario.model_construct(**sound), sound)]
+    scenario, lacking = _with_relief(scenario, folder)
+    return scenario, lacking or check(scenario)
+
+
+def _has(judged: list[Mistake], mistake: Mistake) -> bool:
+    return any(str(one) == str(mistake) for one in judged)
 
 
 def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mistake]]:
@@ -88,19 +130,26 @@ def _with_relief(scenario: Scenario, folder: Path) -> tuple[Scenario, list[Mista
     return scenario.model_copy(update={"terrain": terrain.model_copy(update={"relief": relief})}), []
 
 
-def _parsed(file: Path, text: str) -> dict[str, Any]:
-    """The content of a TOML file, or of a JSON file that a program wrote."""
+def _meant(file: Path, text: str, model: type[BaseModel], also: tuple[str, ...] = ()) -> Meant:
+    """The tables of a TOML file, or of a JSON file that a program wrote, with the slips in them."""
+    slips: list[Mistake] = []
     try:
-        data = read_json(text) if file.suffix == ".json" else _from_toml(text)
+        if file.suffix == ".json":
+            data = read_json(text)
+        else:
+            data, text, slips = read_toml(text, _from_toml)
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(_syntax(file, text, error), hint="correct the line; the file is TOML 1.0") from None
+        raise all_at_once(file, [syntax_mistake(text, error)]) from None
     except json.JSONDecodeError as error:
         raise ScenarioError(f"{file}:{error.lineno}: not JSON: {error.msg}", hint="correct the line") from None
     except ValueError as error:  # a number of thousands of digits, for example
         raise ScenarioError(f"{file}: cannot be read: {error}", hint="correct the file") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{file}: holds {type(data).__name__}, not tables", hint="name a scenario")
-    return data
+    meant = as_meant(data, model, also) if file.suffix != ".json" else Meant(data)
+    meant.text = text
+    meant.mistakes[:0] = slips
+    return meant
 
 
 def _from_toml(text: str) -> dict[str, Any]:
@@ -146,13 +195,6 @@ def _read(file: Path) -> str:
         raise ScenarioError(f"{file}:{line}: not UTF-8 text", hint="save the file as UTF-8") from None
 
 
-def _syntax(file: Path, text: str, error: tomllib.TOMLDecodeError) -> str:
-    what = str(error)
-    place = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", what)
-    line = place[1] if place and place[1] else len(text.splitlines())
-    return f"{file}:{line}: not TOML: {what[: place.start()] if place else what}"
-
-
 def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
     """The tables that are valid in themselves, and the defaults of tables left out."""
     sound = {}
@@ -166,12 +208,3 @@ def _sound_tables(data: dict[str, Any]) -> dict[str, Any]:
         except ValidationError:
             continue
     return sound
-
-
-def _all_at_once(file: Path, text: str, mistakes: list[Mistake]) -> ScenarioError:
-    lines = {} if file.suffix == ".json" else key_lines(text)
-    placed = sorted(((line_of(lines, mistake.key) or 0), str(mistake)) for mistake in mistakes)
-    listed = [f"{file}:{line}: {sentence}" if line else f"{file}: {sentence}" for line, sentence in placed]
-    if len(listed) > 1:
-        listed.insert(0, f"{file} has {len(mistakes)} mistakes")
-    return ScenarioError("\n".join(listed), hint="`gcs schema` prints every key with its unit and range")

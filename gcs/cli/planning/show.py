@@ -38,9 +38,12 @@ def show(
     screen = Screen(json=json)
     from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
     from gcs.scenario.load import load_scenario
+    from gcs.scenario.validation.slips.lookalikes import doubts
 
     plan, report = load_plan(mission, screen.warn) if is_plan_file(mission) else (None, None)
     scenario = plan.scenario if plan else load_scenario(mission)
+    for question in doubts(scenario):
+        screen.warn(question)
     found = {**_scenario(scenario), **(_plan(plan, report) if plan and report else {})}
     screen.say(scenario.title or scenario.name)
     width = max(len(_LABELS.get(name, name)) for name in found)

@@ -32,6 +32,7 @@ class Rule(StrEnum):
     FRAME = "frame"
     JUMP = "jump"
     VALUE = "value"
+    PLACE = "place"
     ORDER = "order"
     CHANGED = "changed"
     ASSUMED = "assumed"

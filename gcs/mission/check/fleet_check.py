@@ -14,6 +14,7 @@ from gcs.mission.check.findings import Finding, Level, Rule, worst
 from gcs.mission.check.flight_checks import Lowest, check_ground, check_limits, check_separation
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items, found
+from gcs.mission.check.questions.far_places import check_places
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
 from gcs.mission.predicted.closest_approach import Closest
@@ -58,12 +59,15 @@ def check_fleet(
 ) -> FleetReport:
     """The report on missions that start together, one per vehicle, rounded as vehicles store them."""
     missions = [as_on_the_wire(mission) for mission in missions]
+    placed = [check_places(mission) for mission in missions]
+    missions = [mission for mission, _ in placed]
     flights = together([fly_one(mission, around) for mission in missions])
     findings: list[Finding] = []
     lowest = []
-    for mission, flight in zip(missions, flights, strict=True):
+    for (mission, far), flight in zip(placed, flights, strict=True):
         findings += [Finding(Rule.FORMAT, Level.WARNING, str(o), o.source, o.line) for o in mission.oddities]
         findings += check_items(mission)
+        findings += far
         if mission.home is None:
             message = "the file has no home position; the check takes the first position instead"
             findings.append(found(mission, Rule.ASSUMED, Level.NOTE, message))

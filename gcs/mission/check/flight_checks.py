@@ -23,6 +23,7 @@ from gcs.physics.quadrotor import Array
 
 LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5
+_FOOT_M = 0.3048
 _SAME_PLACE_M = 0.03  # two places differ by less through rounding alone
 
 
@@ -134,6 +135,8 @@ def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLi
         over_m = float(up_m[at]) - limits.height_max_m
         if over_m > LENGTH_TOLERANCE_M:
             message = f"{over_m:.2f} m above the ceiling of {limits.height_max_m:g} m"
+            if _FOOT_M * up_m[at] <= limits.height_max_m:
+                message += f". Is it in feet? {up_m[at]:.0f} ft are {_FOOT_M * up_m[at]:.1f} m"
             item, t_s = track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))
             yield found(mission, Rule.HEIGHT, Level.ERROR, message, item, t_s)
     yield from _speeds(mission, track, limits)

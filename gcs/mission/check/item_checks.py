@@ -16,6 +16,7 @@ from gcs.mission.predicted.planned_flight import ALTITUDE_MAX_M
 _NO_POSITION = frozenset({int(Frame.MISSION)})
 _ENDLESS = frozenset({MavCommand.NAV_LOITER_UNLIM})
 _ENDS = frozenset({MavCommand.NAV_LAND, MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_RETURN_TO_LAUNCH})
+_KMH = 3.6  # of 1 m/s
 _HOLDS = frozenset(  # parameter 1 is a time, s
     {MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT, MavCommand.NAV_DELAY}
 )
@@ -118,6 +119,8 @@ def _speed(mission: MissionFile, index: int, item: MissionItem) -> Iterator[Find
         yield found(mission, Rule.SPEED, Level.ERROR, message, index)
     elif speed_mps > fastest:
         message = f"{speed_mps:g} m/s; {mission.firmware.title} allows at most {fastest:g} m/s"
+        if speed_mps / _KMH <= fastest:
+            message += f". Is it in km/h? {speed_mps:g} km/h are {speed_mps / _KMH:.1f} m/s"
         yield found(mission, Rule.SPEED, Level.ERROR, message, index)
 
 

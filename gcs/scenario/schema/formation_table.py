@@ -262,6 +262,6 @@ class Formation(Part):
 
 def _no_such_shape(name: str, names: list[str]) -> str:
     if near := difflib.get_close_matches(name, names, n=1):
-        return f'is the name of no shape; the nearest one is "{near[0]}"'
+        return f'is the name of no shape. Write "{near[0]}"'
     known = ", ".join(f'"{known}"' for known in names) if names else "none yet"
     return f"is the name of no shape; [[formation.shape]] tables give names, and there are {known}"

@@ -24,13 +24,24 @@ from gcs.scenario.schema.fields import (
 
 
 def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    if pair[0] >= pair[1]:
-        raise ValueError("must be [low, high] with low < high")
+    low, high = pair
+    if low >= high:
+        step = f". Write [{high:g}, {low:g}]" if low > high else ""
+        raise ValueError(f"must be [low, high] with low < high{step}")
     return pair
 
 
+def _upwards(pair: tuple[float, float]) -> tuple[float, float]:
+    low, high = pair
+    if high < low <= 0.0:
+        raise ValueError(
+            f"must be [low, high] with low < high; heights are positive upwards. Write [{0.0 - low:g}, {0.0 - high:g}]"
+        )
+    return _ordered(pair)
+
+
 Range = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ordered)]
-HeightRange = Annotated[tuple[Height, Height], AfterValidator(_ordered)]
+HeightRange = Annotated[tuple[Height, Height], AfterValidator(_upwards)]
 TorquePair = tuple[Torque, Torque]
 ROLL_PITCH_KEYS = ("roll_pitch_force_N", "roll_pitch_moment_Nm", "torque")
 

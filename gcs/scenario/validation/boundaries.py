@@ -29,9 +29,11 @@ from gcs.scenario.si import (
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.slips.shown_values import plain
 from gcs.scenario.validation.spacing import SLACK, close_pairs
 
 _RUN_UP_SAMPLE_M = 1.0
+_FOOT_M, _HEIGHT = 0.3048, 2
 _NAMED = 8  # vehicles one sentence names
 
 RULES = Rules()
@@ -69,10 +71,12 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
             worst = int(beyond.argmax())
             if beyond[worst] > SLACK:
                 text = (
-                    f"puts {_vehicles(end, beyond > SLACK)} outside limits.{key}, {low:g} to {high:g}; "
-                    f"vehicle {end.sysids[worst]} would be at {along[worst]:g}. Move it, or widen the limit"
+                    f"puts {_vehicles(end, beyond > SLACK)} outside limits.{key}, {plain(low)} to {plain(high)}; "
+                    f"vehicle {end.sysids[worst]} would be at {plain(along[worst])}"
                 )
-                yield Mistake((end.table, "position_m", axis), text, end.boundary.position_m[axis])
+                own = end.boundary.position_m[axis]
+                step = _into_the_box(end.table, axis, key, own, along, (low, high))
+                yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain")
@@ -80,8 +84,10 @@ def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
     for end in _ends(scenario):
         worst, missing = _lowest(scenario, end.places_up_m)
         if missing > SLACK:
-            text = f"vehicle {end.sysids[worst]} would be {_below(missing, scenario)}. Raise it by {missing:.2f} m"
-            yield Mistake((end.table, "position_m", 2), text, end.boundary.position_m[2])
+            text = f"vehicle {end.sysids[worst]} would be {_below(missing, scenario)}"
+            own = end.boundary.position_m[2]
+            step = f"set {end.table}.position_m[2] to {plain(_up(own + missing, 0.1))} or more"
+            yield Mistake((end.table, "position_m", 2), text, own, remedy=step)
 
 
 @RULES.needs("start", "formation", "limits", "terrain", "ground_phases")
@@ -111,10 +117,9 @@ def _ends_are_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
             worst = int(outside.argmin())
             if outside[worst] < -SLACK:
                 key = "radius_m" if zone.polygon_m is None else "polygon_m"
-                text = (
-                    f"contains vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside. Move one"
-                )
-                yield Mistake(("no_fly", index, key), text, zone.radius_m)
+                text = f"contains vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside"
+                step = f"move the zone or [{end.table}] apart by more than {_up(-float(outside[worst]), 0.1):.1f} m"
+                yield Mistake(("no_fly", index, key), text, zone.radius_m, remedy=step)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
@@ -163,10 +168,31 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         needed = max(fastest * step_m / most_mps, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if time < needed:
             text = (
-                f"too short for {step_m:.1f} m from rest to rest; {most_mps:g} m/s (limits.speed_ned_mps[2]) and "
-                f"{spare} take {needed:.1f} s. Give at least that"
+                f"too short for {step_m:.1f} m from rest to rest; {plain(most_mps)} m/s (limits.speed_ned_mps[2]) and "
+                f"{spare} take {needed:.1f} s"
             )
-            yield Mistake(("ground_phases", key), text, time)
+            yield Mistake(
+                ("ground_phases", key), text, time, remedy=f"set ground_phases.{key} to {np.ceil(needed):.0f}"
+            )
+
+
+def _into_the_box(table: str, axis: int, key: str, own: float, along_m: Array, box_m: tuple[float, float]) -> str:
+    """How to bring vehicles into the box along one axis: by another position, and else by a wider box."""
+    (low, high), least, most = box_m, float(along_m.min()), float(along_m.max())
+    wider = f"set limits.{key} to [{plain(min(low, np.floor(least)))}, {plain(max(high, np.ceil(most)))}]"
+    if most - least > high - low:
+        return wider
+    moved = own + (low - least if least < low else high - most)
+    step = f"set {table}.position_m[{axis}] to {plain(moved)}, or {wider.removeprefix('set ')}"
+    feet_m = _FOOT_M * own
+    if axis == _HEIGHT and most > high and low <= feet_m <= high:
+        step += f"; is it in feet? {plain(own)} ft are {plain(feet_m)} m"
+    return step
+
+
+def _up(value: float, step: float) -> float:
+    """The value rounded up to a multiple of a step."""
+    return float(np.ceil(value / step - SLACK) * step)
 
 
 def _ends(scenario: Scenario) -> tuple[_End, _End]:

@@ -14,22 +14,32 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.slips import lookalikes
+from gcs.scenario.validation.slips.shown_values import dotted, plain
+
+_WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
 
 RULES = Rules()
 
 
 def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
-    """All mistakes between those `tables` of the scenario that are valid in themselves."""
+    """All mistakes between those `tables` of the scenario that are valid in themselves.
+
+    Where numbers look like degrees, or like heights of another kind, no rule is applied to their tables.
+    """
+    alike = {dotted(mistake.key): mistake for mistake in lookalikes.RULES.violated(scenario, tables)}
+    sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
     rule_sets = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
-    return [mistake for rules in rule_sets for mistake in rules.violated(scenario, tables)]
+    return [*alike.values(), *(mistake for rules in rule_sets for mistake in rules.violated(scenario, sound))]
 
 
 @RULES.needs("limits", "judge")
 def _judged_separation_is_planned(scenario: Scenario) -> Mistakes:
     judged, planned = scenario.judge.separation_min_m, scenario.limits.separation_min_m
     if judged > planned:
-        text = f"more than the plan keeps, limits.separation_min_m = {planned:g}. Give {planned:g} or less"
-        yield Mistake(("judge", "separation_min_m"), text, judged)
+        text = f"more than the plan keeps, limits.separation_min_m = {planned:g}"
+        step = f"set judge.separation_min_m to {plain(planned)} or less"
+        yield Mistake(("judge", "separation_min_m"), text, judged, remedy=step)
 
 
 @RULES.needs("start", "end", "limits")
@@ -63,7 +73,8 @@ def _desired_heading_is_allowed(scenario: Scenario) -> Mistakes:
 def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
     if any(scenario.end.velocity_mps):
         text = "must be [0, 0, 0]: every flight ends in a hover, from which it lands"
-        yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps)
+        step = "remove end.velocity_mps"
+        yield Mistake(("end", "velocity_mps"), text, scenario.end.velocity_mps, remedy=step)
 
 
 @RULES.needs("start", "end", "time", "limits")
@@ -76,10 +87,11 @@ def _time_is_enough(scenario: Scenario) -> Mistakes:
     if longest_s is not None and needed[axis] > longest_s:
         name = ("north", "east", "vertical")[axis]
         text = (
-            f"too short: {distance_m[axis]:g} m {name} take at least {needed[axis]:.1f} s "
-            f"at limits.speed_ned_mps[{axis}] = {scenario.limits.speed_ned_mps[axis]:g} m/s"
+            f"too short: {plain(distance_m[axis])} m {name} take at least {needed[axis]:.1f} s "
+            f"at limits.speed_ned_mps[{axis}] = {plain(scenario.limits.speed_ned_mps[axis])} m/s"
         )
-        yield Mistake(("time", key), text, longest_s)
+        enough_s = np.ceil(needed[axis] * _WITH_TURNS)
+        yield Mistake(("time", key), text, longest_s, remedy=f"set time.{key} to {enough_s:.0f}")
 
 
 @RULES.needs("time", "objective", "formation")
@@ -106,9 +118,10 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
     if speed > 0 and not 0 < phases.run_up_m < speed * phases.run_up_s:
         text = (
             f"cannot bring a vehicle from rest to {speed:.2f} m/s in run_up_s = {phases.run_up_s:g} s; "
-            f"it must lie between 0 and {speed * phases.run_up_s:.1f}. Give about {speed * phases.run_up_s / 2:.1f}"
+            f"it must lie between 0 and {speed * phases.run_up_s:.1f}"
         )
-        yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m)
+        step = f"set ground_phases.run_up_m to {speed * phases.run_up_s / 2:.1f}"
+        yield Mistake(("ground_phases", "run_up_m"), text, phases.run_up_m, remedy=step)
 
 
 @RULES.needs("start", "end", "time", "limits")
@@ -150,5 +163,6 @@ def least_acceleration_mps2(distance_m: Array, velocity_mps: Array, time_s: floa
 def _too_little_acceleration(scenario: Scenario, needed_mps2: float, what_for: str) -> Mistakes:
     most = scenario.limits.accel_max_mps2
     if most is not None and needed_mps2 > most:
-        text = f"too little {what_for}, which takes at least {np.ceil(needed_mps2 * 1000.0) / 1000.0:g} m/s²"
-        yield Mistake(("limits", "accel_max_mps2"), text, most)
+        least = f"{np.ceil(needed_mps2 * 1000.0) / 1000.0:g}"
+        text = f"too little {what_for}, which takes at least {least} m/s²"
+        yield Mistake(("limits", "accel_max_mps2"), text, most, remedy=f"set limits.accel_max_mps2 to {least} or more")

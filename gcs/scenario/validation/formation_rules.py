@@ -15,6 +15,7 @@ from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import offsets_ned_m, shape_offsets_ned_m, sysids
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.spacing import SLACK, Pair, close_pairs, nearest_pair
 from gcs.scenario.validation.toml_lines import Key
 
@@ -87,8 +88,9 @@ def _changes_begin_in_flight(scenario: Scenario) -> Mistakes:
     flight = scenario.time.flight_s
     for index, change in enumerate(scenario.formation.change):
         if change.at_s is not None and change.at_s >= flight:
-            text = f"is after the flight, which ends at time.flight_s = {flight:g}. Give an earlier time"
-            yield Mistake(("formation", "change", index, "at_s"), text, change.at_s)
+            text = f"is after the flight, which ends at time.flight_s = {flight:g}"
+            step = f"set formation.change[{index}].at_s to less than {plain(flight)}"
+            yield Mistake(("formation", "change", index, "at_s"), text, change.at_s, remedy=step)
 
 
 @RULES.needs("formation", "limits")
@@ -133,17 +135,31 @@ def pairs_in_start_shape(scenario: Scenario, pairs: list[Pair], what: str) -> Mi
 def _closest_pair(scenario: Scenario, pairs: list[Pair], what: str, place: Mistake) -> Mistakes:
     """A mistake for the closest pair, where one value places all vehicles."""
     if pairs:
-        others = f"; {len(pairs) - 1} more pairs are too close" if len(pairs) > 1 else ""
-        yield replace(place, text=f"{_too_near(scenario, pairs[0], what)}{others}")
+        more = len(pairs) - 1
+        others = f"; {more} more {'pairs are' if more > 1 else 'pair is'} too close" if more else ""
+        step = _wider(scenario, place, pairs[0])
+        yield replace(place, text=f"{_too_near(scenario, pairs[0], what)}{others}", remedy=step)
 
 
 def _each_pair(scenario: Scenario, pairs: list[Pair], what: str, table: Key, places: list[Mistake]) -> Mistakes:
     """Mistakes for the closest pairs, each at the later of its two vehicles."""
     for pair in pairs[:_LISTED]:
-        yield replace(places[pair.second], text=_too_near(scenario, pair, what))
+        lacks_m = np.ceil((scenario.limits.separation_min_m - pair.distance_m) * 100.0 - 1e-6) / 100.0
+        step = f"move vehicle {sysids(scenario)[pair.second]} away by {plain(lacks_m)} m or more"
+        yield replace(places[pair.second], text=_too_near(scenario, pair, what), remedy=step)
     if len(pairs) > _LISTED:
-        text = f"{len(pairs) - _LISTED} more pairs of vehicles are closer than limits.separation_min_m allows"
+        more = len(pairs) - _LISTED
+        are = "pairs of vehicles are" if more > 1 else "pair of vehicles is"
+        text = f"{more} more {are} closer than limits.separation_min_m allows"
         yield Mistake(table, text)
+
+
+def _wider(scenario: Scenario, place: Mistake, pair: Pair) -> str:
+    """The spacing at which the closest pair of a generated shape is apart; empty where it has no spacing."""
+    if place.key[-1] != "spacing_m" or not isinstance(place.value, float) or pair.distance_m <= 0.0:
+        return ""
+    enough = place.value * scenario.limits.separation_min_m / pair.distance_m
+    return f"set {dotted(place.key)} to {plain(float(np.ceil(enough * 100.0 - 1e-6) / 100.0))} or more"
 
 
 def _too_near(scenario: Scenario, pair: Pair, what: str) -> str:

@@ -180,7 +180,7 @@ def test_every_number_has_a_range(folder: Path, number: float) -> None:
 
 def test_a_vehicle_type_with_a_long_name_is_refused(folder: Path) -> None:
     (folder / "scenario.toml").write_text(TEXTS["template"].replace('"quad500"', f'"{"x" * 5000}"'))
-    with pytest.raises(GcsError, match=r"vehicle_type = \".*\.\.\. is not a path"):
+    with pytest.raises(GcsError, match=r"vehicle_type = \".*\.\.\.: is neither a vehicle type nor a file"):
         load_scenario(folder / "scenario.toml")
 
 

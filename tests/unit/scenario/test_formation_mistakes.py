@@ -32,6 +32,8 @@ def told(tmp_path: Path, repo_root: Path) -> Told:
             load_scenario(file)
         except ScenarioError as error:
             lines = [line.removeprefix(f"{file}:") for line in error.message.splitlines() if " mistakes" not in line]
+            if len(lines) == 1:
+                lines = [f"{lines[0]}. {error.hint[0].upper()}{error.hint[1:]}"]
             numbered = [line.partition(": ") for line in lines]
             return [f"{int(number) - above}: {sentence}" for number, _, sentence in numbered]
         return []
@@ -81,7 +83,7 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         ),
         (
             ['kind = "shrink"', "scale = 0.5", "gate_m = [[1.0, 2.0]]"],
-            "12: formation.change[0].gate_m[1]: missing; it must be a list of 2, each a number",
+            "12: formation.change[0].gate_m = [[1.0, 2.0]]: has too few values; it must be a list of 2",
         ),
         (
             ['kind = "rotate"', "at_s = 5.0"],
@@ -127,7 +129,7 @@ def test_a_counted_formation_that_changes_is_fine(told: Told) -> None:
         ),
         (
             ['kind = "reshape"', 'to = "gird"', "at_s = 5.0"],
-            '11: formation.change[0].to = "gird": is the name of no shape; the nearest one is "grid"',
+            '11: formation.change[0].to = "gird": is the name of no shape. Write "grid"',
         ),
         (
             ['kind = "reshape"', 'to = "wedge"', "at_s = 5.0"],
@@ -172,7 +174,7 @@ def test_one_mistake_in_a_change(told: Told, lines: list[str], says: str) -> Non
         ),
         (
             'name = "a"\noffsets_m = [[0, 0, 0], [1, 0]]',
-            "7: formation.shape[0].offsets_m[1][2]: missing; it must be a number",
+            "7: formation.shape[0].offsets_m[1] = [1, 0]: has too few values; it must be a list of 3",
         ),
         (
             'name = "a"\ngenerator = "line"\nspacing_m = 2.0\ntopology = "leader"',
@@ -283,11 +285,11 @@ auto = true
     assert sentences == [
         "2: formation.leader = 9: is not the sysid of a vehicle; there are 1, 2, 3, 4, 5, 6",
         "3: formation.count = 6: there are 2 [[formation.vehicle]] tables already. Keep one of the two",
-        '4: formation.start_shape = "gird": is the name of no shape; the nearest one is "grid"',
+        '4: formation.start_shape = "gird": is the name of no shape. Write "grid"',
         "6: formation.vehicle[1].sysid = 1: is the sysid of vehicle[0] already. Give each vehicle its own",
         "9: formation.shape[0].offsets_m = [[0, 0, 0], [1, 0, 0]]: has 2 places for 6 vehicles. Give one for each, "
         "leader included",
-        '20: formation.change[2].to = "gird": is the name of no shape; the nearest one is "grid"',
+        '20: formation.change[2].to = "gird": is the name of no shape. Write "grid"',
         "21: formation.change[2].at_s = 100.0: is before change[0], which begins at 300 s. Give changes in order "
         "of time",
         '29: formation.change[4].auto = true: with frame = "course" the heading follows the course. Give at_s or '

@@ -27,7 +27,8 @@ def broken(tmp_path: Path, repo_root: Path) -> Broken:
         (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
         with pytest.raises(ScenarioError) as caught:
             load_scenario(tmp_path)
-        return caught.value.message.replace(str(tmp_path), "HERE")
+        told = caught.value.message.replace(str(tmp_path), "HERE")
+        return told if "\n" in told else f"{told}. {caught.value.hint}"
 
     return load
 
@@ -71,15 +72,14 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
         ("run_up_m = 25.0", "run_up_m = 100.0"),
     ).splitlines()
     expected = [
-        "HERE/scenario.toml has 13 mistakes",
+        "HERE/scenario.toml has 12 mistakes",
         "scenario.toml:10: origin.lat_deg = 95.0: must be a number from -85 to 85 (WGS-84 latitude, degrees)",
         "scenario.toml:15: time.flight_s = true: must be a number from 0.01 to 7200",
         "scenario.toml:17: vehicle.mass_kg: missing; it must be a number from 0.001 to 1000 (m, kg)",
-        "scenario.toml:34: limits.clearance_min_m: missing; it must be a number from 0 to 100000",
         "scenario.toml:35: limits.north_m = [1500.0, 0.0]: must be [low, high] with low < high",
         "scenario.toml:46: limits.clearance_mim_m: unknown key; the nearest known one is clearance_min_m",
         "scenario.toml:56: terrain.ripple.e = nan: must be a number",
-        "end.velocity_mps[2]: missing; it must be a number",
+        "end.velocity_mps = [0.0, 0.0]: has too few values; it must be a list of 3",
         "objective.gravity_mps2: unknown key here; it belongs to [vehicle]",
         'formation.vehicle[3].position_m[0] = "a": must be a number',
         "ground_phases.run_up_m = 100.0: cannot bring a vehicle from rest to 2.83 m/s in run_up_s = 20 s",
@@ -93,7 +93,7 @@ def test_all_mistakes_are_told_at_once_with_line_key_value_and_range(broken: Bro
 
 def test_text_is_not_a_number(broken: Broken) -> None:
     told = broken(("mass_kg = 0.5", 'mass_kg = "0.5"'))
-    assert told.endswith(': vehicle.mass_kg = "0.5": must be a number from 0.001 to 1000 (m, kg)')
+    assert told.endswith(': vehicle.mass_kg = "0.5": must be a number, without quotes. write mass_kg = 0.5')
     assert "\n" not in told
 
 
@@ -120,8 +120,8 @@ def test_the_leader_is_one_of_the_vehicles(broken: Broken) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"a = 1\nb = = 2\n", "scenario.toml:2: not TOML: Invalid value"),
-        (b'a = 1\n\nb = "x', "scenario.toml:3: not TOML: Unterminated string"),
+        (b"a = 1\nb = = 2\n", "scenario.toml:2: not TOML: no value of TOML stands here"),
+        (b'a = 1\n\nb = "x', "scenario.toml:3: not TOML: text is not closed"),
         (b"a = 1\n\xff\n", "scenario.toml:2: not UTF-8 text"),
     ],
 )
@@ -165,7 +165,7 @@ def test_an_elevation_model_is_read_from_beside_the_scenario_or_missed(tmp_path:
 
 def test_an_elevation_model_and_mountains_disagree(broken: Broken) -> None:
     told = broken(("[terrain.mountains]", '[terrain.dem]\nfile = "x.tif"\n\n[terrain.mountains]'))
-    assert "terrain.dem: is the whole ground. Remove ripple and mountains" in told
+    assert "terrain.dem: is the whole ground. remove ripple and mountains" in told
 
 
 def test_what_was_read_travels_with_the_scenario(tmp_path: Path, repo_root: Path) -> None:

@@ -71,7 +71,7 @@ def test_the_older_key_means_forces_and_a_moment(written: Any) -> None:
 def test_exactly_one_reading_is_given(written: Any, lines: tuple[str, ...], told: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         written(*lines)
-    assert told in caught.value.message
+    assert told in f"{caught.value.message}. {caught.value.hint[0].upper()}{caught.value.hint[1:]}"
 
 
 @pytest.mark.parametrize("own", [MOMENT, "torque = [0.668, 0.668, 0.0209]"])

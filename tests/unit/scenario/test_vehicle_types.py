@@ -62,7 +62,7 @@ def test_a_vehicle_of_ones_own(tmp_path: Path) -> None:
         (
             "arm_m = 0.25",
             "arm_m = -1.0",
-            r"big.toml:\d+: vehicle.arm_m = -1.0: must be a number from 0.001 to 10 \(l, centre to rotor",
+            r"big.toml:\d+: vehicle.arm_m = -1.0: must not be negative; .* from 0.001 to 10 \(l, centre to rotor",
         ),
         ("[limits]", "[limit]", r"limit: unknown key; the nearest known one is limits"),
         ("[limits]", "[limits]\nnorth_m = [0.0, 1.0]", r"limits.north_m: unknown key"),
@@ -89,6 +89,9 @@ def test_what_makes_no_sense_is_told_with_the_vehicles_own_line(tmp_path: Path, 
 
 
 def test_a_type_that_is_not_there_says_which_are(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="no vehicle type f15") as caught:
+    with pytest.raises(ScenarioError, match='vehicle_type = "f15": is neither a vehicle type nor a file') as caught:
         load_scenario(write(tmp_path, "f15"))
-    assert "presets are f150, quad500" in caught.value.hint
+    assert 'write vehicle_type = "f150"' in caught.value.hint
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(write(tmp_path, "iris"))
+    assert "name a preset (f150, quad500), or a file" in caught.value.hint

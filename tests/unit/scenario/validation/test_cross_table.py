@@ -11,7 +11,7 @@ import pytest
 
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from gcs.scenario.validation.mistakes import dotted
+from gcs.scenario.validation.slips.shown_values import dotted
 
 
 @pytest.fixture
