@@ -55,7 +55,8 @@ def inclusion_corners(places_m: Array) -> Array:
     slack_m = _LEAST_SLACK_M
     while True:
         rough = hull.simplify(slack_m)
-        grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre").convex_hull
+        # Vehicles in one straight track make a line, whose round ends would have more corners at any slack.
+        grown = rough.buffer(INCLUSION_MARGIN_M + slack_m, join_style="mitre", cap_style="square").convex_hull
         corners = np.array(grown.exterior.coords)[:-1]
         if len(corners) <= _CORNERS_MAX:
             return corners

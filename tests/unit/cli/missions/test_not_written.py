@@ -10,20 +10,19 @@ import pytest
 
 from gcs.cli import main
 from gcs.errors import NotWritten
-from gcs.plan.trajectory.plan import Plan
-from gcs.plan.trajectory.plan_file import save_plan
-from gcs.plan.verification.verify import verify
 
 
 def gcs(*arguments: object) -> int:
     return main.run([str(argument) for argument in arguments])
 
 
-@pytest.fixture
-def simulation1_skein(simulation1_plan: Plan, tmp_path: Path) -> Path:
-    path = tmp_path / "simulation1.skein"
-    save_plan(simulation1_plan, verify(simulation1_plan), path)
-    return path
+@pytest.fixture(scope="module")
+def column_skein(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The plan of two vehicles, one behind the other."""
+    folder = tmp_path_factory.mktemp("column")
+    assert gcs("new", folder / "column", "--count", 2, "--shape", "column", "--spacing", 5, "--distance", 60) == 0
+    assert gcs("plan", folder / "column", "--to", folder) == 0
+    return folder / "column.skein"
 
 
 @pytest.fixture
@@ -39,13 +38,13 @@ def px4_field(repo_root: Path, tmp_path: Path) -> Path:
 
 
 def test_an_export_without_the_missions_it_was_asked_for_is_an_error(
-    simulation1_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    column_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    asked = ("export", simulation1_skein, "--to", out, "--autopilot", "px4")
+    asked = ("export", column_skein, "--to", out, "--autopilot", "px4")
     assert gcs(*asked) == 13
     told = capsys.readouterr().err
-    assert f"error: {out} has no missions, and 6 other files: not fit for mission mode: vehicles" in told
+    assert f"error: {out} has no missions, and 2 other files: not fit for mission mode: vehicles" in told
     assert "next: to write the setpoint stream alone, give --format setpoints; --untimed writes missions" in told
     assert {path.suffix for path in out.iterdir()} == {".setpoints", ".json"}
     assert gcs(*asked, "--json") == 13
@@ -57,10 +56,10 @@ def test_an_export_without_the_missions_it_was_asked_for_is_an_error(
 
 
 def test_missions_alone_that_are_not_fit_have_the_same_code(
-    simulation1_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    column_skein: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert gcs("export", simulation1_skein, "--to", out, "--autopilot", "px4", "--format", "plan") == 13
+    assert gcs("export", column_skein, "--to", out, "--autopilot", "px4", "--format", "plan") == 13
     assert NotWritten.exit_code == 13
     assert "not fit for mission mode" in capsys.readouterr().err
     assert not out.exists()

@@ -101,3 +101,12 @@ def test_what_is_no_flight_writes_nothing(options: str, told: str, capsys: pytes
 
 def test_the_words_for_shapes_are_those_of_scenarios() -> None:
     assert new.SHAPES == SHAPES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("count", "course"), [(1, "north"), (5, "east"), (4, "225")])
+def test_every_shape_plans_and_exports(shape: str, count: int, course: str) -> None:
+    assert gcs(f"new x --count {count} --shape {shape} --spacing 6 --course {course} --distance 80") == 0
+    assert gcs("plan x --to .") == 0
+    assert gcs("export x.skein --to out") == 0

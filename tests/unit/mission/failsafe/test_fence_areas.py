@@ -25,4 +25,8 @@ def test_last_bits_make_no_corners() -> None:
 
 def test_vehicles_in_one_place_or_in_line_have_a_fence() -> None:
     for places_m in (np.zeros((3, 2)), np.array([[0.0, 0.0], [50.0, 0.0], [20.0, 0.0]])):
-        assert shapely.covers(shapely.Polygon(inclusion_corners(places_m)), shapely.points(places_m)).all()
+        corners = inclusion_corners(places_m)
+        assert shapely.covers(shapely.Polygon(corners), shapely.points(places_m)).all()
+        assert len(corners) == 4
+        low_m, high_m = places_m.min(axis=0) - corners.min(axis=0), corners.max(axis=0) - places_m.max(axis=0)
+        assert np.concatenate([low_m, high_m]).max() < 1.5 * INCLUSION_MARGIN_M
