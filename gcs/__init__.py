@@ -17,8 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gcs.errors import GcsError as GcsError
+    from gcs.flight.assessment.judge import Truth as Truth
     from gcs.flight.assessment.judge import Verdict as Verdict
+    from gcs.flight.assessment.judge import load_truth as load_truth
     from gcs.flight.progress import Watcher as Watcher
+    from gcs.flight.recording.named_record import FlightReports as FlightReports
+    from gcs.flight.recording.named_record import load_record as load_record
     from gcs.flight.run import Emulated as Emulated
     from gcs.flight.run import Flown as Flown
     from gcs.flight.run import fly as fly
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
     from gcs.mission.export.export import export as export
     from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
+    from gcs.physics.named_states import NamedStates as NamedStates
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import Plan as Plan
@@ -39,12 +44,15 @@ if TYPE_CHECKING:
 _HOME = {
     "Connection": "gcs.link.connection",
     "Emulated": "gcs.flight.run",
+    "FlightReports": "gcs.flight.recording.named_record",
     "Flown": "gcs.flight.run",
     "GcsError": "gcs.errors",
+    "NamedStates": "gcs.physics.named_states",
     "Plan": "gcs.plan.trajectory.plan",
     "Replanner": "gcs.plan.replanning.replanner",
     "Report": "gcs.plan.verification.verify",
     "Scenario": "gcs.scenario.schema.scenario",
+    "Truth": "gcs.flight.assessment.judge",
     "Verdict": "gcs.flight.assessment.judge",
     "Watcher": "gcs.flight.progress",
     "build_missions": "gcs.mission.waypoints.mission_items",
@@ -52,7 +60,9 @@ _HOME = {
     "export": "gcs.mission.export.export",
     "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.trajectory.plan_file",
+    "load_record": "gcs.flight.recording.named_record",
     "load_scenario": "gcs.scenario.load",
+    "load_truth": "gcs.flight.assessment.judge",
     "make_plan": "gcs.plan.planner",
     "save_plan": "gcs.plan.trajectory.plan_file",
     "verify": "gcs.plan.verification.verify",

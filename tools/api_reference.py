@@ -22,11 +22,12 @@ ten lines; [scenario.md](scenario.md) has the keys of a scenario.
 """
 CHAPTERS = {
     "Scenario": ("load_scenario", "Scenario"),
-    "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "Replanner"),
+    "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "Replanner", "NamedStates"),
     "Verify": ("verify", "Report"),
     "Export": ("export", "build_missions", "build_stream"),
     "Fleet": ("Connection",),
     "Fly": ("fly", "Emulated", "Flown", "Verdict", "Watcher"),
+    "Read a flight": ("load_truth", "Truth", "load_record", "FlightReports"),
     "Errors": ("GcsError",),
 }
 

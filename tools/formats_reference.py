@@ -25,7 +25,8 @@ names. Formats in **bold** are written without `--format`. `uavN` is the vehicle
 
 Every mission is read back from the bytes of its file, flown as the autopilot would fly it, and verified before the
 folder is handed over. `gcs check` reads the missions, fences and rally points of any program.
-[extending.md](extending.md#an-export-format) adds a format.
+[extending.md](extending.md#an-export-format) adds a format. The columns of states, of `record.parquet` and of
+`truth.npz` are in [python.md](python.md#the-columns-of-states).
 
 | name | files | what it is for | content |
 | --- | --- | --- | --- |

@@ -63,7 +63,10 @@ BLOCKS = {name_of(file): blocks_of(file.read_text(encoding="utf-8"), name_of(fil
 
 
 # Documents whose blocks take seconds; those of all others are run with -m slow.
-QUICK = ("README.md", "docs/flying.md", "docs/links.md", "docs/sim_bridge.md", "missions/ridge/README.md")
+QUICK = (
+    *("README.md", "docs/flying.md", "docs/links.md", "docs/python.md", "docs/sim_bridge.md"),
+    "missions/ridge/README.md",
+)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
 from gcs.flight.progress import FlightTimes
+from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.reading.archives import ArrayKind, read_arrays
@@ -201,13 +202,24 @@ class Truth:
     unix_s: Array  # (N,) GNSS time
     states: Array  # (V, N, 12)
 
+    @property
+    def named(self) -> NamedStates:
+        """The states, their columns by name."""
+        return NamedStates(self.states)
+
+    def t_s(self, t0_unix_s: float) -> Array:
+        """The plan times (N,) of the states. `Flown.times` and `flight.json` have T0."""
+        return self.unix_s - t0_unix_s
+
     def __post_init__(self) -> None:
         if self.states.shape != (len(self.sysids), len(self.unix_s), 12):
             raise ValueError(f"states must be (V, N, 12), not {self.states.shape}")
 
 
-def load_truth(path: Path) -> Truth:
-    """Return the true states of a file. Raises FileFormatError if it is missing or damaged."""
+def load_truth(path: Path | str) -> Truth:
+    """Return the true states of a flight: of its folder, or a `truth.npz`. Raises FileFormatError."""
+    path = Path(path)
+    path = path / "truth.npz" if path.is_dir() else path
     hint = "read simulator.log beside it: the simulator writes them when it ends"
     try:
         with os.fdopen(open_regular(path, hint=hint), "rb") as file:

@@ -17,6 +17,7 @@ from gcs.flight.recording.flight_state import NAME as STATE
 from gcs.flight.recording.flight_state import FlightState, read_flight_state
 from gcs.flight.recording.from_telemetry import is_ground, recording_from_telemetry
 from gcs.flight.recording.landing_parameters import reported_profiles
+from gcs.flight.recording.named_record import read_record
 from gcs.flight.recording.record_table import NAME as RECORD
 from gcs.flight.recording.record_table import build_record, telemetry_logs
 from gcs.flight.recording.recording import Recording, VehicleTrack
@@ -24,10 +25,9 @@ from gcs.flight.recording.tlog import LoggedFrame, Tlog, load_tlog
 from gcs.link.wire.message import GROUND, Message
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan_file import read_plan
-from gcs.reading.bounded_file import RECORD_FILE, read_file
-from gcs.reading.bounded_parquet import open_parquet
 
 PLAN = "plan.skein"
+_FORMS = ("{}_m", "v_{}_mps")
 
 
 class LoadedRecording:
@@ -58,7 +58,9 @@ def _flight(folder: Path, state: FlightState, t0_unix_s: float, logs: list[Tlog]
     plan, _ = read_plan(folder / PLAN)
     frames, unix_s, notes = _joined(logs)
     messages = [frame.message for frame in frames if frame.message is not None]
-    record = build_record(plan, t0_unix_s, messages, state.systems) if logs else _read_record(folder / RECORD)
+    record = (
+        build_record(plan, t0_unix_s, messages, state.systems) if logs else read_record(folder / RECORD, "name a .tlog")
+    )
     _, warnings, remarks, _ = recording_from_telemetry(_timed(frames, unix_s - t0_unix_s))
     vehicle_of = {system: vehicle for vehicle, system in state.systems.items()}
     said = sorted((*warnings, *remarks), key=lambda one: one.t_s)
@@ -114,26 +116,3 @@ def _from_record(record: pa.Table, sysids: tuple[int, ...]) -> tuple[VehicleTrac
         values = (columns["t_s"], *motion, columns["armed"], columns["mode"], columns["battery_pct"])
         tracks.append(VehicleTrack(sysid, autopilot, *(column[mine] for column in values)))
     return tuple(tracks)
-
-
-_FORMS = ("{}_m", "v_{}_mps")
-_COLUMNS = {form.format(axis) for form in _FORMS for axis in ("north", "east", "down")} | {
-    *("t_s", "sysid", "armed", "mode", "battery_pct"),
-}
-
-
-def _read_record(path: Path) -> pa.Table:
-    try:
-        table = open_parquet(read_file(path, RECORD_FILE, hint="name a .tlog")).read()
-        if lacking := sorted(_COLUMNS - set(table.column_names)):
-            raise ValueError(f"no column {lacking[0]}")
-        if wrong := [name for name in _COLUMNS if not _is_number(table.schema.field(name).type)]:
-            raise ValueError(f"column {wrong[0]} holds no numbers")
-    except (OSError, ValueError, pa.ArrowException) as problem:
-        reason = str(problem).splitlines()[0][:200] if str(problem) else type(problem).__name__
-        raise FileFormatError(f"{path} cannot be read: {reason}.", hint="name a .tlog") from None
-    return table
-
-
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))

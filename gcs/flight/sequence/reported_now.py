@@ -36,7 +36,8 @@ class ReportedNow:
         known = np.asarray(np.isfinite(places).all(axis=1))
         zone_m, above_m = (np.full(len(places), np.nan) for _ in range(2))
         north, east, up = places[known].T
-        zone_m[known] = nearest_zone_m(plan.scenario.no_fly, plan.t_start_s if t_s is None else t_s, north, east)
+        now_s = np.array(plan.t_start_s if t_s is None else t_s)
+        zone_m[known] = nearest_zone_m(plan.scenario.no_fly, now_s, north, east)
         above_m[known] = up - ground_height_m(plan.scenario.terrain, north, east)
         found = []
         for row, sysid in enumerate(plan.sysids):

@@ -9,12 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from gcs.autopilots.traits import Autopilot
-from gcs.physics.quadrotor import VELOCITY, Array, Quadrotor, derivative
+from gcs.physics.named_states import NamedStates
+from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.error import formation_error_m
 from gcs.plan.formation.followers import formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
+from gcs.plan.trajectory.distances import ground_distances_m, separations_m, zone_distances_m
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
@@ -156,6 +158,10 @@ class Plan:
         """States (V, N, 12) of all vehicles: the leader's, moved by the shape (Eq. 22)."""
         return self.motion(t_s)[0]
 
+    def named_states(self, t_s: Array) -> NamedStates:
+        """The same states (V, N, 12), their columns by name."""
+        return NamedStates(self.states(t_s))
+
     def controls(self, t_s: Array) -> Array:
         """Controls (V, N, 4) of all vehicles: the leader's, plus what moves a vehicle within the shape."""
         return self.motion(t_s)[1]
@@ -176,6 +182,37 @@ class Plan:
     def formation_error_m(self, t_s: Array, positions_ned_m: Array) -> Array:
         """Formation error (N,), m, by Definition 1 for positions (V, N, 3) flown at plan times t_s (N,)."""
         return formation_error_m(positions_ned_m, self.offsets(t_s))
+
+    def separations_m(self, t_s: Array, positions_ned_m: Array | None = None) -> Array:
+        """Distance (N,) between the nearest two vehicles at plan times (N,), of positions (V, N, 3) or as planned."""
+        return separations_m(self._places(t_s, positions_ned_m))
+
+    def zone_distances_m(self, t_s: Array, positions_ned_m: Array | None = None) -> Array:
+        """Distance (V, N) to the edge of the nearest no-fly zone: negative inside, infinite without zones."""
+        return zone_distances_m(self.scenario, t_s, self._places(t_s, positions_ned_m))
+
+    def ground_distances_m(self, t_s: Array, positions_ned_m: Array | None = None, *, reach_m: float = 50.0) -> Array:
+        """Distance (V, N) to the ground in any direction; `reach_m` where it is larger."""
+        return ground_distances_m(self.scenario, self._places(t_s, positions_ned_m), reach_m)
+
+    def _places(self, t_s: Array, positions_ned_m: Array | None) -> Array:
+        return self.states(t_s)[..., POSITION] if positions_ned_m is None else positions_ned_m
+
+    def __str__(self) -> str:
+        begin, end = (self._leader_place(t_s) for t_s in (0.0, self.flight_s))
+        phases = ", ".join(f"{phase.name} {phase.duration_s:g} s" for phase in self.phases)
+        vehicles = "1 vehicle" if len(self.sysids) == 1 else f"{len(self.sysids)} vehicles"
+        return (
+            f"plan {self.scenario.name}: {vehicles}, {self.flight_s:.1f} s of flight, cost {self.objective:.4f}\n"
+            f"  leader {self.sysids[self.leader]} from ({begin}) to ({end}) m north, east, up\n"
+            f"  t = {self.t_start_s:.1f} to {self.t_end_s:.1f} s: {phases}"
+        )
+
+    __repr__ = __str__
+
+    def _leader_place(self, t_s: float) -> str:
+        north, east, down = self.leader_trajectory.state(t_s)[POSITION].tolist()
+        return ", ".join(f"{round(metres, 1) + 0.0:.1f}" for metres in (north, east, -down))
 
     @cached_property
     def hash(self) -> str:

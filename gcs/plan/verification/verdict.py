@@ -80,6 +80,20 @@ class Report:
         """The names of criteria that are not proved between samples."""
         return tuple(dict.fromkeys(c.name for c in self.checks if c.verdict == "sampled"))
 
+    def __str__(self) -> str:
+        failed, total = len(self.failures), len(self.checks)
+        verdict = f"all {total} checks passed" if self.ok else f"FAILED, {failed} of {total} checks did not pass"
+        apart = "" if self.separation_min_m is None else f", vehicles at least {self.separation_min_m:.3f} m apart"
+        if self.failures:
+            more = f"; and {failed - 1} more" if failed > 1 else ""
+            last = f"{min(self.failures, key=lambda check: check.worst)}{more}"
+        else:
+            proved = f"sampled: {', '.join(self.sampled)}" if self.sampled else "every instant proved"
+            last = f"integrated again: within {self.window_error_max_m:.4f} m; {proved}"
+        return f"verification: {verdict}\n  at least {self.clearance_min_m:.3f} m from the ground{apart}\n  {last}"
+
+    __repr__ = __str__
+
 
 def refusal(report: Report) -> VerificationError:
     """The error for a plan that failed verification, with its worst checks."""

@@ -129,7 +129,7 @@ def outside_m(zone: NoFlyZone, t_s: Array, north_m: Array, east_m: Array) -> Arr
 
 
 def signed_distance_m(zone: NoFlyZone, north_m: Array, east_m: Array) -> Array:
-    """Distance (N,) of places (N,) to the edge of the zone where it has not moved: negative inside, true everywhere.
+    """Distance (...) of places (...) to the edge of the zone where it has not moved: negative inside, true everywhere.
 
     It changes by no more than a place moves.
     """
@@ -142,13 +142,15 @@ def signed_distance_m(zone: NoFlyZone, north_m: Array, east_m: Array) -> Array:
     return np.asarray(np.where(shapely.intersects(area, points), -away_m, away_m))
 
 
-def nearest_zone_m(zones: Sequence[NoFlyZone], t_s: float, north_m: Array, east_m: Array) -> Array:
-    """True distance (N,) of places (N,) at a plan time to the edge of the nearest zone: negative inside, infinite
-    without zones."""
-    found = np.full(np.shape(north_m), np.inf)
+def nearest_zone_m(zones: Sequence[NoFlyZone], t_s: Array, north_m: Array, east_m: Array) -> Array:
+    """True distance (...) of places (...) to the edge of the nearest zone at plan times that broadcast with them.
+
+    Negative inside, infinite without zones.
+    """
+    found = np.full(np.broadcast_shapes(np.shape(t_s), np.shape(north_m)), np.inf)
     for zone in zones:
-        moved_north, moved_east = displacement_m(zone, np.array(t_s))
-        found = np.minimum(found, signed_distance_m(zone, north_m - moved_north, east_m - moved_east))
+        moved = displacement_m(zone, t_s)
+        found = np.minimum(found, signed_distance_m(zone, north_m - moved[..., 0], east_m - moved[..., 1]))
     return found
 
 

@@ -138,7 +138,7 @@ def test_the_figures_are_those_of_the_vehicles_reports(mixed: tuple[FlightSequen
         assert now.above_ground_m == pytest.approx(-down - float(ground_height_m(scenario.terrain, *at)[0]))
         t_s = still.now.plan_time_s
         assert t_s is not None
-        assert now.zone_m == pytest.approx(float(nearest_zone_m(scenario.no_fly, t_s, *at)[0]))
+        assert now.zone_m == pytest.approx(float(nearest_zone_m(scenario.no_fly, np.array(t_s), *at)[0]))
         assert 0.0 < sequence.ground_margins_m([now.sysid])[now.sysid] <= now.above_ground_m
 
 

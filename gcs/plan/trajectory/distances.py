@@ -1,0 +1,32 @@
+"""Distances of places over time, planned, reported or true: between vehicles, to no-fly zones and to the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.ground_distance import ground_distance_m
+from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.schema.scenario import Scenario
+
+
+def separations_m(positions_ned_m: Array) -> Array:
+    """Distance (N,) between the nearest two of positions (V, N, 3); infinite for one vehicle."""
+    if len(positions_ned_m) < 2:
+        return np.full(positions_ned_m.shape[1], np.inf)
+    return np.array([pdist(places).min() for places in positions_ned_m.swapaxes(0, 1)])
+
+
+def zone_distances_m(scenario: Scenario, t_s: Array, positions_ned_m: Array) -> Array:
+    """Distances (V, N) of positions (V, N, 3) at plan times (N,) to the edge of the nearest no-fly zone.
+
+    Negative inside, infinite without zones.
+    """
+    return nearest_zone_m(scenario.no_fly, t_s, positions_ned_m[..., 0], positions_ned_m[..., 1])
+
+
+def ground_distances_m(scenario: Scenario, positions_ned_m: Array, reach_m: float) -> Array:
+    """Distances (V, N) of positions (V, N, 3) to the ground in any direction; `reach_m` where they are larger."""
+    north, east, down = np.moveaxis(positions_ned_m, -1, 0)
+    return ground_distance_m(scenario.terrain, north, east, -down, reach_m)
