@@ -5,6 +5,12 @@ A mistake of the operator and a fault of the vehicle are different classes, so t
 
 from __future__ import annotations
 
+import re
+
+_LONG = re.compile(
+    r"(?<![\w.])(-?\d+\.\d{4,})(?= (?:m|s|N|W|Wh|V|kg|m/s|m/s²|deg|degrees|rad/s|deg/s|degrees/s|N m)\b)"
+)
+
 
 class GcsError(Exception):
     """A failure in one sentence. `hint` is the next step for the operator, if there is one."""
@@ -12,9 +18,24 @@ class GcsError(Exception):
     exit_code = 1
 
     def __init__(self, message: str, *, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+        self.message, self.hint = for_people(message), for_people(hint)
+        super().__init__(self.message)
+
+
+def for_people(text: str) -> str:
+    """The text with at most three digits after the point of a quantity, or three digits in all below 0.1."""
+    return _LONG.sub(lambda number: _short(float(number[1])), text)
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """A number of things: "1 vehicle", "2 vehicles"."""
+    return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
+
+
+def _short(value: float) -> str:
+    if 0.0 < abs(value) < 0.1:
+        return f"{value:.3g}"
+    return f"{value:.3f}".rstrip("0").rstrip(".")
 
 
 class UsageError(GcsError):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from gcs.cli.outlet import Outlet
-from gcs.errors import GcsError
+from gcs.errors import GcsError, for_people
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -49,7 +49,7 @@ class Screen:
 
     def warn(self, text: str) -> None:
         """Print one warning line: on stdout among the others, or on stderr with `--json`."""
-        _line(sys.stderr if self.json else sys.stdout, f"WARNING: {text}")
+        _line(sys.stderr if self.json else sys.stdout, f"WARNING: {for_people(text)}")
 
     def ask(self, question: str) -> None:
         """Print a question that you must answer to go on; on stderr with `--json`."""

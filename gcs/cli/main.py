@@ -37,6 +37,7 @@ from gcs.cli.planning.replan import replan
 from gcs.cli.planning.schema import schema
 from gcs.cli.planning.show import show
 from gcs.cli.planning.verify import verify
+from gcs.cli.usage_slips import usage
 from gcs.errors import FileFormatError, GcsError, UsageError
 
 NAME, COMPLETING = "gcs", "_GCS_COMPLETE"
@@ -166,8 +167,8 @@ def _run(arguments: list[str]) -> int:
         code = STOPPED
     except typer.TyperException as error:
         code = error.exit_code
-        hint = f"see `{_command_path(error)} --help`"
-        screen.error(error.format_message(), hint=hint, kind="UsageError", exit_code=code)
+        message, hint = usage(error)
+        screen.error(message, hint=hint, kind="UsageError", exit_code=code)
     except GcsError as error:
         code = error.exit_code
         _trace(debug)
@@ -218,8 +219,3 @@ def _say_bug(screen: Screen, error: Exception) -> None:
 def _trace(wanted: bool) -> None:
     if wanted:
         traceback.print_exc()
-
-
-def _command_path(error: typer.TyperException) -> str:
-    context = getattr(error, "ctx", None)
-    return context.command_path if context else "gcs"

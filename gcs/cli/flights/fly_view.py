@@ -12,7 +12,7 @@ from gcs.cli.console import Screen
 from gcs.cli.flights.live.flight_table import FlightTable
 from gcs.cli.plan_argument import Stopwatch, verdict_word
 from gcs.cli.prompts import show_checks, typed_line
-from gcs.errors import JudgementError, UsageError
+from gcs.errors import JudgementError, UsageError, counted
 from gcs.flight.lateness import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
 from gcs.flight.recording.flight_folder import TELEMETRY, limit_text
@@ -87,7 +87,7 @@ def fly_and_judge(run: FlightRun, screen: Screen, watch: Stopwatch, *, asks: boo
     question = ""
     if asks and run.link is not None:
         count = len(run.plan.sysids)
-        question = f"This arms and flies {count} vehicles at {run.link}. Type '{CONFIRMATION}' to continue:"
+        question = f"This arms and flies {counted(count, 'vehicle')} at {run.link}. Type '{CONFIRMATION}' to continue:"
     with screen.without_waiting():
         flown = fly_run(run, FlightView(screen, watch, question))
     verdict = flown.verdict

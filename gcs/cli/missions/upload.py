@@ -22,6 +22,7 @@ from gcs.cli.shared_options import (
     UnverifiedOption,
     connection,
 )
+from gcs.errors import counted
 
 if TYPE_CHECKING:
     from gcs.cli.plan_argument import Stopwatch
@@ -78,9 +79,8 @@ def upload(
     if held is not None:
         record = _write_record(to, plan.scenario.name, held)
         _show_missions(screen, held)
-        screen.say(
-            f"all {len(held.digests)} vehicles have their mission of plan {plan.hash[:12]}; the read-back is equal"
-        )
+        have = counted(len(held.digests), "vehicle has its mission", "vehicles have their missions")
+        screen.say(f"{have} of plan {plan.hash[:12]}; the read-back is equal")
         if held.changes:
             screen.say(f"to write the old parameter values back: gcs restore {record}")
     screen.say(f"time: {watch}")
@@ -125,7 +125,7 @@ def restore(
             await put(await fleet.vehicles(sysids, FIND_S, systems=known.systems), changes)
 
     Stoppable().run(put_back())
-    screen.say(f"{len(changes)} parameters have their old values")
+    screen.say(counted(len(changes), "parameter has its old value", "parameters have their old values"))
     screen.result({"restored": len(changes)})
     return 0
 

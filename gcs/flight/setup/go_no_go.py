@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from gcs.autopilots.traits import link_behaviour
-from gcs.errors import GcsError, PeerError
+from gcs.errors import GcsError, PeerError, counted
 from gcs.flight.clocks.fleet_clock import differences_s
 from gcs.flight.setup.preflight import preflight
 from gcs.flight.setup.preflight_check import PreflightCheck, refuse_no_go, waive
@@ -69,4 +69,4 @@ async def restore_parameters(
     except GcsError as error:
         say(f"WARNING: not all parameters were restored: {error.message}")
     else:
-        say(f"{len(changes)} parameters restored")
+        say(f"{counted(len(changes), 'parameter')} restored")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gcs.autopilots.parameter_names import in_units_of
-from gcs.errors import FlightError, GcsError, PeerError
+from gcs.errors import FlightError, GcsError, PeerError, counted
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.parameter import Parameter, as_kind
 from gcs.link.mission_protocol.strategy import SentAs
@@ -180,18 +180,21 @@ async def _upload(one: _Loading, on_step: Callable[[int, str], None]) -> None:
     session, mission = one.session, one.load.mission
     one.touched.add(MissionType.MISSION)
     await session.upload_mission(mission)
-    on_step(session.sysid, f"mission of {len(mission.items)} items" + (f", {way}" if (way := session.sent_as) else ""))
+    on_step(
+        session.sysid,
+        f"mission of {counted(len(mission.items), 'item')}" + (f", {way}" if (way := session.sent_as) else ""),
+    )
     for kind, items in one.load.extras:
         one.touched.add(kind)
         await session.upload_items(items, kind)
-        on_step(session.sysid, f"{kind.name.lower()} of {len(items)} items")
+        on_step(session.sysid, f"{kind.name.lower()} of {counted(len(items), 'item')}")
 
 
 async def _set(one: _Loading, on_step: Callable[[int, str], None]) -> None:
     if one.changes:
         one.wrote = True
         await one.session.write_parameters([change.after for change in one.changes])
-        on_step(one.session.sysid, f"{len(one.changes)} parameters")
+        on_step(one.session.sysid, counted(len(one.changes), "parameter"))
 
 
 async def _roll_back(every: Sequence[_Loading]) -> dict[int, str]:

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from gcs.errors import counted
 from gcs.frames import from_degE7, geodetic_to_ned
 from gcs.mission.check.findings import Finding, Level, Rule
 from gcs.mission.check.item_checks import found
@@ -32,7 +33,7 @@ def check_safety(mission: MissionFile, flight: PredictedFlight, around: Surround
     support = firmware.traits.missions
     count = mission.geofence.vertices
     if count > support.fence_items_max:
-        message = f"fence of {count} points; {firmware.title} stores at most {support.fence_items_max}"
+        message = f"fence of {counted(count, 'point')}; {firmware.title} stores at most {support.fence_items_max}"
         yield found(mission, Rule.FENCE, Level.ERROR, message)
     if len(mission.rally) > support.rally_points_max:
         message = f"{len(mission.rally)} rally points; {firmware.title} stores at most {support.rally_points_max}"
