@@ -1,7 +1,7 @@
 """The same scenario planned with other kernels, threads and numbers of processes: how far two plans may differ.
 
-The tolerances are those that docs/planner.md states. Where the shape moves, the optimum is flat: its cost is the same to
-a few parts in 10,000, and its places move by centimetres or decimetres.
+The tolerances are those that docs/planner.md states. Where the shape moves, the optimum is flat: its cost is the same
+to a few parts in 10,000, and its places move by centimetres or decimetres.
 """
 
 from __future__ import annotations
