@@ -219,5 +219,10 @@ def test_an_unknown_host_is_said_before_a_simulator_is_started(
     assert not list(flights.glob("*/simulator.log"))
 
 
+def test_a_flight_that_is_taken_up_again_can_be_watched_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["attach", "--also-to", "udpin:127.0.0.1:14550"]) == 2
+    assert "cannot call a ground station" in capsys.readouterr().err
+
+
 def test_another_host_may_have_the_same_port() -> None:
     assert [spec.host for spec in listeners(["udpout:192.0.2.1:14550"], ["udpin:0.0.0.0:14550"])] == ["192.0.2.1"]
