@@ -15,6 +15,11 @@ from gcs.scenario.validation.slips.shown_values import dotted, exact, toml
 from gcs.scenario.validation.toml_lines import Key
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
+_PLACE_KEYS = {  # what people write instead of a position
+    **dict.fromkeys(("lat", "latitude", "lat_deg"), "lat"),
+    **dict.fromkeys(("lon", "lng", "longitude", "lon_deg"), "lon"),
+    **dict.fromkeys(("alt", "altitude", "alt_m", "alt_amsl_m", "height", "height_m"), "height"),
+}
 _KEPT_MAX = 20  # slips that one error lists
 
 
@@ -60,7 +65,7 @@ class _Reader:
     def table(self, table: dict[str, Any], node: Schema, key: Key, also: tuple[str, ...] = ()) -> dict[str, Any]:
         known = (*node.get("properties", {}), *also)
         read: dict[str, Any] = {}
-        for name, value in table.items():
+        for name, value in self._without_degrees(table, known, key).items():
             target = name if name in known else self._known(name, value, [k for k in known if k not in table], key)
             if target in read:  # two slips that mean one key
                 target = name
@@ -68,6 +73,17 @@ class _Reader:
             own = value if target == name else self._renamed(name, value, target, key)
             read[target] = self._value(own, part, (*key, target))
         return read
+
+    def _without_degrees(self, table: dict[str, Any], known: tuple[str, ...], key: Key) -> dict[str, Any]:
+        """The table with metres where it has latitude and longitude instead of a position."""
+        names = {name: _PLACE_KEYS[name] for name in table if name in _PLACE_KEYS and name not in known}
+        if "position_m" not in known or "position_m" in table or {"lat", "lon"} - set(names.values()):
+            return table
+        text = f"is given as {', '.join(names)}; this program takes metres north, east and up from the origin"
+        step = "write position_m = [north, east, height], in m"
+        self.meant.mistakes.append(Mistake((*key, "position_m"), text, remedy=step))
+        self.meant.guessed.add((*key, "position_m"))
+        return {name: value for name, value in table.items() if name not in names}
 
     def _known(self, name: str, value: Any, free: list[str], key: Key) -> str:
         if isinstance(value, int | float):

@@ -68,6 +68,7 @@ SLIPS: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (edit((FLIGHT, "flight_min = 1.5")), "Skein has it in s, as flight_s", "write flight_s = 90"),
     (edit((SEPARATION, "separation_min_m = 5,5")), "has a decimal comma", "write separation_min_m = 5.5"),
     (edit(("lat_deg = 47.4", "lat_deg = \"47°24'00\\\"N\"")), "must be a number of degrees", "write lat_deg = 47.4"),
+    (edit((END, "lat = 47.41, lon = 8.55, alt = 15")), "given as lat, lon, alt; ", "write position_m"),
     # One typo is one mistake.
     (edit(("clearance_min_m", "clearence_min_m")), "unknown key", "write clearance_min_m instead of clearence_min_m"),
     (edit(("[limits]", "[limit]")), "limit: unknown key", "write limits instead of limit"),
