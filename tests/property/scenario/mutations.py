@@ -204,7 +204,7 @@ def _copied_value(data: Data, chance: random.Random) -> None:
         (node, key), (other, place) = chance.choice(found), chance.choice(found)
         value = copy.deepcopy(other[place])
         if chance.random() < 0.5:
-            other[place] = node[key]  # swapped
+            other[place] = copy.deepcopy(node[key])  # swapped; a copy cannot contain itself
         node[key] = copy.deepcopy(value)
         if isinstance(node, dict) and chance.random() < 0.2:
             node[str(place)] = value
