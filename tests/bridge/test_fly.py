@@ -284,6 +284,7 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 
+@pytest.mark.slow
 def test_without_the_word_nothing_is_uploaded(
     short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:

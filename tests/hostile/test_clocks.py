@@ -49,6 +49,7 @@ def clock_events(folder: Path) -> set[tuple[int, str]]:
     return {(one.sysid, one.what) for one in read_events(folder / "events.jsonl") if "clock" in one.what}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jumps", [("1:clock-jump=20@10..22", "2:clock-jump=3600@20", "3:clock-jump=-20@15")])
 def test_jumps_of_gnss_time_are_told_and_not_followed(
     vehicles: MakeVehicles, hop: Plan, hop_file: Path, tmp_path: Path, jumps: tuple[str, ...]

@@ -147,7 +147,7 @@ def survives(plan: Plan, place: Place, nth: int, kind: str) -> None:
 def test_whatever_fails_while_vehicles_fly_they_land(step_aside: Plan, undisturbed: Flight) -> None:
     """A choice of places and failures; the long form has all of them."""
     chance = random.Random(16)
-    some = chance.sample(points(undisturbed), 8)
+    some = chance.sample(points(undisturbed), 6)
     for number, (place, nth) in enumerate(some):
         survives(step_aside, place, nth, list(FAILURES)[number % len(FAILURES)])
 

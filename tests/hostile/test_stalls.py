@@ -107,7 +107,9 @@ def test_stopped_in_flight_it_leads_all_back_to_the_plan(
         assert done.output.count("ordered to follow setpoints again") >= 3
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "autopilot", [pytest.param("ardupilot", marks=pytest.mark.slow), pytest.param("px4", marks=pytest.mark.long)]
+)
 def test_stopped_on_the_ground_or_in_a_landing_it_goes_on(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:

@@ -164,7 +164,7 @@ def test_plan_files_with_mutated_scenarios_fail_with_a_sentence_only(
     assert refused > len(seeds) / 4
 
 
-@pytest.mark.parametrize("number", [1e308, -1e308])
+@pytest.mark.parametrize("number", [1e308, pytest.param(-1e308, marks=pytest.mark.slow)])
 def test_every_number_has_a_range(folder: Path, number: float) -> None:
     """One number after the other, those that a file may leave out among them."""
     whole, file = load_scenario(ROOT / "missions" / "simulation1"), folder / "scenario.toml"

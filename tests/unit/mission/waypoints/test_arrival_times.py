@@ -81,6 +81,7 @@ def test_vehicles_that_px4_flies_may_be_too_far_apart_in_time(field: Plan, tmp_p
     assert document["verified"] is None
 
 
+@pytest.mark.slow
 def test_nor_are_such_missions_uploaded(field: Plan) -> None:
     autopilots = dict.fromkeys(field.sysids, int(Autopilot.PX4))
     with pytest.raises(VerificationError, match="not fit for mission mode"):

@@ -268,6 +268,7 @@ def test_a_heading_away_from_the_course_fails(planned: Planned, name: str) -> No
     assert COURSE in failing(stiff)
 
 
+@pytest.mark.slow
 def test_where_it_turns_with_its_course_other_shapes_still_fail(planned: Planned) -> None:
     plan, _ = planned("course")
     tables = plan.shape.basis_ned_m.copy()
