@@ -158,11 +158,19 @@ def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     short_mission: Path, tmp_path: Path
 ) -> None:
     """Which model flew is said, and seen: the ideal one keeps the times of the plan, a real one does not."""
+    scenario = json.loads(short_mission.read_text())
+    for vehicle in scenario["formation"]["vehicle"]:  # apart as far as real navigators need
+        vehicle["position_m"] = [4.0 * vehicle["position_m"][0], 4.0 * vehicle["position_m"][1], 3.0]
+    scenario["start"]["position_m"] = scenario["formation"]["vehicle"][0]["position_m"]
+    scenario["end"]["position_m"][0] += 6.0
+    scenario["end"]["position_m"][1] += 3.0
+    wide = tmp_path / "scenario.json"
+    wide.write_text(json.dumps(scenario))
     errors_m = {}
     for nav in ("ideal", "own"):
         arguments = ("--sim", "--mode", "mission", "--nav", nav, "--speedup", "max", "--json", "--to", tmp_path / nav)
-        report = json.loads(fly(short_mission, *arguments).stdout)
-        assert (report["mode"], report["navigator"]) == ("mission", nav)
+        report = json.loads(fly(wide, *arguments).stdout)
+        assert (report["mode"], report["navigator"]) == ("mission", nav), report
         errors_m[nav] = max(report["position_rms_m"].values())
     print(errors_m)
     assert errors_m["own"] > 2.0 * errors_m["ideal"]
