@@ -1,25 +1,44 @@
-"""Why a scenario has no plan, with the time of flight that would make it feasible."""
+"""Why a scenario has no plan, with the values that would make it feasible; what needs no optimiser is said at once."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import POSITION, VELOCITY
+from gcs.plan.formation.changes.schedule_fit import ScheduleMisfit, check_schedule
+from gcs.plan.formation.coordinates import coordinates
 from gcs.plan.formation.shape import rigid
+from gcs.plan.nlp.margins import COURSE_SPEED_MPS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
+from gcs.scenario.schema.fields import FLIGHT_MAX_S
+from gcs.scenario.schema.scenario import Scenario
 
 _AXES = ("north", "east", "height")
+_FASTER = 20.0  # times a speed of a change: what would need more does not help
 _LONGER = (1.01, 1.03, 1.07, 1.15, 1.3, 1.6, 2.0)
 
 
 def check_time(problem: Problem) -> None:
-    """Raises Infeasible when the straight flight at the speed limits needs more time than there is."""
+    """Raises Infeasible where no optimiser is needed to see that there is too little time.
+
+    That is: for the straight flight at the speed limits, for all scheduled changes of shape, or for the turn of a
+    formation that flies along its course.
+    """
+    _check_speed(problem)
+    if problem.free_time is None:
+        check_schedule(problem.scenario, problem.end_s)
+        _check_turn(problem)
+
+
+def _check_speed(problem: Problem) -> None:
     times = _least_times_s(problem)
     latest_s = problem.duration_s if problem.free_time is None else problem.free_time.latest_s
     axis = int(np.argmax(times))
@@ -33,8 +52,83 @@ def check_time(problem: Problem) -> None:
     )
 
 
+def _check_turn(problem: Problem) -> None:
+    """Raises Infeasible where a formation with `frame = "course"` cannot turn to its way in time.
+
+    It flies at most 1 m/s in any other direction than it faces. So its way towards the end is bounded by what remains
+    of the speed limits across the tolerated angle, while it turns at its largest rate.
+    """
+    if not problem.follows_course:
+        return
+    scenario = problem.scenario
+    way = (problem.end_state - problem.start_state)[:2]
+    length_m = float(np.linalg.norm(way))
+    away_rad = float(np.arctan2(way[1], way[0])) - problem.course_at_start_rad
+    away_rad = abs(float(np.angle(np.exp(1j * away_rad))))
+
+    def fits(scenario: Scenario, away_rad: float, duration_s: float) -> bool:
+        return _course_reach_m(scenario, way / max(length_m, 1e-9), away_rad, duration_s) >= length_m
+
+    if fits(scenario, away_rad, problem.duration_s):
+        return
+    needed_s = next(
+        (s for s in range(math.ceil(problem.duration_s), FLIGHT_MAX_S) if fits(scenario, away_rad, float(s))), None
+    )
+    told = []
+    if not any(scenario.start.velocity_mps) and fits(scenario, 0.0, problem.duration_s):
+        told.append(
+            f"start.roll_pitch_yaw_deg[2] to {np.degrees(np.arctan2(way[1], way[0])):.0f}, the direction of the end"
+        )
+    faster = _least_factor(lambda k: fits(_with_faster_changes(scenario, k), away_rad, problem.duration_s))
+    if faster is not None:
+        quick = _with_faster_changes(scenario, faster).formation
+        told.append(
+            f"formation.change_speed_mps to {quick.change_speed_mps:g} and formation.change_accel_mps2 to "
+            f"{quick.change_accel_mps2:g} or more"
+        )
+    if needed_s is not None:
+        told.append(f"time.flight_s to {needed_s} or more")
+    rate_degps = float(np.degrees(_heading_rate_radps(scenario)))
+    raise Infeasible(
+        f'no plan in {problem.duration_s:g} s: with frame = "course" the formation faces '
+        f"{np.degrees(problem.course_at_start_rad):.0f} degrees at the start, the end is {np.degrees(away_rad):.0f} "
+        f"degrees beside that, and it turns at most {rate_degps:.2g} degrees/s",
+        hint=f"set {', or '.join(told)}" if told else 'remove formation.frame = "course"',
+    )
+
+
+def _course_reach_m(scenario: Scenario, way: np.ndarray, away_rad: float, duration_s: float) -> float:
+    """At least the way towards the end that a formation can fly that has to turn to it first."""
+    fastest_mps = float(np.abs(way) @ np.array(scenario.limits.speed_ned_mps[:2]))
+    tolerated_rad = math.radians(scenario.formation.course_tolerance_deg)
+    t_s = np.linspace(0.0, duration_s, 2001)
+    off_rad = np.maximum(away_rad - tolerated_rad - _heading_rate_radps(scenario) * t_s, 0.0)
+    speed_mps = np.maximum(fastest_mps * np.cos(off_rad), COURSE_SPEED_MPS)
+    return float(speed_mps[:-1].sum() * (t_s[1] - t_s[0])) * (1.0 + 1e-3) + fastest_mps * float(t_s[1])
+
+
+def _heading_rate_radps(scenario: Scenario) -> float:
+    return next(c.most[0] for c in coordinates(scenario) if c.free_end)
+
+
+def _with_faster_changes(scenario: Scenario, factor: float) -> Scenario:
+    formation = scenario.formation
+    update = {
+        "change_speed_mps": math.ceil(10.0 * factor * formation.change_speed_mps) / 10.0,
+        "change_accel_mps2": math.ceil(10.0 * factor**2 * formation.change_accel_mps2) / 10.0,
+    }
+    return scenario.model_copy(update={"formation": formation.model_copy(update=update)})
+
+
+def _least_factor(fits: Callable[[float], bool]) -> float | None:
+    """The least of some factors by which changes have to be faster; None where none is enough."""
+    return next((k for k in np.geomspace(1.05, _FASTER, 60).tolist() if fits(k)), None)
+
+
 def explain_infeasible(problem: Problem, route: Route, failures: list[PlanningError]) -> PlanningError:
     """The most specific of several failures, with the time of flight that is enough, where more time helps."""
+    if all(isinstance(failure, ScheduleMisfit) for failure in failures):
+        return failures[-1]  # it says which time is enough
     needed_s = _needed_time_s(problem, route)
     last = next((f for f in failures if isinstance(f, Infeasible)), failures[-1])
     if needed_s is None:

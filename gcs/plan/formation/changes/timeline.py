@@ -58,7 +58,7 @@ class Timeline:
 
 
 @dataclass(frozen=True)
-class _Made:
+class MadeChange:
     """One change without its start time: from one rigid shape to the next."""
 
     change: ChangeTable
@@ -73,6 +73,7 @@ class _Made:
 
     @property
     def duration_s(self) -> float:
+        """How long it takes within its budget."""
         return sum(seconds for _, seconds in self.legs)
 
 
@@ -83,7 +84,7 @@ def scheduled(scenario: Scenario) -> tuple[ChangeTable, ...]:
 
 def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
     """The rigid shapes (V, 3) of the schedule: the first, and the result of each change. Raises as `lay`."""
-    return (offsets_ned_m(scenario), *(made.after_ned_m for made in _made(scenario)))
+    return (offsets_ned_m(scenario), *(made.after_ned_m for made in made_changes(scenario)))
 
 
 def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
@@ -91,7 +92,7 @@ def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tu
 
     For estimated times; times given by `at_s` stay.
     """
-    made = _made(scenario)
+    made = made_changes(scenario)
     starts = list(starts_s)
     for i in reversed(range(len(starts))):
         if made[i].change.gate_m is not None:
@@ -114,7 +115,7 @@ def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: 
     parts: list[Shape] = []
     moves: list[Move] = []
     now_s = start_s
-    for made, wanted_s in zip(_made(scenario), starts_s, strict=True):
+    for made, wanted_s in zip(made_changes(scenario), starts_s, strict=True):
         begin_s = _begin(made, wanted_s, now_s, moves[-1].name if moves else "")
         _check_end(made, begin_s, end_s)
         if begin_s > now_s:
@@ -130,7 +131,7 @@ def lay(scenario: Scenario, starts_s: tuple[float, ...], start_s: float, end_s: 
             Move(
                 kind=made.change.kind,
                 name=made.name,
-                trigger=_trigger(made.change),
+                trigger=trigger_words(made.change),
                 start_s=begin_s,
                 end_s=now_s,
                 paper_time_s=made.paper_time_s,
@@ -166,9 +167,10 @@ def gate_crossing_s(gate_m: tuple[tuple[float, float], ...], times_s: Array, pos
 
 
 @lru_cache(maxsize=8)  # the planner iterates over gate times; the changes themselves stay
-def _made(scenario: Scenario) -> tuple[_Made, ...]:
+def made_changes(scenario: Scenario) -> tuple[MadeChange, ...]:
+    """The scheduled changes, one after another, without their start times. Raises as `lay` where one is impossible."""
     offsets = offsets_ned_m(scenario)
-    found: list[_Made] = []
+    found: list[MadeChange] = []
     for change in scheduled(scenario):
         made = {"rotate": _rotated, "shrink": _shrunk, "reshape": _reshaped}[change.kind](scenario, change, offsets)
         found.append(made)
@@ -176,7 +178,7 @@ def _made(scenario: Scenario) -> tuple[_Made, ...]:
     return tuple(found)
 
 
-def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
+def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeChange:
     assert change.angle_deg is not None
     angle_rad = math.radians(change.angle_deg)
     # NEU and NED name the same axis; a right-handed rotation about it is the same.
@@ -194,7 +196,7 @@ def _rotated(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     )
 
 
-def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
+def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeChange:
     assert change.scale is not None
     name = f"shrink to {change.scale:g}" if change.scale <= 1.0 else f"grow to {change.scale:g}"
     gap_m, i, j = least_gap(offsets)
@@ -219,7 +221,7 @@ def _shrunk(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
     )
 
 
-def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> _Made:
+def _reshaped(scenario: Scenario, change: ChangeTable, offsets: Array) -> MadeChange:
     assert change.to is not None
     name = f'reshape to "{change.to}"'
     try:
@@ -256,42 +258,43 @@ def _timed(
     paper_time_s: float,
     way: str,
     least_gap_m: float,
-) -> _Made:
+) -> MadeChange:
     """The change with the shortest duration for each leg; `limited_by` is that of the longest."""
     limit = budget_of_each(scenario)
     durations = [least_duration(leg, limit) for leg in legs]
     _, limited_by = max(durations, default=(0.0, NOTHING))
     timed = tuple((leg, seconds) for leg, (seconds, _) in zip(legs, durations, strict=True) if seconds > 0.0)
-    return _Made(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
+    return MadeChange(change, name, *stops, timed, paper_time_s, limited_by, way, least_gap_m)
 
 
-def _trigger(change: ChangeTable) -> str:
+def trigger_words(change: ChangeTable) -> str:
+    """When a scheduled change begins, in words."""
     if change.gate_m is not None:
         (n1, e1), (n2, e2) = change.gate_m
         return f"gate ({n1:g}, {e1:g})-({n2:g}, {e2:g})"
     return f"at {change.at_s:g} s"
 
 
-def _begin(made: _Made, wanted_s: float, now_s: float, before: str) -> float:
+def _begin(made: MadeChange, wanted_s: float, now_s: float, before: str) -> float:
     """The start of the change; raises Infeasible where the previous change has not ended."""
     if wanted_s >= now_s - _SLACK_S:
         return max(wanted_s, now_s)
     earliest_s = math.ceil(100.0 * now_s - _SLACK_S) / 100.0
     then = f'"{before}" has ended' if before else "the flight"
     raise Infeasible(
-        f'the change "{made.name}" ({_trigger(made.change)}) would begin at {wanted_s:.2f} s, '
+        f'the change "{made.name}" ({trigger_words(made.change)}) would begin at {wanted_s:.2f} s, '
         f"{now_s - wanted_s:.2f} s before {then}",
         hint=f"start it at {earliest_s:.2f} s or later; a larger {_KEYS} makes changes shorter",
     )
 
 
-def _check_end(made: _Made, begin_s: float, end_s: float) -> None:
+def _check_end(made: MadeChange, begin_s: float, end_s: float) -> None:
     over_s = begin_s + made.duration_s - end_s
     if over_s <= _SLACK_S:
         return
     latest_s = math.floor(100.0 * (end_s - made.duration_s)) / 100.0
     raise Infeasible(
-        f'the change "{made.name}" ({_trigger(made.change)}) begins at {begin_s:.2f} s and takes '
+        f'the change "{made.name}" ({trigger_words(made.change)}) begins at {begin_s:.2f} s and takes '
         f"{made.duration_s:.2f} s: it would end {over_s:.2f} s after the flight does",
         hint=f"start it at {latest_s:.2f} s or earlier, or increase [time] flight_s, or {_KEYS}",
     )
