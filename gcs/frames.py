@@ -13,6 +13,8 @@ import pymap3d
 
 from gcs.physics.quadrotor import Array
 
+_STEP_M = 1000.0
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -40,6 +42,17 @@ def geodetic_to_ned(lat_deg: Array | float, lon_deg: Array | float, alt_amsl_m: 
     """Return local NED positions (..., 3) in metres of geodetic coordinates, each (...)."""
     parts = pymap3d.geodetic2ned(lat_deg, lon_deg, alt_amsl_m, origin.lat_deg, origin.lon_deg, origin.alt_amsl_m)
     return np.stack(np.broadcast_arrays(*parts), axis=-1).astype(np.float64)
+
+
+def place_up_m(lat_deg: Array | float, lon_deg: Array | float, height_m: Array | float, origin: Origin) -> Array:
+    """Return local positions (..., 3), metres north, east and up, whose third coordinate is `height_m`.
+
+    `ned_to_geodetic` gives the same latitude and longitude back. The place must be less than 1000 km from the origin.
+    """
+    # Straight up at a place, all three coordinates are linear in the altitude.
+    low, high = (geodetic_to_ned(lat_deg, lon_deg, origin.alt_amsl_m + step_m, origin) for step_m in (0.0, _STEP_M))
+    steps = (-np.asarray(height_m) - low[..., 2]) / (high[..., 2] - low[..., 2])
+    return np.asarray((low + steps[..., None] * (high - low)) * [1.0, 1.0, -1.0])
 
 
 def to_degE7(angle_deg: float) -> int:

@@ -17,14 +17,67 @@ HEAD = """# Scenario files
 
 A mission is a folder with a `scenario.toml`. `gcs new FOLDER` writes a short one that plans at once; with `--full`
 it has every table. The [missions](../README.md#missions) are further examples, and [howto.md](howto.md) leads from a
-plan to aircraft. Positions are metres north, east and up from the origin (height 0 is the origin, not the ground).
-Headings are degrees clockwise from north. `gcs` reports every key that is missing, unknown, out of range or in conflict
-with another, with its line; then it plans nothing.
+plan to aircraft. Positions are metres north, east and up from the origin (height 0 is the origin, not the ground), or
+[latitude and longitude](#latitude-and-longitude). Headings are degrees clockwise from north. `gcs` reports every key
+that is missing, unknown, out of range or in conflict with another, with its line; then it plans nothing.
 
-Keys in **bold** are required. With a `vehicle_type` you may leave out `[vehicle]` and the limits of the vehicle itself
-(`speed_ned_mps` to `control_margin`). A value in the scenario overrides that of the type. A vehicle file has those two
-tables and may name its `autopilot`: copy one from `gcs/scenario/presets`. `gcs schema` prints all keys as JSON Schema,
-for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
+Keys in **bold** are required; of a place, one of its two forms. With a `vehicle_type` you may leave out `[vehicle]` and
+the limits of the vehicle itself (`speed_ned_mps` to `control_margin`). A value in the scenario overrides that of the
+type. A vehicle file has those two tables and may name its `autopilot`: copy one from `gcs/scenario/presets`.
+`gcs schema` prints all keys as JSON Schema, for editors. "Eq." and "§" are the paper's ([design.md](design.md)).
+
+## Latitude and longitude
+
+Every place may be given in degrees instead of metres from the origin, by the key of the same name that ends in `_deg`:
+
+| in metres | in degrees (WGS 84) |
+| --- | --- |
+| `position_m = [north, east, height]` | `position_deg = [latitude, longitude]`, and `height_m` or `alt_amsl_m` |
+| `polygon_m`, `gate_m`: `[[north, east], ...]` | `polygon_deg`, `gate_deg`: `[[latitude, longitude], ...]` |
+| `north_m`, `east_m` of disks, mountains and limits | `lat_deg`, `lon_deg` |
+
+Latitude comes first; south and west are negative. A place has one of both forms; one file may have places of both.
+`height_m` counts from the origin as in `position_m`, `alt_amsl_m` from mean sea level. Displacements (`moves`,
+`offsets_m`) stay metres. Skein converts degrees once, when it reads the file: plans and exports hold the same latitude
+and longitude to 1e-7 degrees. Limits in degrees become the largest box in metres inside.
+
+```sh
+mkdir -p plans/airfield
+cat > plans/airfield/scenario.toml <<'END'
+schema_version = 1
+name = "airfield"
+vehicle_type = "quad500"
+origin = { lat_deg = 47.4, lon_deg = 8.55, alt_amsl_m = 488.0 }
+time = { flight_s = 90.0 }
+start = { position_deg = [47.4, 8.55], height_m = 15.0 }
+end = { position_deg = [47.4025, 8.5508], alt_amsl_m = 503.0 }
+
+[limits]
+lat_deg = [47.3992, 47.4035]
+lon_deg = [8.5480, 8.5525]
+height_m = [0.0, 40.0]
+clearance_min_m = 5.0
+separation_min_m = 5.0
+
+[[no_fly]]
+polygon_deg = [[47.4010, 8.5508], [47.4015, 8.5508], [47.4015, 8.5516], [47.4010, 8.5516]]
+
+[[no_fly]]
+lat_deg = 47.4017
+lon_deg = 8.5492
+radius_m = 25.0
+
+[formation]
+count = 4
+start_shape = "line"
+shape = [{ name = "line", generator = "line", spacing_m = 10.0 }]
+END
+./tools/run gcs show plans/airfield
+```
+
+`gcs` asks about numbers that look like something else, and says what to write: swapped latitude and longitude (the
+order of GeoJSON and KML), degrees under a key in metres, metres under a key in degrees, degrees times 10 million
+(MAVLink), and a lost sign. It refuses places more than 100 km from the origin.
 """
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
 Schema = dict[str, Any]
@@ -43,7 +96,8 @@ def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[s
     for key, value in definition["properties"].items():
         if (name, key) in HIDDEN:
             continue
-        required = key in definition.get("required", ())
+        forms = [name for form in definition.get("oneOf", ()) for name in form["required"]]
+        required = key in (*definition.get("required", ()), *forms)
         what = value.get("description", "")
         target, many = _definition(value)
         if target is not None:

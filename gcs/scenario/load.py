@@ -13,6 +13,8 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from gcs.errors import ScenarioError
 from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, read_file
 from gcs.reading.bounded_json import read_json
+from gcs.scenario.degrees.to_metres import in_metres
+from gcs.scenario.degrees.told_in_degrees import told_in_degrees
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
@@ -20,6 +22,7 @@ from gcs.scenario.validation.mistakes import Mistake, from_pydantic
 from gcs.scenario.validation.slips.key_slips import Meant, as_meant, type_mistake
 from gcs.scenario.validation.slips.told_at_once import all_at_once
 from gcs.scenario.validation.slips.toml_slips import read_toml, syntax_mistake
+from gcs.scenario.validation.toml_lines import Key
 from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 
@@ -36,15 +39,22 @@ def load_scenario(path: Path | str) -> Scenario:
     file = scenario_file(Path(path))
     text = _read(file)
     meant = _meant(file, text, Scenario, (KEY,))
-    data, mistakes, elsewhere = meant.data, list(meant.mistakes), None
+    converted = in_metres(meant.data)
+    data, mistakes, elsewhere = converted.data, [*meant.mistakes, *converted.mistakes], None
+    meant.guessed |= converted.spoilt
     try:
         types = _possible_types(data, file.parent, mistakes)
     except ScenarioError as error:
         types, elsewhere = _stand_ins(), error
-    judged = [_judged(with_vehicle(data, kind) if kind is not None else data, file.parent) for kind in types]
+    certain = converted.certain
+    judged = [_judged(with_vehicle(data, kind) if kind is not None else data, file.parent, certain) for kind in types]
     scenario, found = judged[0]
     # Where the type is unknown, only what holds for every type is a mistake.
-    mistakes += [one for one in found if not meant.follows(one) and all(_has(others, one) for _, others in judged)]
+    mistakes += [
+        told_in_degrees(one, converted)
+        for one in found
+        if not meant.follows(one) and all(_has(others, one) for _, others in judged)
+    ]
     if mistakes or elsewhere is not None or scenario is None:
         raise all_at_once(file, mistakes, meant, elsewhere)
     return scenario
@@ -99,16 +109,16 @@ def _stand_ins() -> list[VehicleFile | None]:
     return [load_vehicle(preset_file(name)) for name in presets()]
 
 
-def _judged(data: dict[str, Any], folder: Path) -> tuple[Scenario | None, list[Mistake]]:
-    """The scenario of these tables, and its mistakes."""
+def _judged(data: dict[str, Any], folder: Path, certain: set[Key]) -> tuple[Scenario | None, list[Mistake]]:
+    """The scenario of these tables, and its mistakes. `certain` keys were converted to metres."""
     data = {name: value for name, value in data.items() if name != KEY}
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
         sound = _sound_tables(data)
-        return None, [*from_pydantic(error), *check(Scenario.model_construct(**sound), sound)]
+        return None, [*from_pydantic(error), *check(Scenario.model_construct(**sound), sound, certain)]
     scenario, lacking = _with_relief(scenario, folder)
-    return scenario, lacking or check(scenario)
+    return scenario, lacking or check(scenario, certain=certain)
 
 
 def _has(judged: list[Mistake], mistake: Mistake) -> bool:

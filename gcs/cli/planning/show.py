@@ -56,7 +56,8 @@ def show(
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
-    screen.result({"name": scenario.name, **found, "pads": pads, **({"picture": picture} if picture else {})})
+    ends = _ends(scenario)
+    screen.result({"name": scenario.name, **found, **ends, "pads": pads, **({"picture": picture} if picture else {})})
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
@@ -117,6 +118,26 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
         "battery": battery,
         "energy against drag": f"{float(drag_energy_J(plan).sum()):.0f} J for all vehicles (Eqs. 30-32)",
         "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
+    }
+
+
+def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
+    """The leader's position at both ends, in metres and in degrees."""
+    import numpy as np
+
+    from gcs.frames import ned_to_geodetic
+    from gcs.scenario.si import NED_FROM_UP, local_origin
+
+    ends = {"start": scenario.start.position_m, "end": scenario.end.position_m}
+    lat_deg, lon_deg, alt_m = ned_to_geodetic(np.array(list(ends.values())) * NED_FROM_UP, local_origin(scenario))
+    return {
+        name: {
+            "lat_deg": round(float(lat_deg[row]), 7),
+            "lon_deg": round(float(lon_deg[row]), 7),
+            "alt_amsl_m": round(float(alt_m[row]), 3),
+            **dict(zip(("north_m", "east_m", "height_m"), (round(value, 3) for value in ends[name]), strict=True)),
+        }
+        for row, name in enumerate(ends)
     }
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, Strict, model_validator
+from pydantic_core import CoreSchema
 
+from gcs.scenario.schema.degree_keys import DegreeKeys
 from gcs.scenario.validation.toml_lines import Key
 
 # Strict: TOML has its own types, so the text "5" or the value true is a mistake and not a number.
@@ -17,10 +19,11 @@ Share = Annotated[Number, Field(ge=0, lt=1)]
 Truth = Annotated[bool, Strict()]
 
 FLIGHT_MAX_S = 7200
+FARTHEST_M = 100_000  # from the origin; the local frame is flat
 
 # Ranges wider than any quadrotor needs, yet such that products and squares of them stay numbers, and so that counts of
 # points and steps made from them stay small.
-Coordinate = Annotated[Number, Field(ge=-100_000, le=100_000)]  # m; the local frame is flat
+Coordinate = Annotated[Number, Field(ge=-FARTHEST_M, le=FARTHEST_M)]  # m
 Height = Annotated[Number, Field(ge=-10_000, le=10_000)]  # m
 Length = Annotated[Number, Field(ge=0.001, le=100_000)]  # m
 Distance = Annotated[Number, Field(ge=0, le=100_000)]  # m
@@ -57,6 +60,14 @@ class Part(BaseModel):
     """The base of every table: immutable, no unknown keys, no silent conversions, no keys that disagree."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    degree_keys: ClassVar[tuple[DegreeKeys, ...]] = ()  # that a file may have instead of those in metres
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        schema = handler(core)
+        for keys in cls.degree_keys:
+            keys.add_to(handler.resolve_ref_schema(schema))
+        return schema
 
     @model_validator(mode="after")
     def _agrees(self) -> Self:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
+from gcs.scenario.schema.degree_keys import GATE, POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
     Acceleration,
@@ -39,6 +40,8 @@ _KIND_OF_KEY = {"angle_deg": "rotate", "axis": "rotate", "scale": "shrink", "to"
 
 class FormationVehicle(Part):
     """One vehicle and its position at t = 0."""
+
+    degree_keys = (POSITION,)
 
     sysid: SysId = Field(description="MAVLink system id")
     position_m: Place = Field(description="north, east, height at t = 0, m")
@@ -87,6 +90,8 @@ class ShapeTable(Part):
 
 class ChangeTable(Part):
     """One change of shape (§2.2.1-2.2.3) and its time."""
+
+    degree_keys = (GATE,)
 
     kind: Literal["rotate", "shrink", "reshape"] = Field(description="Eqs. 5-8, 9-12 or 13-14")
     at_s: Annotated[Number, Field(ge=0, le=FLIGHT_MAX_S)] | None = Field(

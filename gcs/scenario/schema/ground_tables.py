@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import re
 from typing import Annotated, Literal
 
 import shapely
 from pydantic import Field
 
 from gcs.scenario.environment.heightmap import Relief
+from gcs.scenario.schema.degree_keys import CENTRE, POLYGON, SUMMITS
 from gcs.scenario.schema.fields import Coordinate, Findings, Height, Length, Number, Part, Point
 
 _LISTED_MAX = 500  # mountains, moves of a zone
@@ -32,6 +34,8 @@ class Ripple(Part):
 
 class Mountains(Part):
     """The mountains of Eq. 53: one entry per mountain in every list."""
+
+    degree_keys = (SUMMITS,)
 
     north_m: tuple[Coordinate, ...] = Field(
         default=(), max_length=_LISTED_MAX, description="summits, m north of the origin"
@@ -86,6 +90,8 @@ class Terrain(Part):
 class NoFlyZone(Part):
     """A no-fly zone of unlimited height: a disk (Eq. 21) or a polygon. It may move."""
 
+    degree_keys = (CENTRE, POLYGON)
+
     north_m: Coordinate | None = Field(default=None, description="disk: centre, m north of the origin")
     east_m: Coordinate | None = Field(default=None, description="disk: centre, m east of the origin")
     radius_m: Length | None = Field(default=None, description="disk: R_j, m")
@@ -118,10 +124,16 @@ class NoFlyZone(Part):
             elif (shape := shapely.Polygon(self.polygon_m)) and not shape.is_valid:
                 yield (
                     ("polygon_m",),
-                    f"crosses itself: {shapely.is_valid_reason(shape)} (north east). Give the corners in order",
+                    f"crosses itself: {_reason(shape)} (north east, m). Give the corners in order",
                 )
             elif shape.area <= 0.0:
                 yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
         times = [move[0] for move in self.moves]
         if any(b <= a for a, b in itertools.pairwise(times)):
             yield ("moves",), "must be in order of time. Make each time later than the one before"
+
+
+def _reason(shape: shapely.Polygon) -> str:
+    """Why a polygon is not valid, with its coordinates to a millimetre."""
+    text = shapely.is_valid_reason(shape)
+    return re.sub(r"-?\d+\.\d{4,}(?!\d*e)", lambda found: f"{float(found[0]):.3f}", text)

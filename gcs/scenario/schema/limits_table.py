@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from gcs.scenario.schema.degree_keys import BOX
 from gcs.scenario.schema.fields import (
     Acceleration,
     Coordinate,
@@ -103,6 +104,8 @@ class Performance(Part):
 
 class LimitsTable(Performance):
     """The limits of every vehicle: Eq. 51, and those that the paper names without a value."""
+
+    degree_keys = (BOX,)
 
     north_m: Range = Field(description="[low, high], m north of the origin")
     east_m: Range = Field(description="[low, high], m east of the origin")

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.environment.heightmap import Relief
+from gcs.scenario.schema.degree_keys import POSITION
 from gcs.scenario.schema.fields import (
     FLIGHT_MAX_S,
     Findings,
@@ -159,6 +160,8 @@ class PlannedWind(Part):
 
 class Boundary(Part):
     """The leader's state at one end of the flight (Eqs. 15, 16)."""
+
+    degree_keys = (POSITION,)
 
     position_m: Place = Field(description="north, east, height, m")
     velocity_mps: tuple[Velocity, Velocity, Velocity] = Field(

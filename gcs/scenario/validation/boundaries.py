@@ -33,6 +33,7 @@ from gcs.scenario.validation.slips.shown_values import plain
 from gcs.scenario.validation.spacing import SLACK, close_pairs
 
 _RUN_UP_SAMPLE_M = 1.0
+_SAME_M = 0.01  # a place in degrees is known to a centimetre
 _FOOT_M, _HEIGHT = 0.3048, 2
 _NAMED = 8  # vehicles one sentence names
 
@@ -55,8 +56,9 @@ def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
     if formation.count is not None:
         return  # the leader then stands at [start]
     place = next(v.position_m for v in formation.vehicle if v.sysid == formation.leader)
-    if place != start:
-        text = f"differs from {list(place)}, the position of the leader, vehicle {formation.leader}. Make them equal"
+    if max(abs(a - b) for a, b in zip(place, start, strict=True)) > _SAME_M:
+        at = ", ".join(plain(value) for value in place)
+        text = f"differs from [{at}], the position of the leader, vehicle {formation.leader}. Make them equal"
         yield Mistake(("start", "position_m"), text, start)
 
 

@@ -16,18 +16,23 @@ from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.slips import lookalikes
 from gcs.scenario.validation.slips.shown_values import dotted, plain
+from gcs.scenario.validation.toml_lines import Key
 
 _WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
 
 RULES = Rules()
 
 
-def check(scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields)) -> list[Mistake]:
+def check(
+    scenario: Scenario, tables: Collection[str] = tuple(Scenario.model_fields), certain: Collection[Key] = ()
+) -> list[Mistake]:
     """All mistakes between those `tables` of the scenario that are valid in themselves.
 
-    Where numbers look like degrees, or like heights of another kind, no rule is applied to their tables.
+    Where numbers look like degrees, or like heights of another kind, no rule is applied to their tables. `certain` are
+    keys whose numbers are metres, whatever they look like.
     """
-    alike = {dotted(mistake.key): mistake for mistake in lookalikes.RULES.violated(scenario, tables)}
+    asked = [mistake for mistake in lookalikes.RULES.violated(scenario, tables) if mistake.key not in certain]
+    alike = {dotted(mistake.key): mistake for mistake in asked}
     sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
     rule_sets = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
     return [*alike.values(), *(mistake for rules in rule_sets for mistake in rules.violated(scenario, sound))]

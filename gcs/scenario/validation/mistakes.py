@@ -77,10 +77,13 @@ class Mistake:
         return f"{self.place}: {self.whole}"
 
 
-def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario) -> list[Mistake]:
-    """The mistakes of a pydantic error."""
+def from_pydantic(error: ValidationError, model: type[BaseModel] = Scenario, within: Key = ()) -> list[Mistake]:
+    """The mistakes of a pydantic error, of the whole model or of one value `within` it."""
     schema = json_schema(model)
-    return [mistake for found in error.errors(include_url=False) for mistake in _mistakes(found, schema)]
+    errors = error.errors(include_url=False)
+    for found in errors:
+        found["loc"] = (*within, *found["loc"])
+    return [mistake for found in errors for mistake in _mistakes(found, schema)]
 
 
 @lru_cache
@@ -119,6 +122,10 @@ def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
                 f"has too few values; it must be {wanted(schema_at(key[:-1], root), root)}",
                 value,
             )
+        forms = [form["required"] for form in schema_at(key[:-1], root).get("oneOf", ())]
+        if [key[-1]] in forms:  # a place, which the file may also give in degrees
+            text = f"missing; give {' or '.join(form[0] for form in forms)}"
+            return Mistake(key, text, remedy=f"add {dotted(key)} = [north, east, height], in m, or {forms[-1][0]}")
         step = f"add {dotted(key)}" if "properties" not in follow(node, root) else f"add a table [{dotted(key)}]"
         return Mistake(key, f"missing; it must be {given}", remedy=step)
     if isinstance(value, dict) and is_array_of_tables(node, root):
@@ -139,7 +146,7 @@ def _mistake(found: ErrorDetails, root: Schema) -> Mistake:
 def _question(key: Key, value: float) -> tuple[str, str] | None:
     """What a number out of range is perhaps, and what to write then."""
     name = next((part for part in reversed(key) if isinstance(part, str)), "")
-    if name in ("lat_deg", "lon_deg") and isinstance(value, int) and abs(value) <= 180 * _DEGE7:
+    if name in ("lat_deg", "lon_deg") and isinstance(value, int) and _FARTHEST_M < abs(value) <= 180 * _DEGE7:
         return "is it degrees times 10 million?", f"write {name} = {exact(value / _DEGE7)}"
     if name == "lat_deg" and 90 < abs(value) <= 180:
         return "swapped latitude and longitude?", "exchange lat_deg and lon_deg"

@@ -17,6 +17,7 @@ from typing import Any
 
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.template import scenario_text
+from tests.property.scenario.in_degrees import in_degrees
 
 Data = dict[str, Any]
 Slot = tuple[Any, Any]  # a dict and its key, or a list and its index
@@ -61,6 +62,9 @@ def bundled() -> dict[str, str]:
     texts = {str(f.relative_to(ROOT / "missions")): f.read_text() for f in sorted(ROOT.glob("missions/*/*.toml"))}
     for full in (False, True):
         texts["template_full" if full else "template"] = scenario_text(Path("first"), 47.4, 8.55, 440.0, full=full)
+    changes = tomllib.loads(texts["changes/scenario.toml"])
+    changes["no_fly"].append({"polygon_m": [[390.0, -90.0], [400.0, -80.0], [390.0, -70.0]]})
+    texts["in degrees"] = toml_text(in_degrees(changes))
     return texts
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from gcs.cli.main import run
 from gcs.scenario.schema.scenario import Scenario
+from tests.property.scenario.mutations import bundled
 
 Schema = dict[str, Any]
 
@@ -29,7 +30,7 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
     known = {
         "$defs", "$schema", "$ref", "anyOf", "type", "properties", "required", "additionalProperties", "items",
         "prefixItems", "minItems", "maxItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "enum",
-        "const", "pattern", "maxLength", "title", "description", "default",
+        "const", "pattern", "maxLength", "title", "description", "default", "oneOf",
     }  # fmt: skip
     assert set(schema) <= known
     if "$ref" in schema:
@@ -51,6 +52,9 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
         yield f"{at}: not in {schema['enum']}"
     if isinstance(value, dict):
         yield from (f"{at}.{key}: missing" for key in schema.get("required", []) if key not in value)
+        forms = [form["required"] for form in schema.get("oneOf", ())]
+        if forms and [all(key in value for key in form) for form in forms].count(True) != 1:
+            yield f"{at}: not one of {forms}"
         for key, inner in value.items():
             if key in schema["properties"]:
                 yield from violations(inner, schema["properties"][key], root, f"{at}.{key}")
@@ -76,6 +80,17 @@ def violations(value: Any, schema: Schema, root: Schema, at: str = "") -> Iterat
 def test_the_bundled_mission_is_valid(schema: Schema, repo_root: Path) -> None:
     for file in (repo_root / "missions").glob("*/scenario.toml"):
         assert list(violations(tomllib.loads(file.read_text(encoding="utf-8")), schema, schema)) == []
+
+
+def test_places_in_degrees_are_valid_and_each_place_has_one_form(schema: Schema) -> None:
+    data = tomllib.loads(bundled()["in degrees"])
+    assert list(violations(data, schema, schema)) == []
+    data["start"]["position_m"] = [0.0, 0.0, 15.0]
+    data["no_fly"][0]["lat_deg"] = 474012000
+    assert sorted(violations(data, schema, schema)) == [
+        ".no_fly[0].lat_deg: 474012000 out of range",
+        ".start: not one of [['position_m'], ['position_deg']]",
+    ]
 
 
 def test_formations_of_every_kind_are_valid(schema: Schema, repo_root: Path) -> None:
@@ -124,8 +139,8 @@ def test_the_schema_refuses_what_the_loader_refuses(schema: Schema, repo_root: P
     data["sensors"]["grade"] = "rtx"
     data["end"]["velocity_mps"] = [0.0, 0.0]
     assert sorted(violations(data, schema, schema)) == [
-        ".end.position_m: missing",
         ".end.velocity_mps: 2 items",
+        ".end: not one of [['position_m'], ['position_deg']]",
         ".limits.hieght_m: unknown",
         ".origin.lat_deg: 95.0 out of range",
         ".sensors.grade: not in ['rtk', 'gnss']",

@@ -10,16 +10,12 @@ from pydantic import BaseModel
 
 from gcs.scenario.validation.mistakes import Mistake, json_schema, nearest
 from gcs.scenario.validation.slips.number_units import converted, reading, unit_of
+from gcs.scenario.validation.slips.place_slips import has_degrees, place_slip
 from gcs.scenario.validation.slips.schema_words import Schema, follow, schema_at
 from gcs.scenario.validation.slips.shown_values import dotted, exact, toml
 from gcs.scenario.validation.toml_lines import Key
 
 _ALIKE = 0.75  # below, the key may mean something else, whose value fits nothing
-_PLACE_KEYS = {  # what people write instead of a position
-    **dict.fromkeys(("lat", "latitude", "lat_deg"), "lat"),
-    **dict.fromkeys(("lon", "lng", "longitude", "lon_deg"), "lon"),
-    **dict.fromkeys(("alt", "altitude", "alt_m", "alt_amsl_m", "height", "height_m"), "height"),
-}
 _KEPT_MAX = 20  # slips that one error lists
 
 
@@ -65,7 +61,11 @@ class _Reader:
     def table(self, table: dict[str, Any], node: Schema, key: Key, also: tuple[str, ...] = ()) -> dict[str, Any]:
         known = (*node.get("properties", {}), *also)
         read: dict[str, Any] = {}
-        for name, value in self._without_degrees(table, known, key).items():
+        if slip := place_slip(table, known, key):
+            self.meant.mistakes.append(slip.mistake)
+            self.meant.guessed |= {(*key, name) for name in slip.guessed}
+            table = slip.table
+        for name, value in table.items():
             target = name if name in known else self._known(name, value, [k for k in known if k not in table], key)
             if target in read:  # two slips that mean one key
                 target = name
@@ -74,18 +74,10 @@ class _Reader:
             read[target] = self._value(own, part, (*key, target))
         return read
 
-    def _without_degrees(self, table: dict[str, Any], known: tuple[str, ...], key: Key) -> dict[str, Any]:
-        """The table with metres where it has latitude and longitude instead of a position."""
-        names = {name: _PLACE_KEYS[name] for name in table if name in _PLACE_KEYS and name not in known}
-        if "position_m" not in known or "position_m" in table or {"lat", "lon"} - set(names.values()):
-            return table
-        text = f"is given as {', '.join(names)}; this program takes metres north, east and up from the origin"
-        step = "write position_m = [north, east, height], in m"
-        self.meant.mistakes.append(Mistake((*key, "position_m"), text, remedy=step))
-        self.meant.guessed.add((*key, "position_m"))
-        return {name: value for name, value in table.items() if name not in names}
-
     def _known(self, name: str, value: Any, free: list[str], key: Key) -> str:
+        in_degrees = f"{name.lower().removesuffix('_m')}_deg"
+        if in_degrees in free and has_degrees(value):
+            return in_degrees
         if isinstance(value, int | float):
             same = [known for known in free if converted(value, name, known) is not None]
             if same:

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from gcs.frames import geodetic_to_ned
-from gcs.physics.quadrotor import Array
+from gcs.scenario.degrees.place_questions import Pair, degrees, shown, shown_column, shown_points
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import local_origin
 from gcs.scenario.validation.mistakes import Mistake
@@ -62,7 +61,7 @@ def _flight_has_a_length(scenario: Scenario) -> Mistakes:
     if apart_m >= _SHORT_M or not all(_has_many_digits(value) for end in ends for value in end[:2]):
         return
     for table, place in zip(("start", "end"), ends, strict=True):
-        step = "write metres north and east of the origin, and check [origin]"
+        step = f"write {_position(place[:2], place[2])}, and check [origin]"
         yield Mistake((table, "position_m"), _LOOKS, place, remedy=step)
 
 
@@ -78,10 +77,23 @@ def _vehicles_are_in_metres(scenario: Scenario) -> Mistakes:
 def _zones_are_in_metres(scenario: Scenario) -> Mistakes:
     for row, zone in enumerate(scenario.no_fly):
         if zone.north_m is not None and zone.east_m is not None:
-            for text, metres in _looks_like_degrees(scenario, (zone.north_m, zone.east_m)):
-                step = f"write north_m = {plain(metres[0])} and east_m = {plain(metres[1])} for this place"
+            for text, (lat, lon) in _looks_like_degrees(scenario, (zone.north_m, zone.east_m)):
+                step = f"write lat_deg = {degrees(lat)} and lon_deg = {degrees(lon)} for this place"
                 yield Mistake(("no_fly", row, "north_m"), text, zone.north_m, remedy=step)
         yield from _line(scenario, ("no_fly", row, "polygon_m"), zone.polygon_m or ())
+
+
+@RULES.needs("origin", "limits")
+def _box_is_in_metres(scenario: Scenario) -> Mistakes:
+    corners = list(zip(scenario.limits.north_m, scenario.limits.east_m, strict=True))
+    yield from _columns(scenario, ("limits", "north_m"), corners, scenario.limits.north_m)
+
+
+@RULES.needs("origin", "terrain")
+def _summits_are_in_metres(scenario: Scenario) -> Mistakes:
+    mountains = scenario.terrain.mountains
+    summits = list(zip(mountains.north_m, mountains.east_m, strict=True))
+    yield from _columns(scenario, ("terrain", "mountains", "north_m"), summits, mountains.north_m)
 
 
 @RULES.needs("origin", "start", "end", "limits")
@@ -98,6 +110,10 @@ def _heights_count_upwards_from_the_origin(scenario: Scenario) -> Mistakes:
         elif abs(sea_m) > high - low and low <= height - sea_m <= high:
             text = f"looks like a height above mean sea level; heights count from the origin, which is at {sea_m:g} m"
             yield Mistake(key, text, height, remedy=f"write {plain(height - sea_m)}")
+        elif abs(sea_m) > high - low and low <= height + sea_m <= high:
+            text = f"is {plain(abs(height))} m {'below' if height < 0.0 else 'above'} the origin"
+            step = f"write height_m = {plain(round(height + sea_m, 1))}, if it counts from the origin"
+            yield Mistake(key, text, height, remedy=step)
 
 
 @RULES.needs("start", "end", "limits")
@@ -114,21 +130,31 @@ _LOOKS = "these look like degrees; this key is in metres north and east of the o
 
 
 def _place(scenario: Scenario, key: Key, place: Sequence[float]) -> Mistakes:
-    for text, metres in _looks_like_degrees(scenario, place):
-        rest = "".join(f", {plain(value)}" for value in place[2:])
-        step = f"write [{plain(metres[0])}, {plain(metres[1])}{rest}] for this place"
-        yield Mistake(key, text, tuple(place), remedy=step)
+    for text, meant in _looks_like_degrees(scenario, place):
+        yield Mistake(key, text, tuple(place), remedy=f"write {_position(meant, place[2])}")
 
 
 def _line(scenario: Scenario, key: Key, points: Sequence[Sequence[float]]) -> Mistakes:
     found = [one for point in points for one in _looks_like_degrees(scenario, point)]
     if found and len(found) == len(points):
-        meant = ", ".join(f"[{plain(metres[0])}, {plain(metres[1])}]" for _, metres in found)
-        yield Mistake(key, found[0][0], tuple(points), remedy=f"write [{meant}] for these places")
+        name = str(key[-1]).replace("_m", "_deg")
+        yield Mistake(key, found[0][0], tuple(points), remedy=f"write {name} = {shown_points([p for _, p in found])}")
 
 
-def _looks_like_degrees(scenario: Scenario, place: Sequence[float]) -> Iterator[tuple[str, Array]]:
-    """What to say, and the metres north and east to a centimetre, where two numbers are degrees near the origin."""
+def _columns(scenario: Scenario, key: Key, places: Sequence[Pair], value: Sequence[float]) -> Mistakes:
+    found = [one for place in places for one in _looks_like_degrees(scenario, place)]
+    if found and len(found) == len(places):
+        lats, lons = (shown_column(column) for column in zip(*(place for _, place in found), strict=True))
+        step = f"write lat_deg = {lats} and lon_deg = {lons}"
+        yield Mistake(key, found[0][0], tuple(value), remedy=step)
+
+
+def _position(place_deg: Sequence[float], height_m: float) -> str:
+    return f"position_deg = {shown(place_deg)}, height_m = {plain(height_m)}"
+
+
+def _looks_like_degrees(scenario: Scenario, place: Sequence[float]) -> Iterator[tuple[str, Pair]]:
+    """What to say, and the latitude and longitude, where two numbers are degrees near the origin."""
     origin = local_origin(scenario)
     here = (origin.lat_deg, origin.lon_deg)
     if max(map(abs, here)) < _NOWHERE_DEG or all(value == round(value) for value in place[:2]):
@@ -136,8 +162,7 @@ def _looks_like_degrees(scenario: Scenario, place: Sequence[float]) -> Iterator[
     for lat_deg, lon_deg, swapped in ((place[0], place[1], False), (place[1], place[0], True)):
         if max(abs(lat_deg - here[0]), abs(lon_deg - here[1])) < _NEAR_DEG:
             text = _LOOKS + (", and latitude comes first" if swapped else "")
-            metres = geodetic_to_ned(lat_deg, lon_deg, origin.alt_amsl_m, origin)
-            yield text, metres.round(2)
+            yield text, (lat_deg, lon_deg)
             return
 
 

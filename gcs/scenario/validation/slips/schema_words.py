@@ -83,7 +83,9 @@ def _shape(schema: Schema, root: Schema) -> str:
         case "array":
             return _list(schema, root)
         case "object":
-            return f"a table with {', '.join(schema.get('required', schema.get('properties', {})))}"
+            forms = [", ".join(form["required"]) for form in schema.get("oneOf", ())]
+            needed = [*schema.get("required", ()), *([" or ".join(forms)] if forms else ())]
+            return f"a table with {', '.join(needed or schema.get('properties', {}))}"
     return "something else"
 
 

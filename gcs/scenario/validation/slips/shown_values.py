@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from gcs.scenario.validation.slips.number_units import is_number_with_unit
@@ -10,6 +11,16 @@ from gcs.scenario.validation.toml_lines import Key
 _SHOWN_INT = 10**100
 _SHOWN_DEPTH = 10
 _SMALL = 0.1
+
+
+@dataclass(frozen=True)
+class AsShown:
+    """A value whose text is made already."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
 
 
 def dotted(key: Key) -> str:

@@ -1,0 +1,170 @@
+"""A scenario's tables with metres in the place of latitude and longitude; all later layers know metres only."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from gcs.frames import Origin, geodetic_to_ned, place_up_m
+from gcs.physics.quadrotor import Array
+from gcs.scenario.degrees.place_mistakes import as_shown, in_other_form, is_three, misplaced, missing_height
+from gcs.scenario.schema.degree_keys import DegreeKeys, adapter
+from gcs.scenario.schema.fields import Part
+from gcs.scenario.schema.scenario import OriginTable, Scenario
+from gcs.scenario.validation.mistakes import Mistake, from_pydantic
+from gcs.scenario.validation.toml_lines import Key
+
+_SPOILT = ""  # no number: it makes a table invalid, and keeps rules about other tables away from it
+_DIGITS = 6  # of metres: a place that is given twice is the same place
+
+
+@dataclass(frozen=True)
+class InDegrees:
+    """A place that a table gives in degrees: its keys and values there, and where it is."""
+
+    table: Key
+    keys: DegreeKeys
+    values: dict[str, Any]
+    origin: Origin
+    metres: dict[str, Any]
+
+
+@dataclass
+class InMetres:
+    """The tables in metres, the mistakes in their degrees, the places that were converted, and those with mistakes."""
+
+    data: dict[str, Any]
+    mistakes: list[Mistake] = field(default_factory=list)
+    places: list[InDegrees] = field(default_factory=list)
+    spoilt: set[Key] = field(default_factory=set)
+
+    @property
+    def certain(self) -> set[Key]:
+        """The keys in metres whose places were in degrees: nothing needs to be asked about their numbers."""
+        return {(*place.table, name) for place in self.places for name in place.keys.metres}
+
+
+def in_metres(data: dict[str, Any]) -> InMetres:
+    """The tables of a scenario with known keys, each place in metres from [origin]."""
+    found = InMetres({})
+    found.data = _Converter(_origin(data), found).table(Scenario, data, ())
+    return found
+
+
+def _origin(data: dict[str, Any]) -> Origin | None:
+    try:
+        return Origin(**OriginTable.model_validate(data.get("origin")).model_dump())
+    except ValidationError:
+        return None
+
+
+@dataclass
+class _Converter:
+    origin: Origin | None  # None where it has mistakes of its own
+    found: InMetres
+
+    def table(self, model: type[Part], table: dict[str, Any], key: Key) -> dict[str, Any]:
+        read: dict[str, Any] = {}
+        inner = _inner_tables(model)
+        for name, value in table.items():
+            part, path = inner.get(name), (*key, name)
+            if part is not None and isinstance(value, dict):
+                read[name] = self.table(part, value, path)
+            elif part is not None and isinstance(value, list):
+                read[name] = [
+                    self.table(part, one, (*path, row)) if isinstance(one, dict) else one
+                    for row, one in enumerate(value)
+                ]
+            else:
+                read[name] = value
+        for keys in model.degree_keys:
+            self._place(keys, read, key)
+        return read
+
+    def _place(self, keys: DegreeKeys, table: dict[str, Any], key: Key) -> None:
+        """Replace one place of a table."""
+        values = {name: table.pop(name) for name in keys.every if name in table}
+        values = {name: value for name, value in values.items() if value is not None}  # as JSON has what is left out
+        if not values:
+            return
+        in_metres = [name for name in keys.metres if table.get(name) is not None]
+        mistakes = in_other_form(keys, values, in_metres, key)
+        if not mistakes:
+            mistakes = self._wrong(keys, values, key)
+        self.found.mistakes += mistakes
+        if not mistakes and self.origin is not None:
+            metres = _converted(keys, values, self.origin)
+            table |= metres
+            self.found.places.append(InDegrees(key, keys, values, self.origin, metres))
+        elif len(in_metres) < len(keys.metres):
+            table |= dict.fromkeys(keys.metres, _SPOILT)
+            self.found.spoilt |= {(*key, name) for name in keys.metres}
+
+    def _wrong(self, keys: DegreeKeys, values: dict[str, Any], key: Key) -> list[Mistake]:
+        """The mistakes in the numbers of a place."""
+        mistakes = misplaced(keys, values, self.origin, key)
+        told = {mistake.key[len(key)] for mistake in mistakes}
+        if told & set(keys.degrees):
+            told |= set(keys.degrees)
+        for name, value in values.items():
+            if name not in told and not is_three(keys, name, value):
+                try:
+                    adapter(keys.every[name]).validate_python(value)
+                except ValidationError as error:
+                    found = from_pydantic(error, Scenario, (*key, name))
+                    mistakes += [dataclasses.replace(one, value=as_shown(one.value)) for one in found]
+        return mistakes + missing_height(keys, values, key)
+
+
+def _converted(keys: DegreeKeys, values: dict[str, Any], origin: Origin) -> dict[str, Any]:
+    """The keys in metres of a place without mistakes."""
+    if keys.form == "position":
+        lat_deg, lon_deg = values["position_deg"]
+        if "height_m" in values:
+            return {"position_m": _listed(place_up_m(lat_deg, lon_deg, values["height_m"], origin))}
+        ned_m = geodetic_to_ned(lat_deg, lon_deg, values["alt_amsl_m"], origin)
+        return {"position_m": _listed(ned_m * [1.0, 1.0, -1.0])}
+    if keys.form == "points":
+        (points,) = values.values()
+        lat, lon = np.array(points, dtype=float).reshape(-1, 2).T
+        return {keys.metres[0]: _listed(place_up_m(lat, lon, 0.0, origin)[:, :2])}
+    if keys.form == "axes":
+        flat_m = place_up_m(*(np.array(values[name], dtype=float) for name in keys.degrees), 0.0, origin)
+        return {"north_m": _listed(flat_m[..., 0]), "east_m": _listed(flat_m[..., 1])}
+    return _box(values["lat_deg"], values["lon_deg"], origin)
+
+
+def _box(lat_deg: list[float], lon_deg: list[float], origin: Origin) -> dict[str, Any]:
+    """The largest box in metres between two parallels and two meridians."""
+    west, wide = lon_deg[0], (lon_deg[1] - lon_deg[0]) % 360.0
+    middle = min((origin.lon_deg - west) % 360.0, wide)  # where a parallel is nearest to the equator's side
+    lons = west + np.array([0.0, middle, wide])
+    south, north = (place_up_m(lat, lons, 0.0, origin) for lat in lat_deg)
+    edges = np.array([south, north])
+    return {
+        "north_m": _listed(np.array([south[:, 0].max(), north[:, 0].min()])),
+        "east_m": _listed(np.array([edges[:, 0, 1].max(), edges[:, 2, 1].min()])),
+    }
+
+
+def _listed(metres: Array) -> Any:
+    return (np.round(metres, _DIGITS) + 0.0).tolist()
+
+
+@lru_cache
+def _inner_tables(model: type[BaseModel]) -> dict[str, type[Part]]:
+    """The keys of a table that hold tables, and the models of these."""
+    found = {name: _part_in(model_field.annotation) for name, model_field in model.model_fields.items()}
+    return {name: part for name, part in found.items() if part is not None}
+
+
+def _part_in(annotation: Any) -> type[Part] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return annotation
+    return next((part for part in map(_part_in, typing.get_args(annotation)) if part is not None), None)

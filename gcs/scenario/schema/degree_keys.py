@@ -1,0 +1,121 @@
+"""The keys that give a place as latitude and longitude, beside those of each table that give it in metres.
+
+Models have the keys in metres only. `gcs.scenario.degrees.to_metres` replaces the others once, as a file is loaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Strict, TypeAdapter
+
+_Degrees = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+_Latitude = Annotated[_Degrees, Field(ge=-90, le=90)]
+_Longitude = Annotated[_Degrees, Field(ge=-180, le=180)]
+_Place = tuple[_Latitude, _Longitude]
+_HEIGHTS = "height_m", "alt_amsl_m"
+
+# How a table holds places: a position with its height; a list of points; one number, or a list, on each axis; a range
+# on each axis.
+Form = Literal["position", "points", "axes", "box"]
+
+
+@dataclass(frozen=True)
+class DegreeKeys:
+    """The keys in metres for a place or for a list of places, and those that say the same in degrees."""
+
+    form: Form
+    metres: tuple[str, ...]
+    degrees: Mapping[str, Any]  # key: its type, with a description
+    heights: Mapping[str, Any] | None = None  # for a position: one of these stands beside it
+
+    @property
+    def every(self) -> dict[str, Any]:
+        """All keys that stand only where a place is in degrees, with their types."""
+        return {**self.degrees, **(self.heights or {})}
+
+    def add_to(self, schema: dict[str, Any]) -> None:
+        """Add the keys to a table's JSON Schema, each after those in metres; one of both forms is required."""
+        properties: dict[str, Any] = {}
+        for name, node in schema["properties"].items():
+            properties[name] = node
+            if name == self.metres[-1]:
+                properties |= {key: adapter(kind).json_schema() for key, kind in self.every.items()}
+        schema["properties"] = properties
+        required = schema.get("required", [])
+        if set(self.metres) <= set(required):
+            rest = [name for name in required if name not in self.metres]
+            schema["required"] = rest
+            if not rest:
+                del schema["required"]
+            schema["oneOf"] = [{"required": list(self.metres)}, {"required": list(self.degrees)}]
+
+
+@lru_cache(maxsize=64)
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """The validator of a key's type."""
+    return TypeAdapter(kind)
+
+
+def _said(kind: Any, text: str, most: int | None = None) -> Any:
+    return Annotated[kind, Field(description=text, max_length=most)]
+
+
+POSITION = DegreeKeys(
+    "position",
+    ("position_m",),
+    {"position_deg": _said(_Place, "instead of position_m: latitude, longitude, degrees; height_m or alt_amsl_m too")},
+    {
+        "height_m": _said(
+            Annotated[_Degrees, Field(ge=-10_000, le=10_000)], "with position_deg: height, m above height 0"
+        ),
+        "alt_amsl_m": _said(
+            Annotated[_Degrees, Field(ge=-10_500, le=19_000)],
+            "with position_deg, instead of height_m: m above mean sea level",
+        ),
+    },
+)
+POLYGON = DegreeKeys(
+    "points",
+    ("polygon_m",),
+    {
+        "polygon_deg": _said(
+            tuple[_Place, ...], "instead of polygon_m: its corners in order, [latitude, longitude], degrees", 500
+        )
+    },
+)
+GATE = DegreeKeys(
+    "points",
+    ("gate_m",),
+    {"gate_deg": _said(tuple[_Place, _Place], "instead of gate_m: its two points, [latitude, longitude], degrees")},
+)
+CENTRE = DegreeKeys(
+    "axes",
+    ("north_m", "east_m"),
+    {
+        "lat_deg": _said(_Latitude, "instead of north_m: latitude of the centre, degrees"),
+        "lon_deg": _said(_Longitude, "instead of east_m: longitude of the centre, degrees"),
+    },
+)
+SUMMITS = DegreeKeys(
+    "axes",
+    ("north_m", "east_m"),
+    {
+        "lat_deg": _said(tuple[_Latitude, ...], "instead of north_m: latitudes of the summits, degrees", 500),
+        "lon_deg": _said(tuple[_Longitude, ...], "instead of east_m: longitudes of the summits, degrees", 500),
+    },
+)
+BOX = DegreeKeys(
+    "box",
+    ("north_m", "east_m"),
+    {
+        "lat_deg": _said(tuple[_Latitude, _Latitude], "instead of north_m: latitudes [south, north], degrees"),
+        "lon_deg": _said(
+            tuple[_Longitude, _Longitude],
+            "instead of east_m: longitudes [west, east], degrees; the limits are the largest box in metres inside",
+        ),
+    },
+)
