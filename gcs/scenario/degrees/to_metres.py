@@ -135,7 +135,8 @@ def _converted(keys: DegreeKeys, values: dict[str, Any], origin: Origin) -> dict
         lat, lon = np.array(points, dtype=float).reshape(-1, 2).T
         return {keys.metres[0]: _listed(place_up_m(lat, lon, 0.0, origin)[:, :2])}
     if keys.form == "axes":
-        flat_m = place_up_m(*(np.array(values[name], dtype=float) for name in keys.degrees), 0.0, origin)
+        lat, lon = (np.array(values[name], dtype=float) for name in keys.degrees)
+        flat_m = place_up_m(lat, lon, 0.0, origin)
         return {"north_m": _listed(flat_m[..., 0]), "east_m": _listed(flat_m[..., 1])}
     return _box(values["lat_deg"], values["lon_deg"], origin)
 

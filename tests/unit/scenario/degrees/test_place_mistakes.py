@@ -49,7 +49,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end("position_deg = [8.55, 47.4027], height_m = 15"), "5,470 km from the origin: swapped", f"write {HERE}"),
     (end("position_deg = [-47.4027, 8.55], height_m = 15"), "south and west are negative;", f"write {HERE}"),
     (end("position_deg = [474027000, 85500000], height_m = 15"), "times 10 million?", f"write {HERE}"),
-    (end("position_deg = [300, 0], height_m = 15"), "no place on Earth: are these metres?", "position_m = [300, 0, 15]"),
+    (end("position_deg = [300, 0], height_m = 15"), "no place on Earth: are these", "position_m = [300, 0, 15]"),
     (end("position_deg = [60, 10], alt_amsl_m = 500"), ": are these metres?", "position_m = [60, 10, height]"),
     (end("position_deg = [51.4027, 8.55], height_m = 15"), "445 km from the origin; places are", "or [origin]"),
     (end("position_deg = [47.4027], height_m = 15"), "has too few values", "change end.position_deg"),
@@ -73,7 +73,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end(f"{END}, height_m = 15"), "stands beside position_m, whose third number", "remove height_m"),
     (end(f"{HERE}, height_m = 15, alt_amsl_m = 503"), "both are the height", "keep one of the two"),
     (end(HERE), "end.height_m: missing", "add height_m"),
-    (edit((f"{{ {END} }}", "{}")), "end.position_m: missing; give position_m or position_deg", "add end.position_m = ["),
+    (edit((f"{{ {END} }}", "{}")), "end.position_m: missing; give position_m or", "add end.position_m = ["),
     (end("height_m = 15"), "end.position_deg: missing", "add position_deg = [latitude, longitude]"),
     (end("position_deg = [47.4027, 8.55, 15]"), "has three numbers", f"write {HERE}, height_m = 15"),
     (zone(f"{TRIANGLE}, polygon_m = [[1, 2], [3, 4], [5, 1]]"), "stands beside polygon_m", "keep one of the two"),
@@ -92,10 +92,10 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (end(f"{HERE}, height_m = 503"), "height_m = 503: looks like a height above mean sea", "write 15"),
     (end(f"{HERE}, alt_amsl_m = 15"), "is 473.007 m below the origin", "write height_m = 15"),
     (end("position_deg = [47.4034, 8.55], height_m = 15"), "[47.4034, 8.55]: puts", "end.position_deg to [47.403237"),
-    (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "limits.lat_deg, north -1", "limits.lat_deg to [47.39"),
+    (box("lat_deg = [47.399, 47.402]", "lon_deg = [8.54, 8.56]"), "lat_deg, north -1", "limits.lat_deg to [47.3"),
     (zone("lat_deg = 47.4, lon_deg = 8.55, radius_m = 50"), "contains vehicle 1", "move the zone"),
-    (zone(f"polygon_deg = [{A}, {C}, {B}, [47.4012, 8.5515]]"), "polygon_deg = [[47.4012, ", "give the corners in order"),
-    (edit((FORMATION, VEHICLES % "position_deg = [47.4001, 8.55], height_m = 15" + "\n")), "differs from [11.", "equal"),
+    (zone(f"polygon_deg = [{A}, {C}, {B}, [47.4012, 8.5515]]"), "polygon_deg = [[47.4", "give the corners in order"),
+    (edit((FORMATION, VEHICLES % "position_deg = [47.4001, 8.55], height_m = 15" + "\n")), "differs from [11", "equal"),
 ]  # fmt: skip
 
 
