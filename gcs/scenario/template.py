@@ -15,7 +15,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gcs.errors import ScenarioError, UsageError
+from gcs.frames import Origin, place_up_m
 from gcs.physics.quadrotor import Array
+from gcs.scenario.degrees.place_questions import degrees, question
 from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.load import FILE_NAME, load_scenario
 from gcs.scenario.schema.formation_table import Generator
@@ -23,6 +25,7 @@ from gcs.scenario.schema.scenario import OriginTable, Scenario
 
 SHAPES: tuple[Generator, ...] = get_args(Generator)
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+_LONGEST_M = 20_000.0
 _COMMENTS_AT = 30  # column of comments
 _BESIDE_M, _BESIDE_SHARE = 100.0, 0.3  # room beside the straight way, for detours: at least, and of its length
 _PACE_SPM = 0.3  # at rest at both ends
@@ -45,6 +48,7 @@ class FirstFlight:
     course_deg: float = 0.0
     distance_m: float = 300.0
     height_m: float = 15.0
+    end_deg: tuple[float, float] | None = None  # latitude and longitude of the end, to be written as they were given
 
     def keys(self) -> dict[str, str]:
         """What stands in the template for each @KEY@."""
@@ -52,7 +56,7 @@ class FirstFlight:
         end_ne_m = np.round(self.distance_m * np.array([math.cos(course), math.sin(course)]), 2) + 0.0
         places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self.course_deg)
         top_m = self.height_m + float(places_m[:, 2].max())
-        yaw_deg = 180.0 - (180.0 - self.course_deg) % 360.0
+        yaw_deg = round(180.0 - (180.0 - self.course_deg) % 360.0, 6)
         start, end = [0.0, 0.0, self.height_m], [*end_ne_m.tolist(), self.height_m]
         is_default = self == FirstFlight()
         middle, radius_m = (end_ne_m / 2.0).round(1).tolist(), max(1.0, float(round(self.distance_m / 10.0)))
@@ -61,7 +65,10 @@ class FirstFlight:
         attitude = f", roll_pitch_yaw_deg = [0.0, 0.0, {yaw_deg!r}]" if yaw_deg else ""
         zone = f"no_fly = [{{ north_m = {no_fly[0]}, east_m = {no_fly[1]}, radius_m = {no_fly[2]!r} }}]"
         start_line = f"start = {{ position_m = {start}{attitude} }}"
-        end_line = f"end = {{ position_m = {end}{attitude} }}"
+        end_keys = [f"position_m = {end}"]
+        if self.end_deg is not None:
+            end_keys = [f"position_deg = {list(self.end_deg)}", f"height_m = {self.height_m!r}"]
+        end_line = f"end = {{ {', '.join(end_keys)}{attitude} }}"
         phases = (max(20.0, math.ceil(_CLIMB_SPM * top_m)), max(30.0, math.ceil(_SINK_SPM * top_m)))
         if top_m > 15.0:
             end_line += f"\nground_phases = {{ takeoff_s = {float(phases[0])}, landing_s = {float(phases[1])} }}"
@@ -74,7 +81,7 @@ class FirstFlight:
             "START": start_line.ljust(59) if is_default else f"{start_line}  ",
             "END": end_line,
             "START_PLACE": str(start),
-            "END_PLACE": str(end),
+            "END_KEYS": "\n".join(end_keys),
             "YAW": repr(yaw_deg),
             "HEIGHT": repr(self.height_m),
             "NO_FLY": zone if is_default else f"# {zone}",
@@ -111,6 +118,21 @@ class FirstFlight:
         room_m = max(_BESIDE_M, _BESIDE_SHARE * self.distance_m)
         low, high = flown.min(axis=0) - room_m, flown.max(axis=0) + room_m
         return tuple([10.0 * math.floor(a / 10.0), 10.0 * math.ceil(b / 10.0)] for a, b in zip(low, high, strict=True))
+
+
+def straight_to(end_deg: tuple[float, float], origin_deg: tuple[float, float]) -> dict[str, float]:
+    """The course and the length of a flight from the origin to a place. Raises UsageError for one that is far away."""
+    origin = Origin(*origin_deg, 0.0)
+    option = f"--end {degrees(end_deg[0])},{degrees(end_deg[1])}"
+    if asked := question(end_deg, origin):
+        meant = asked.degrees and f"write --end {degrees(asked.degrees[0])},{degrees(asked.degrees[1])}"
+        raise UsageError(f"{option} {asked.text}", hint=meant or "give the origin too: --at LAT,LON[,ALT]")
+    north_m, east_m, _ = place_up_m(*end_deg, 0.0, origin)
+    distance_m = float(np.hypot(north_m, east_m))
+    if not 1.0 <= distance_m <= _LONGEST_M:
+        text = f"{option} is {distance_m:,.0f} m from the origin"
+        raise UsageError(f"{text}; a flight is 1 to {_LONGEST_M:,.0f} m long.", hint="give another place, or --at")
+    return {"course_deg": round(float(np.degrees(np.arctan2(east_m, north_m))), 1), "distance_m": distance_m}
 
 
 def scenario_text(

@@ -11,6 +11,7 @@ from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
 from gcs.cli.planning.places_given import COURSES, parse_course, parse_place
 from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
+from gcs.errors import UsageError
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
 SHAPES = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")
@@ -58,6 +59,15 @@ def new(
     distance: Annotated[
         float | None, typer.Option("--distance", metavar="METRES", help="Length of the flight.", show_default="300")
     ] = None,
+    end: Annotated[
+        str | None,
+        typer.Option(
+            "--end",
+            metavar="LAT,LON",
+            help="End of the flight, degrees, instead of --course and --distance.",
+            show_default=False,
+        ),
+    ] = None,
     height: Annotated[
         float | None,
         typer.Option("--height", metavar="METRES", help="Height of the flight above the origin.", show_default="15"),
@@ -74,10 +84,15 @@ def new(
 
     gcs new plans/line --at 47.39,8.54 --count 4 --shape line --spacing 8 --course north-east --distance 400
 
+    gcs new plans/there --at 47.39,8.54 --end 47.393,8.546
+
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
     screen = Screen(json=json)
     _check(count, shape, spacing, distance, height)
+    end_deg = None if end is None else parse_place(end, "--end")[:2]
+    if end_deg is not None and (course is not None or distance is not None):
+        raise UsageError("--end gives the course and the distance.", hint="leave out --course and --distance")
     given: dict[str, Any] = {
         "count": count,
         "shape": shape,
@@ -85,16 +100,18 @@ def new(
         "course_deg": None if course is None else parse_course(course),
         "distance_m": distance,
         "height_m": height,
+        "end_deg": end_deg,
     }
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
-    from gcs.errors import UsageError
     from gcs.files import atomic_write
     from gcs.scenario.load import FILE_NAME
-    from gcs.scenario.template import FirstFlight, scenario_text
+    from gcs.scenario.template import FirstFlight, scenario_text, straight_to
 
     file = folder / FILE_NAME
     if file.exists():
         raise UsageError(f"{file} exists already.", hint="choose another name, or delete the file first")
+    if end_deg is not None:
+        given |= straight_to(end_deg, (lat_deg, lon_deg))
     wanted = {key: value for key, value in given.items() if value is not None}
     flight = FirstFlight(**wanted) if wanted else None
     atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))

@@ -1,4 +1,4 @@
-"""Places and courses as they are typed: `--at 47.39,8.54`, `--at 47.39 8.54 450`, `--course north-east`."""
+"""Places and courses as they are typed: `--at 47.39,8.54`, `--end 47.40 8.55`, `--course north-east`."""
 
 from __future__ import annotations
 
@@ -11,42 +11,40 @@ from gcs.errors import UsageError
 
 WINDS = ("n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw")
 COURSES = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_PLACE_MAX = 3  # numbers of a place
+_PLACE_MAX = {"--at": 3, "--end": 2}  # numbers of a place, by option
 _INITIALS = {"north": "n", "east": "e", "south": "s", "west": "w", "-": "", " ": ""}
 
 
 class PlaceCommand(TyperCommand):
-    """A command whose --at takes its numbers with commas or with spaces between them."""
+    """A command whose places (--at, --end) take their numbers with commas or with spaces between them."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments, with the numbers after --at in one word."""
+        """Parse the arguments, with the numbers of each place in one word."""
         return super().parse_args(ctx, joined_places(args))
 
 
 def joined_places(arguments: list[str]) -> list[str]:
-    """The arguments with the numbers that follow --at joined by commas."""
+    """The arguments with the numbers that follow --at and --end joined by commas."""
     joined: list[str] = []
     rest = list(arguments)
     while rest:
         word = rest.pop(0)
-        if word == "--at" and rest:
+        if word in _PLACE_MAX and rest:
             parts = [rest.pop(0)]
-            while rest and _numbers(parts) < _PLACE_MAX and _numbers([rest[0]]):
+            while rest and _numbers(parts) < _PLACE_MAX[word] and _numbers([rest[0]]):
                 parts.append(rest.pop(0))
-            word = f"--at={','.join(part.strip().strip(',') for part in parts)}"
+            word = f"{word}={','.join(part.strip().strip(',') for part in parts)}"
         joined.append(word)
     return joined
 
 
-def parse_place(text: str) -> tuple[float, float, float | None]:
+def parse_place(text: str, option: str = "--at") -> tuple[float, float, float | None]:
     """Latitude, longitude, and height above the sea if it is given. Raises `UsageError`."""
     parts = text.replace(",", " ").split()
     count = _numbers([text])
-    if count != len(parts) or not 2 <= count <= _PLACE_MAX:
-        raise UsageError(
-            f"--at {text}: not a place",
-            hint="write for example --at 47.39,8.54 or, with its height, --at 47.39 8.54 450",
-        )
+    if count != len(parts) or not 2 <= count <= _PLACE_MAX[option]:
+        example = "--at 47.39,8.54 or, with its height, --at 47.39 8.54 450" if option == "--at" else "--end 47.40,8.55"
+        raise UsageError(f"{option} {text}: not a place", hint=f"write for example {example}")
     lat_deg, lon_deg, *height = map(float, parts)
     return lat_deg, lon_deg, height[0] if height else None
 

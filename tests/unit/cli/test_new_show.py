@@ -89,3 +89,36 @@ def test_nothing_is_overwritten_and_bad_names_and_places_are_refused(
 def test_an_elevation_model_is_shown(repo_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("show", repo_root / "missions" / "ridge") == 0
     assert "ridge.tif, pixels of 10.0 m; clearance at least 6 m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_flight_from_one_place_to_another(tmp_path: Path, full: bool) -> None:
+    options = ["--full"] if full else []
+    places = ["--at", "47.39,8.54,450", "--end", "47.393", "8.546"]
+    assert gcs("new", tmp_path / "there", *places, "--count", 4, *options) == 0
+    text = (tmp_path / "there" / "scenario.toml").read_text()
+    assert "position_deg = [47.393, 8.546]" in text
+    scenario = load_scenario(tmp_path / "there")
+    lat_deg, lon_deg, _ = pymap3d.ned2geodetic(*scenario.end.position_m[:2], -15.0, 47.39, 8.54, 450)
+    assert (lat_deg, lon_deg) == pytest.approx((47.393, 8.546), abs=1e-7)
+    assert scenario.end.position_m[2] == 15.0
+    assert scenario.start.roll_pitch_yaw_deg[2] == 53.6  # it faces its course
+
+
+@pytest.mark.parametrize(
+    ("options", "says", "then"),
+    [
+        (("--end", "47.393,8.546"), "from the origin; places are at most 100 km away", "--at LAT,LON"),
+        (("--at", "47.39,8.54", "--end", "8.546,47.393"), "swapped latitude and longitude?", "--end 47.393,8.546"),
+        (("--at", "47.39,8.54", "--end", "48,8.546"), "a flight is 1 to 20,000 m long", "another place"),
+        (("--at", "47.39,8.54", "--end", "there"), "--end there: not a place", "--end 47.40,8.55"),
+        (("--end", "47.393,8.546", "--distance", "9"), "gives the course and the distance", "leave out"),
+    ],
+)
+def test_an_end_that_cannot_be_meant_is_asked_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], says: str, then: str
+) -> None:
+    assert gcs("new", tmp_path / "there", *options) == 2
+    told = capsys.readouterr().err
+    assert says in told and then in told
+    assert not (tmp_path / "there").exists()
