@@ -108,6 +108,11 @@ def ground_step_peaks(scenario: Scenario) -> tuple[float, float]:
     return (15 / 8, 10 / 3**0.5) if steady_wind(scenario).is_still else (35 / 16, 84 * 5**0.5 / 25)
 
 
+def ground_step_jerk_peak(scenario: Scenario) -> float:
+    """The peak jerk of the same climb or descent, in units of d / T³."""
+    return 60.0 if steady_wind(scenario).is_still else 52.5
+
+
 def heading_ref_deg(scenario: Scenario) -> float:
     """The desired heading psi_r, degrees: that of [objective], else the yaw of [end]."""
     heading_deg = scenario.objective.heading_ref_deg

@@ -45,6 +45,7 @@ def plan(
     """
     screen = Screen(json=json)
     from gcs.cli.plan_argument import Stopwatch, plan_for, plan_path
+    from gcs.plan.trajectory.greatest_motion import greatest_motion
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
 
@@ -70,6 +71,7 @@ def plan(
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
             "failures": [str(c) for c in report.failures],
+            "greatest_motion": greatest_motion(made).by_vehicle(made.sysids),
             "changes": [asdict(m) for m in made.moves],
             "information": _information(made),
             "alternatives": [asdict(a) for a in made.alternatives],
@@ -97,6 +99,7 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     for phase in made.phases:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
     _show_changes(screen, made)
+    _show_greatest_motion(screen, made)
     _show_verdict(screen, made, report)
     for check in report.failures:
         screen.say(f"  FAILED: {check}")
@@ -115,6 +118,22 @@ def warn_of_position_errors(screen: Screen, made: Plan) -> None:
             f"errors of {made.scenario.sensors.grade} sensors leave {max(left.left_m, 0.0):.2f} m; [judge] requires "
             f"{required_m:g} m. Plan them farther apart, or fly better sensors."
         )
+
+
+def _show_greatest_motion(screen: Screen, made: Plan) -> None:
+    """Print the greatest acceleration and jerk of any vehicle; `gcs show` has those of each."""
+    from gcs.plan.trajectory.greatest_motion import greatest_motion
+
+    found, limits = greatest_motion(made), made.scenario.limits
+    told = []
+    for name, unit, sizes, times, most in (
+        ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),
+        ("jerk", "m/s³", found.jerk_mps3, found.jerk_t_s, limits.jerk_max_mps3),
+    ):
+        row = int(sizes.argmax())
+        limit = "no limit" if most is None else f"limit {most:g}"
+        told.append(f"{name} {sizes[row]:.2f} {unit} (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; {limit})")
+    screen.say(f"greatest {', '.join(told)}")
 
 
 def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:

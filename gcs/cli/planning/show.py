@@ -51,13 +51,17 @@ def show(
         screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
     pads = _pads(scenario)
     _say_pads(screen, pads)
+    motion = [] if plan is None else _greatest_motion(screen, plan)
     if picture is not None:
         from gcs.flight.assessment.overview_plot import save_overview
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
     ends = _ends(scenario)
-    screen.result({"name": scenario.name, **found, **ends, "pads": pads, **({"picture": picture} if picture else {})})
+    screen.result(
+        {"name": scenario.name, **found, **ends, "pads": pads, "greatest_motion": motion}
+        | ({"picture": picture} if picture else {})
+    )
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
@@ -139,6 +143,34 @@ def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
         }
         for row, name in enumerate(ends)
     }
+
+
+def _greatest_motion(screen: Screen, plan: Plan) -> list[dict[str, float]]:
+    """Print the greatest acceleration and jerk of each vehicle, and return them."""
+    from rich.table import Table
+
+    from gcs.plan.trajectory.greatest_motion import greatest_motion
+
+    limits = plan.scenario.limits
+    rows = greatest_motion(plan).by_vehicle(plan.sysids)
+    table = Table("vehicle", "acceleration", "at", "jerk", "at", title="greatest acceleration and jerk")
+    for row in rows[:_SHOWN]:
+        table.add_row(
+            f"{row['sysid']:g}",
+            f"{row['accel_max_mps2']:.2f} m/s²",
+            f"{row['accel_max_t_s']:.1f} s",
+            f"{row['jerk_max_mps3']:.2f} m/s³",
+            f"{row['jerk_max_t_s']:.1f} s",
+        )
+    screen.show(table)
+    most = (
+        "no limit" if limit is None else f"at most {limit:g} {unit}"
+        for limit, unit in ((limits.accel_max_mps2, "m/s²"), (limits.jerk_max_mps3, "m/s³"))
+    )
+    screen.say("limits: acceleration {}, jerk {}".format(*most))
+    if len(rows) > _SHOWN:
+        screen.say(f"and {len(rows) - _SHOWN} more; --json prints all")
+    return rows
 
 
 def _pads(scenario: Scenario) -> list[dict[str, Any]]:

@@ -66,6 +66,16 @@ def follower_state_and_control(
     return state, control
 
 
+def jerk(x: Sequence[Any], u: Sequence[Any], thrust_rate: Any, q: Quadrotor, xp: Any = np) -> tuple[Any, Any, Any]:
+    """The derivative of the acceleration of Eq. 1 (NED), at a state `x` (12), a control `u` (4) and the rate of U1."""
+    moved = equations_of_motion(x, u, q, xp=xp)[3:6]
+    force = _thrust_vector(x, (0.0, 0.0, 0.0), (u[0], thrust_rate, 0.0), xp)
+    gust = q.wind.shares(-x[2], xp)[1] * -x[5] if q.wind.has_shear else 0.0
+    air = (moved[0] - gust * q.wind.north_mps, moved[1] - gust * q.wind.east_mps, moved[2])
+    north, east, down = ((force[axis][1] + q.drag_Nspm[axis] * air[axis]) * (-1.0 / q.mass_kg) for axis in range(3))
+    return north, east, down
+
+
 def _added(force: Jet, more: Jet, factor: float) -> Jet:
     f0, f1, f2 = force
     return f0 + factor * more[0], f1 + factor * more[1], f2 + factor * more[2]

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor
-from gcs.plan.formation.follower_equations import Jet, follower_state_and_control
+from gcs.plan.formation.follower_equations import Jet, follower_state_and_control, jerk
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 
 BEND_S = 0.5  # a corner of the thrust is spread over so much time before and after it
@@ -46,6 +46,15 @@ def formation_motion(
             q,
         )
     return states, controls
+
+
+def formation_jerks(
+    state: PPoly, control: PPoly, shape: Shape, q: Quadrotor, t_s: Array, rows: slice | Rows = EVERYONE
+) -> Array:
+    """Jerks (V, N, 3) in NED of the vehicles in `rows`: the leader's by Eq. 1, plus that of the offset."""
+    x, u = state(t_s), control(t_s)
+    own = jerk(tuple(x.T), tuple(u.T), control(t_s, nu=1)[:, 0], q)
+    return np.asarray(np.stack(own, axis=-1) + shape.offsets(t_s, 3, rows))
 
 
 def follower_states_and_controls(

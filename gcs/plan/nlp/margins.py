@@ -116,6 +116,12 @@ def acceleration(scenario: Scenario, states: Array, controls: Array) -> list[Mar
     return [Margin("acceleration", "m/s2", most - np.linalg.norm(moved, axis=-1), most)]
 
 
+def jerk(scenario: Scenario, jerks: Array) -> list[Margin]:
+    """Jerk (V, N, 3) of every vehicle against j_max, where the scenario has one."""
+    most = scenario.limits.jerk_max_mps3
+    return [] if most is None else [Margin("jerk", "m/s3", most - np.linalg.norm(jerks, axis=-1), most)]
+
+
 def shape_motion(scenario: Scenario, speeds: Array, accelerations: Array) -> list[Margin]:
     """Motion of every vehicle within the shape (V, N, 3) against v_max and a_max of a change."""
     formation = scenario.formation

@@ -20,7 +20,7 @@ from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.transcription import transcribe
-from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, tightenings
+from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors
 from gcs.plan.trajectory.plan import MeshRound
@@ -88,6 +88,7 @@ def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound]
             problem,
             tightenings=(*problem.tightenings, *tightenings(problem, missed)),
             accel_reserve_mps2=problem.accel_reserve_mps2 + accel_reserve_mps2(missed),
+            jerk_reserve_mps3=problem.jerk_reserve_mps3 + jerk_reserve_mps3(missed),
         )
         mesh = mesh.split(drifting).enforcing_at(np.unique([miss.t_s for miss in missed]))
     raise PlanningError(

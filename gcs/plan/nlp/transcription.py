@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import PPoly
 
-from gcs.physics.quadrotor import Array, level_flight_thrust_N
+from gcs.physics.quadrotor import RATES, Array, level_flight_thrust_N
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
@@ -61,6 +61,7 @@ class Program:
     nlp: ca.Function
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
     parameters: Array  # (p,) second argument of nlp and derivatives
+    step_rows: int = 0  # so many last rows of g limit the steps of the thrust
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y sampled from an existing trajectory: the warm start."""
@@ -129,6 +130,8 @@ def transcribe(
             shares=ca.DM(shares),
             slots=ca.DM(chosen.parameters.T),
             state_unit=state_unit,
+            thrust_steps=(steps := thrust_steps(problem, layout, unit)),
+            interval_s=None if steps is None else np.diff(mesh.joints_s),
             time_cost=None if problem.free_time is None else duration_cost(problem),
         ),
     )
@@ -166,6 +169,9 @@ def bounded_program(
         for name in row
     ]
     names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
+    steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
+    steps *= problem.jerk_left_mps3 is not None
+    names += [(f"rate of the {way} thrust", float(t)) for way in ("growing", "falling") for t in mesh.joints_s[:steps]]
     y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
     if (time := problem.free_time) is not None:
         y_low = np.append(y_low, time.earliest_s / problem.duration_s)
@@ -177,13 +183,21 @@ def bounded_program(
         shift,
         y_low,
         y_high,
-        np.concatenate([dynamics, np.where(free, -np.inf, 0.0).ravel(), (box_low / state_unit).ravel()]),
-        np.concatenate([dynamics, np.full(free.size, np.inf), (box_high / state_unit).ravel()]),
+        np.concatenate(
+            [
+                dynamics,
+                np.where(free, -np.inf, 0.0).ravel(),
+                (box_low / state_unit).ravel(),
+                np.full(2 * steps, -np.inf),
+            ]
+        ),
+        np.concatenate([dynamics, np.full(free.size, np.inf), (box_high / state_unit).ravel(), np.zeros(2 * steps)]),
         y_names,
         tuple(names),
         nlp,
         derivatives,
         np.zeros(0) if parameters is None else parameters,
+        2 * steps,
     )
 
 
@@ -203,6 +217,8 @@ class Constants:
     state_unit: Array  # (nx,)
     lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
     parameters: ca.MX | None = None  # (p,) symbols
+    thrust_steps: ca.DM | None = None  # (M, n): steps of U1 over the intervals, in seconds at the largest rate
+    interval_s: Array | None = None  # (M,) lengths of the intervals; with `lengths`, the first node (M,) of each
     time_cost: float | None = None  # cost of the time of flight, where its stretch is the last unknown
 
 
@@ -233,6 +249,8 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         ca.vec(parts.path.map(points)(z, k.slots)),
         ca.mtimes(box, y) + box_shift,
     )
+    steps, spans = _thrust_steps(k, stretch)
+    g = ca.vertcat(g, ca.mtimes(steps, y) - spans, -ca.mtimes(steps, y) - spans)
 
     # IPOPT's interface copies only stored entries: a sparse gradient would leave the others unset.
     gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
@@ -241,6 +259,8 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
         ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots), sampling),
         ca.MX(box),
+        ca.MX(steps),
+        ca.MX(-steps),
     )
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
     pull = ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes)
@@ -256,7 +276,9 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         f += k.time_cost * stretch
         cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
         gradient = ca.vertcat(gradient, ca.sum2(parts.cost.map(nodes)(zn, over_time)) + k.time_cost)
-        column = ca.vertcat(-ca.mtimes(b, ca.vec(moved)), ca.MX(g.size1() - a.size1(), 1))
+        grown = ca.DM(0, 1) if k.interval_s is None else ca.DM(-k.interval_s)
+        rest = g.size1() - a.size1() - 2 * grown.size1()
+        column = ca.vertcat(-ca.mtimes(b, ca.vec(moved)), ca.MX(rest, 1), ca.MX(grown), ca.MX(grown))
         jacobian = ca.horzcat(jacobian, column)
         mixed = sigma * cost_gradient + ca.mtimes(s_nodes.T, ca.mtimes(motion_blocks.T, ca.vec(pull)))
         corner = ca.horzcat(ca.MX(1, sampling.size2()), ca.MX(1, 1))
@@ -273,6 +295,29 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
             ["triu_hess_gamma_x_x"],
         ),
     }
+
+
+def _thrust_steps(k: Constants, stretch: ca.MX) -> tuple[ca.DM, ca.MX]:
+    """The steps of U1 over the intervals, and what they may be (M, 1); none where the jerk is not limited."""
+    if k.thrust_steps is None or k.interval_s is None:
+        return ca.DM(0, k.sampling.size2()), ca.MX(0, 1)
+    if k.lengths is not None:
+        return k.thrust_steps, k.lengths[k.interval_s.astype(int).tolist()].T
+    spans = ca.MX(ca.DM(k.interval_s))
+    return k.thrust_steps, spans if k.time_cost is None else spans * stretch
+
+
+def thrust_steps(problem: Problem, layout: VariableLayout, unit: Array) -> ca.DM | None:
+    """Matrix (M, n) of the steps of U1 over the intervals, in seconds at the largest rate; None without a limit."""
+    if problem.jerk_left_mps3 is None or layout.control_form is not ControlForm.LINEAR:
+        return None
+    count = layout.mesh.intervals
+    rate = stage_functions.THRUST_SHARE * problem.jerk_left_mps3 * problem.quadrotor.mass_kg
+    columns = [layout.control(point) for point in range(count + 1)]
+    values = unit[columns] / rate
+    rows = np.tile(np.arange(count), 2)
+    entries = np.concatenate([-values[:-1], values[1:]])
+    return dm(sparse.csc_matrix((entries, (rows, columns[:-1] + columns[1:])), shape=(count, layout.size)))
 
 
 def _times_lengths(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
@@ -315,9 +360,11 @@ def bounds(problem: Problem, layout: VariableLayout) -> tuple[Array, Array]:
     start, end_low, end_high = boundary_values(problem)
     state_low[first] = state_high[first] = start
     state_low[last], state_high[last] = end_low, end_high
-    if problem.winds_differ and layout.control_form is ControlForm.LINEAR:
+    if (problem.winds_differ or problem.jerk_left_mps3 is not None) and layout.control_form is ControlForm.LINEAR:
         # Thrust must not jump where phases join: a vehicle with more tilt than the leader would have to tilt at once.
         for end, state in ((first, start), (last, end_low)):
+            if not problem.winds_differ and state[RATES].any():
+                continue  # a flight that begins in the middle of another one
             control_low[end, 0] = control_high[end, 0] = level_flight_thrust_N(state, problem.quadrotor)
     # Coordinates rest in every derivative, so that the ground phases join without a jump.
     chains = layout.nu - len(problem.control_low)

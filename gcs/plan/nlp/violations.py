@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import VELOCITY, Array
-from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.shape import Rows, Shape
 from gcs.plan.nlp import margins
 from gcs.plan.nlp.margins import Margin
@@ -127,6 +127,11 @@ def accel_reserve_mps2(found: tuple[Violation, ...]) -> float:
     """
     beyond = [miss.beyond_leader for miss in found if miss.name == "acceleration"]
     return _EXCESS * max(beyond, default=0.0)
+
+
+def jerk_reserve_mps3(found: tuple[Violation, ...]) -> float:
+    """By how much the jerk of some vehicle exceeds what the program's constraints leave for it."""
+    return _EXCESS * max((miss.by for miss in found if miss.name == "jerk"), default=0.0)
 
 
 def _finely(times: Array, evaluate: Evaluate) -> tuple[Array, list[tuple[Margin, float]]]:
@@ -275,6 +280,9 @@ def _motions(
     found = [*margins.state_limits(scenario, states), margins.turning(scenario, states, controls)]
     found += margins.control_limits(scenario, controls)
     found += margins.acceleration(scenario, states, controls)
+    if scenario.limits.jerk_max_mps3 is not None:
+        jerks = formation_jerks(vehicle.state, vehicle.control, shape, problem.quadrotor, times, rows)
+        found += margins.jerk(scenario, jerks)
     found += margins.shape_motion(scenario, shape.offsets(times, 1, rows), shape.offsets(times, 2, rows))
     return [(margin, LIMIT_TOLERANCE * margin.scale) for margin in found]
 

@@ -18,6 +18,8 @@ from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrot
 
 _SAMPLES, _SAMPLED = 500, 1e-3  # instants of a change of the shape, and what is added for the path between them
 
+_LEAST_JERK = 0.1  # share of the limit that always remains for the leader
+
 
 @dataclass(frozen=True)
 class Tightening:
@@ -57,6 +59,7 @@ class Problem:
     coordinates: tuple[Coordinate, ...] = ()
     clearance_reserve_m: float = 0.0  # added to the least clearance at the nodes
     accel_reserve_mps2: float = 0.0  # by how much a follower accelerated more than the leader in an earlier round
+    jerk_reserve_mps3: float = 0.0  # by how much a vehicle's jerk exceeded its limit in an earlier round
     free_time: FreeTime | None = None  # where given, end_s is a guess
     tightenings: tuple[Tightening, ...] = ()
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
@@ -80,6 +83,15 @@ class Problem:
     def change_budget(self) -> Budget:
         """Speed, acceleration, jerk and snap that the shape's own motion may use."""
         return budget(self.scenario)
+
+    @cached_property
+    def jerk_left_mps3(self) -> float | None:
+        """The jerk that the leader may have, in m/s^3: the limit, less what the shape's own motion may add."""
+        most = self.scenario.limits.jerk_max_mps3
+        if most is None:
+            return None
+        shape = self.change_budget.jerk_mps3 if self.coordinates or self.shape.moving_s else 0.0
+        return max(most - shape - self.jerk_reserve_mps3, _LEAST_JERK * most)
 
     @cached_property
     def target_ned_m(self) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import equations_of_motion
 from gcs.plan.formation.coordinates import bent
+from gcs.plan.formation.follower_equations import jerk
 from gcs.plan.nlp.margins import REST_SPEED_MPS
 from gcs.plan.nlp.variables import NU, NX
 from gcs.plan.ocp.active_vehicles import FOOT, LIFT, MOVED, RADIUS, SLOT, ActiveVehicles, zone_pieces
@@ -36,6 +37,9 @@ CORNER_M = 0.3
 # Limits that vehicles reach before the leader where the wind at their height is another.
 _LEAN = ("roll", "pitch", "least thrust", "largest thrust")
 _STEEPEST_DEG = 89.0
+# The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
+# take less than the whole limit.
+TURN_SHARE, THRUST_SHARE = 0.9, 0.3
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,8 @@ def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
         for zone, near in zip(_zone_names(problem), chosen.zones, strict=True):
             names += [f"{zone} for vehicle {ids[v]}" for v in near[t]]
         names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
+        if problem.jerk_left_mps3 is not None:
+            names.append("jerk of the formation")
         if problem.follows_course:
             names += ["heading of the formation along its course", "flight towards the formation's front"]
         rows.append(names)
@@ -142,7 +148,7 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     names = _moving_names(problem)
     masks = [~(chosen.leaning if name in _LEAN else chosen.moving_used) for name in names]
     spare = np.stack(masks, axis=2).reshape(len(chosen.moving), -1)
-    return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course)))
+    return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course + (problem.jerk_left_mps3 is not None))))
 
 
 def _path(
@@ -150,7 +156,7 @@ def _path(
 ) -> list[ca.SX]:
     """Path constraints of the active vehicles in the leader's variables: each value must be >= 0."""
     scenario = problem.scenario
-    x = ca.vertsplit(z)
+    x, nx = ca.vertsplit(z), NX + 4 * len(problem.coordinates)
     remaining = iter(slots)
     values: list[ca.SX] = []
     # Clearance: Eq. 20 for the leader, Eq. 23 for a follower. `height` is that of the ground's nearest point.
@@ -171,6 +177,10 @@ def _path(
                 values.append((north**2 + east**2 - slot[RADIUS] ** 2) / (2.0 * slot[RADIUS]))
     for slot in remaining:
         values += _own_motion(problem, z, motion, slot)
+    if (most := problem.jerk_left_mps3) is not None:
+        # The rate of U1 is no variable: it adds up to THRUST_SHARE of the jerk along the thrust.
+        turned = jerk(x[:NX], ca.vertsplit(z[nx : nx + NU]), 0.0, problem.quadrotor, ca)
+        values.append(1.0 - sum(part**2 for part in turned) / (TURN_SHARE * most) ** 2)
     if problem.follows_course:
         lateral, ahead = speed_across_and_along(problem, x)
         sine = float(np.sin(np.radians(scenario.formation.course_tolerance_deg)))

@@ -24,6 +24,7 @@ _PATHS = {
     "clearance above ground": "clearance of",
     "turning load factor": "turning radius",
     "acceleration": "acceleration of",
+    "jerk": "jerk of",
 }
 
 
@@ -35,7 +36,7 @@ def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violat
     order = np.argsort(points)
     nodes = layout.node_times_s()
     rows = layout.nx * (layout.nodes + layout.mesh.intervals)
-    per_node = (len(g_low) - rows) // len(nodes)
+    per_node = (len(g_low) - rows - program.step_rows) // len(nodes)
     for violation in violations:
         if violation.name in _STATES:
             component = _STATES[violation.name]
@@ -51,7 +52,7 @@ def tightened(program: Program, trajectory: Trajectory, violations: tuple[Violat
             prefix = _PATHS.get(violation.name, f"{violation.name} for")
             by = _EXCESS * (
                 violation.by_si
-                if violation.name not in ("turning load factor", "acceleration")
+                if violation.name not in ("turning load factor", "acceleration", "jerk")
                 else 2 * violation.share
             )
             for node in _beside(nodes, violation.t_s):

@@ -15,7 +15,7 @@ from scipy import sparse
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.transcription import Constants, Program, assemble, bounded_program, dm, scales
+from gcs.plan.nlp.transcription import Constants, Program, assemble, bounded_program, dm, scales, thrust_steps
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles
@@ -114,6 +114,8 @@ def parametric_nlp(whole: Problem, mesh: Mesh, spare_disks: int) -> ParametricNl
             state_unit=unit[: layout.nx],
             lengths=lengths.T,
             parameters=parameters,
+            thrust_steps=thrust_steps(problem, layout, unit),
+            interval_s=np.array(layout.first_node[:-1]),
         ),
     )
     weight_s = float(real.quadrature() @ _weight(whole, real.node_times_s()))

@@ -49,7 +49,11 @@ class Multipliers:
         control = _at(layout.control_times_s(), self.control_s, self.control)
         control *= _spans(layout.control_times_s())[:, None]
         state[[0, mesh.intervals]] = 0.0
-        return np.concatenate([state.ravel(), control.ravel()]), np.concatenate([*map(np.ravel, rows), path.ravel()])
+        steps = np.zeros(program.step_rows)
+        return (
+            np.concatenate([state.ravel(), control.ravel()]),
+            np.concatenate([*map(np.ravel, rows), path.ravel(), steps]),
+        )
 
 
 def multipliers(program: Program, solution: Solution) -> Multipliers:
@@ -58,7 +62,8 @@ def multipliers(program: Program, solution: Solution) -> Multipliers:
     nx, nu, mesh = layout.nx, layout.nu, layout.mesh
     g = np.array(list(solution.g_multipliers.values()))
     count = nx * (layout.nodes + mesh.intervals)
-    rows, path = g[:count].reshape(-1, nx), g[count:].reshape(layout.nodes, -1) / layout.quadrature()[:, None]
+    path = g[count : len(g) - program.step_rows].reshape(layout.nodes, -1) / layout.quadrature()[:, None]
+    rows = g[:count].reshape(-1, nx)
     by_name: dict[str, Array] = {}
     for t, names in enumerate(path_names(program)):
         for name, price in zip(names, path[t].tolist(), strict=True):
@@ -90,7 +95,8 @@ def multipliers(program: Program, solution: Solution) -> Multipliers:
 def path_names(program: Program) -> list[list[str]]:
     """Names (N, P) of the path's rows, without their times."""
     layout = program.layout
-    names = [name for name, _ in program.g_names[layout.nx * (layout.nodes + layout.mesh.intervals) :]]
+    first_row = layout.nx * (layout.nodes + layout.mesh.intervals)
+    names = [name for name, _ in program.g_names[first_row : len(program.g_names) - program.step_rows]]
     width = len(names) // layout.nodes
     return [names[first : first + width] for first in range(0, len(names), width)]
 

@@ -13,7 +13,7 @@ from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array, Quadrotor, derivative
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.error import formation_error_m
-from gcs.plan.formation.followers import formation_motion
+from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.trajectory.distances import ground_distances_m, separations_m, zone_distances_m
@@ -174,6 +174,11 @@ class Plan:
     def accelerations(self, t_s: Array) -> Array:
         """Accelerations (V, N, 3) in NED, by Eq. 1 from states and controls."""
         return derivative(*self.motion(t_s), self.quadrotor)[..., VELOCITY]
+
+    def jerks(self, t_s: Array) -> Array:
+        """Jerks (V, N, 3) in NED: the leader's by Eq. 1 from its polynomials, plus those of the shape."""
+        leader = self.leader_trajectory
+        return formation_jerks(leader.state, leader.control, self.shape, self.quadrotor, t_s)
 
     def information_graph(self, t_s: float) -> InformationGraph:
         """The graph (Eq. 3) of whose state each vehicle needs when it follows telemetry, for the shape at t_s."""

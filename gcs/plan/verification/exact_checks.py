@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array, derivative
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.formation_checks import (
     assignments_m,
@@ -18,6 +18,7 @@ from gcs.scenario.si import boundary_state, torque_limits
 SPEED_TOLERANCE_MPS = 1e-3
 ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
+_JERK_TOLERANCE_S = 0.01  # the largest jerk, so long, is the largest step of an acceleration
 _CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
 
 
@@ -52,7 +53,24 @@ def _joint_checks(plan: Plan) -> list[Check]:
             float(joints[worst]),
         )
     ]
-    return [*found, *_control_joints(plan, joints, np.abs(after[1] - before[1]))]
+    found += _control_joints(plan, joints, np.abs(after[1] - before[1]))
+    most = plan.scenario.limits.jerk_max_mps3
+    if most is not None:
+        steps = derivative(*after, plan.quadrotor)[..., VELOCITY] - derivative(*before, plan.quadrotor)[..., VELOCITY]
+        sizes = np.nan_to_num(np.linalg.norm(steps, axis=-1), nan=np.inf)  # (V, N)
+        vehicle, joint = np.unravel_index(int(sizes.argmax()), sizes.shape)
+        found.append(
+            _exact(
+                "acceleration continuous at joints",
+                "all",
+                "m/s2",
+                -float(sizes[vehicle, joint]),
+                _JERK_TOLERANCE_S * most,
+                plan.sysids[vehicle],
+                float(joints[joint]),
+            )
+        )
+    return found
 
 
 def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
@@ -61,8 +79,8 @@ def _control_joints(plan: Plan, joints: Array, steps: Array) -> list[Check]:
     Where a scheduled change begins or ends, snap steps, and with it the moments U2 to U4, by design: they are limited,
     thrust and rates are continuous.
     """
-    within = ~np.isclose(joints[:, None], [phase.start_s for phase in plan.phases], rtol=0.0, atol=1e-6).any(axis=1)
     limits = plan.scenario.limits
+    within = ~np.isclose(joints[:, None], [phase.start_s for phase in plan.phases], rtol=0.0, atol=1e-6).any(axis=1)
     sizes = np.array([max(limits.thrust_N), *torque_limits(limits, plan.scenario.vehicle.arm_m)])
     share = np.nan_to_num(steps / sizes, nan=np.inf)
     share[:, np.isin(joints, plan.shape.joints_s), 1:] = 0.0

@@ -30,6 +30,7 @@ Distance = Annotated[Number, Field(ge=0, le=100_000)]  # m
 Seconds = Annotated[Number, Field(ge=0.01, le=FLIGHT_MAX_S)]
 Speed = Annotated[Number, Field(ge=0.001, le=340)]  # m/s, up to that of sound
 Acceleration = Annotated[Number, Field(ge=0.0001, le=1000)]  # m/s^2
+Jerk = Annotated[Number, Field(ge=0.01, le=10_000)]  # m/s^3
 Turn = Annotated[Number, Field(ge=-36_000, le=36_000)]  # degrees, up to a hundred turns
 TurnRate = Annotated[Number, Field(ge=0.001, le=10_000)]  # degrees/s
 Force = Annotated[Number, Field(ge=0, le=100_000)]  # N

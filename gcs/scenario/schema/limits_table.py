@@ -14,6 +14,7 @@ from gcs.scenario.schema.fields import (
     Findings,
     Force,
     Height,
+    Jerk,
     Length,
     Number,
     Part,
@@ -86,6 +87,11 @@ class Performance(Part):
     )
     accel_max_mps2: Acceleration | None = Field(
         default=None, description="a_max, largest acceleration of a vehicle, m/s^2"
+    )
+    jerk_max_mps3: Jerk | None = Field(
+        default=None,
+        description="j_max, largest jerk of a vehicle: the rate at which its acceleration changes, m/s^3",
+        exclude_if=lambda jerk: jerk is None,
     )
     control_margin: Share = Field(default=0.0, description="share of each control that the plan leaves to feedback")
 

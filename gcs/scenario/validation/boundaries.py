@@ -17,6 +17,7 @@ from gcs.scenario.environment.no_fly import outside_m
 from gcs.scenario.schema.scenario import Boundary, Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,
+    ground_step_jerk_peak,
     ground_step_peaks,
     hover_start_ned_m,
     landing_points_ned_m,
@@ -168,6 +169,10 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
     )
     for key, step_m, time in steps:
         needed = max(fastest * step_m / most_mps, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
+        if limits.jerk_max_mps3 is not None:
+            jerky = ground_step_jerk_peak(scenario) * max(step_m, 0.0) / limits.jerk_max_mps3
+            if jerky ** (1 / 3) > needed:
+                needed, spare = jerky ** (1 / 3), f"{limits.jerk_max_mps3:g} m/s³ (limits.jerk_max_mps3)"
         if time < needed:
             text = (
                 f"too short for {step_m:.1f} m from rest to rest; {plain(most_mps)} m/s (limits.speed_ned_mps[2]) and "

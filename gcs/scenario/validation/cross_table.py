@@ -132,6 +132,8 @@ def _run_up_meets_the_start(scenario: Scenario) -> Mistakes:
 @RULES.needs("start", "end", "time", "limits")
 def _acceleration_is_enough_for_the_flight(scenario: Scenario) -> Mistakes:
     way = np.subtract(scenario.end.position_m, scenario.start.position_m)
+    if np.any(np.abs(way) > np.multiply(scenario.limits.speed_ned_mps, scenario.time.flight_s)):
+        return  # the rule about the time reports it
     needed = least_acceleration_mps2(way, np.array(scenario.start.velocity_mps), scenario.time.flight_s)
     yield from _too_little_acceleration(scenario, needed, f"to cover {np.linalg.norm(way):.0f} m in time.flight_s")
 
@@ -140,7 +142,7 @@ def _acceleration_is_enough_for_the_flight(scenario: Scenario) -> Mistakes:
 def _acceleration_is_enough_for_the_run_up(scenario: Scenario) -> Mistakes:
     phases, velocity = scenario.ground_phases, np.array([*scenario.start.velocity_mps[:2], 0.0])
     speed = float(np.linalg.norm(velocity))
-    if speed > 0:
+    if speed > 0 and 0 < phases.run_up_m < speed * phases.run_up_s:  # else the rule about the run-up reports it
         way = velocity / speed * phases.run_up_m
         needed = least_acceleration_mps2(way, velocity, phases.run_up_s)
         yield from _too_little_acceleration(

@@ -37,6 +37,12 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert "hover at 50 % of their thrust" in text
     assert gcs("show", tmp_path / "first.skein", "--picture", tmp_path / "plan.png", "--json") == 0
     shown = json.loads(capsys.readouterr().out)
+    assert [row["sysid"] for row in shown["greatest_motion"]] == [1, 2, 3, 4, 5, 6]
+    comfort = load_scenario(tmp_path / "first").limits
+    assert comfort.accel_max_mps2 == comfort.jerk_max_mps3 == 2.0
+    for row in shown["greatest_motion"]:
+        assert 0.0 < row["accel_max_mps2"] <= 1.001 * comfort.accel_max_mps2
+        assert 0.0 < row["jerk_max_mps3"] <= 1.001 * comfort.jerk_max_mps3
     clearance = re.match(r"yes: clearance ([0-9.]+) m, ", shown["verified"])
     assert clearance is not None
     assert 0.98 * 14.99 < float(clearance[1]) <= 14.99  # a bound, 2 % below the height over flat ground at most

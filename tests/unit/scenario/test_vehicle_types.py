@@ -20,14 +20,22 @@ def write(folder: Path, vehicle: str, more: str = "") -> Path:
     return folder
 
 
+COMFORT = ("accel_max_mps2", "jerk_max_mps3")  # the missions of the same vehicles have no such limits
+
+
 def test_presets_are_those_of_the_missions(repo_root: Path) -> None:
     assert presets() == ("f150", "quad500")
     for name, mission in (("f150", "simulation1"), ("quad500", "field")):
         scenario, kind = load_scenario(repo_root / "missions" / mission), load_vehicle(preset_file(name))
         assert kind.vehicle == scenario.vehicle
-        assert kind.limits.model_dump() == {
-            key: value for key, value in scenario.limits.model_dump().items() if key in kind.limits.model_dump()
-        }
+        limits = {key: value for key, value in kind.limits.model_dump().items() if key not in COMFORT}
+        assert limits == {key: value for key, value in scenario.limits.model_dump().items() if key in limits}
+
+
+def test_a_type_may_give_a_comfortable_motion_and_the_papers_vehicle_gives_none() -> None:
+    quad, paper = (load_vehicle(preset_file(name)).limits for name in ("quad500", "f150"))
+    assert (quad.accel_max_mps2, quad.jerk_max_mps3) == (2.0, 2.0)
+    assert (paper.accel_max_mps2, paper.jerk_max_mps3) == (None, None)
 
 
 def test_a_scenario_takes_what_it_does_not_say_from_its_vehicle(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from gcs.scenario.si import torque_limits
 
 # Share of a vehicle's turning authority: the leader's own motion, which every vehicle flies too, uses the rest.
 SHARE = 0.2
+JERK_SHARE = 0.3  # of the limit on jerk
 LIMITS = ("speed", "acceleration", "turn rate", "torque")
 NOTHING = "nothing"
 _STILL_M = 1e-9  # rounding, not motion
@@ -53,10 +54,13 @@ def budget(scenario: Scenario) -> Budget:
     angular_radps2 = min(
         vehicle.arm_m * force / inertia for force, inertia in zip(torque[:2], vehicle.inertia_kgm2[:2], strict=True)
     )
+    jerk_mps3 = float(SHARE * vehicle.gravity_mps2 * rate_radps)
+    if limits.jerk_max_mps3 is not None:
+        jerk_mps3 = min(jerk_mps3, JERK_SHARE * limits.jerk_max_mps3)
     return Budget(
         speed_mps=scenario.formation.change_speed_mps,
         accel_mps2=scenario.formation.change_accel_mps2,
-        jerk_mps3=float(SHARE * vehicle.gravity_mps2 * rate_radps),
+        jerk_mps3=jerk_mps3,
         snap_mps4=SHARE * vehicle.gravity_mps2 * angular_radps2,
     )
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from gcs.physics.quadrotor import Array, equations_of_motion, squared_rotor_speeds
-from gcs.plan.formation.follower_equations import follower_state_and_control
+from gcs.plan.formation.follower_equations import follower_state_and_control, jerk
 from gcs.plan.formation.followers import rounded_thrust_polynomial
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.proof.polynomials import enclosed
@@ -60,6 +60,8 @@ class StateControlLimits:
         ]
         if limits.accel_max_mps2 is not None:
             found.append(_limit("acceleration", "m/s2", limits.accel_max_mps2))
+        if limits.jerk_max_mps3 is not None:
+            found.append(_limit("jerk", "m/s3", limits.jerk_max_mps3))
         if self.tree is not None:
             found += [
                 _limit("speed in the shape", "m/s", formation.change_speed_mps),
@@ -91,6 +93,8 @@ class StateControlLimits:
         margins.append(_turning(state, moved, limits.load_factor_max, q.gravity_mps2))
         if limits.accel_max_mps2 is not None:
             margins.append(_shorter(moved[3:6], limits.accel_max_mps2))
+        if limits.jerk_max_mps3 is not None:
+            margins.append(_shorter(self._jerk(cells), limits.jerk_max_mps3))
         if self.tree is not None:
             formation = scenario.formation
             outside = cells.phase != self.mission
@@ -114,6 +118,17 @@ class StateControlLimits:
             self.plan.shape, self.tree, cells.who[:, 0], cells.start_s, cells.end_s, ORDER, derivative
         )
         return [found[axis] for axis in range(3)]
+
+    def _jerk(self, cells: Cells) -> list[Taylor]:
+        """The leader's jerk by Eq. 1, and for every vehicle that of its offset as well."""
+        leader = self.plan.leader_trajectory
+        x = enclosed(leader.state, cells.start_s, cells.end_s, ORDER)
+        u = enclosed(leader.control, cells.start_s, cells.end_s, ORDER)
+        rate = enclosed(leader.control, cells.start_s, cells.end_s, ORDER, 1)[0]
+        own = jerk([x[i] for i in range(12)], [u[i] for i in range(4)], rate, self.plan.quadrotor, FUNCTIONS)
+        if self.tree is None:
+            return list(own)
+        return [part + offset for part, offset in zip(own, self._offsets(cells, 3), strict=True)]
 
     def _motion(self, cells: Cells) -> tuple[list[Taylor], list[Taylor]]:
         leader = self.plan.leader_trajectory

@@ -243,3 +243,13 @@ def test_a_mesh_has_as_many_intervals_as_it_is_asked_for(duration_s: float) -> N
     assert lengths.sum() == pytest.approx(duration_s)
     np.testing.assert_allclose(lengths, lengths[::-1])
     assert (np.diff(lengths[:9]) >= -1e-9).all()
+
+
+@pytest.mark.slow
+def test_a_gentle_flight_is_changed_gently(simulation1: Scenario) -> None:
+    limits = {"accel_max_mps2": 0.9, "jerk_max_mps3": 0.5}
+    gentle = make_plan(crossing(simulation1, limits=limits))
+    changed = Replanner(gentle).replan(planned(gentle), AT_S, [ahead(gentle)])
+    report = verify(changed)
+    assert report.ok, report.failures
+    assert min(c.worst for c in report.checks if c.name == "jerk") >= -1e-3 * limits["jerk_max_mps3"]

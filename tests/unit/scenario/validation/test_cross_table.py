@@ -89,3 +89,12 @@ def _changed(data: dict[str, Any], path: tuple[Any, ...], value: Any) -> dict[st
         node = node[part]
     node[path[-1]] = value
     return changed
+
+
+def test_a_climb_that_jerks_more_than_allowed_is_too_short(data: dict[str, Any]) -> None:
+    """A quintic over d in T has a jerk of 60 d / T³ at its ends."""
+    data["limits"]["jerk_max_mps3"] = 0.02
+    (takeoff,) = (m for m in check(Scenario.model_validate(data)) if m.key[-1] == "takeoff_s")
+    assert "0.02 m/s³ (limits.jerk_max_mps3)" in takeoff.text
+    data["ground_phases"]["takeoff_s"] = float(takeoff.remedy.split()[-1])
+    assert not [m for m in check(Scenario.model_validate(data)) if m.key[-1] == "takeoff_s"]

@@ -74,3 +74,14 @@ def test_a_peak_of_a_few_milliseconds_is_seen_to_its_top(banked: Plan, excess: f
     found = check_of(peaked, "control U4")
     assert found.verdict == verdict
     assert found.worst == pytest.approx(-excess * limit, abs=3e-4 * limit)
+
+
+def test_the_jerk_of_an_even_flight_is_that_of_its_drag(meadow_plan: Plan) -> None:
+    """Thrust and attitude are constant, so only the drag on a velocity that Eq. 1 changes is left: K a / m."""
+    plan = replace(meadow_plan, scenario=changed(meadow_plan.scenario, limits={"jerk_max_mps3": 2.0}))
+    flown = even(plan, (0.0, 1.0, -4.0), (SPEED_MPS, 0.0, 0.0), (ROLL, 0.0, 0.0), (THRUST_N, 0.01, -0.02, 0.0))
+    q = flown.quadrotor
+    along = -q.drag_Nspm[0] / q.mass_kg * SPEED_MPS
+    across, up = THRUST_N / q.mass_kg * np.sin(ROLL), THRUST_N / q.mass_kg * np.cos(ROLL)
+    felt = np.array(q.drag_Nspm) * [along, across, q.gravity_mps2 - up] / q.mass_kg
+    assert_margin(check_of(flown, "jerk"), 2.0 - float(np.linalg.norm(felt)))
