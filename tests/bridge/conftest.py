@@ -9,6 +9,8 @@ import pytest
 
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.trajectory.plan_file import save_plan
+from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.testing import fleet, make_fleet
@@ -33,4 +35,17 @@ def short_mission(simulation1: Scenario, tmp_path_factory: pytest.TempPathFactor
     data["objective"]["height_ref_m"] = 4.0
     path = tmp_path_factory.mktemp("short") / "scenario.json"
     path.write_text(json.dumps(data))
+    return path
+
+
+@pytest.fixture(scope="session")
+def short_plan(short_mission: Path) -> Plan:
+    return make_plan(load_scenario(short_mission))
+
+
+@pytest.fixture(scope="session")
+def short_skein(short_plan: Plan, short_mission: Path) -> Path:
+    """The plan of `short_mission`, for commands that need not plan it again."""
+    path = short_mission.with_name("short.skein")
+    save_plan(short_plan, verify(short_plan), path)
     return path

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from gcs.errors import FlightError
 from gcs.flight.options import FlightMode
 from gcs.flight.sequence.flight import FlightSequence
@@ -32,6 +34,7 @@ def test_a_vehicle_whose_time_differs_from_the_start_is_not_armed(hop: Plan) -> 
     assert armed == []
 
 
+@pytest.mark.slow
 def test_a_jump_after_the_start_is_told_and_the_missions_go_on(hop: Plan) -> None:
     flown = fly(hop, "2:clock-jump=20@40", mode=FlightMode.MISSION, speedup=SPEEDUP)
     assert flown.error is None

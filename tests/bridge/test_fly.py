@@ -19,6 +19,8 @@ import pytest
 from pymavlink import mavutil
 
 from gcs.flight.assessment.judge import load_truth
+from gcs.mission.setpoints.setpoint_stream import build_stream
+from gcs.plan.trajectory.plan_file import load_plan
 from gcs.scenario.load import load_scenario
 from sim_bridge.faults.fault_spec import parse_faults
 from sim_bridge.protocol.endpoints.address import call
@@ -47,20 +49,20 @@ def simulators_running_under(folder: Path) -> list[str]:
     return found
 
 
-@pytest.fixture(scope="session")
-def simulation1_flight(
-    repo_root: Path, tmp_path_factory: pytest.TempPathFactory
+@pytest.fixture(scope="session", params=["short", pytest.param("simulation1", marks=pytest.mark.slow)])
+def flight(
+    request: pytest.FixtureRequest, repo_root: Path, short_mission: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[subprocess.CompletedProcess[str], Path]:
-    """The README's first command, as fast as the machine can, with --json."""
+    """The README's first command, as fast as the machine can, with --json; and a shorter one of the same vehicles."""
     root = tmp_path_factory.mktemp("flights")
-    mission = repo_root / "missions" / "simulation1"
+    mission = short_mission if request.param == "short" else repo_root / "missions" / "simulation1"
     return fly(mission, "--sim", "--speedup", "max", "--json", "--to", root, timeout_s=400.0), root
 
 
-def test_simulation1_is_planned_uploaded_flown_and_held(
-    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+def test_it_is_planned_uploaded_flown_and_held(
+    flight: tuple[subprocess.CompletedProcess[str], Path],
 ) -> None:
-    done, root = simulation1_flight
+    done, root = flight
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads(done.stdout)
     assert report["ok"] is True
@@ -83,9 +85,9 @@ def test_simulation1_is_planned_uploaded_flown_and_held(
 
 
 def test_a_flight_leaves_a_folder_that_others_can_read(
-    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+    flight: tuple[subprocess.CompletedProcess[str], Path],
 ) -> None:
-    _, root = simulation1_flight
+    _, root = flight
     (folder,) = root.iterdir()
     names = {p.name for p in folder.iterdir()}
     wanted = {"plan.skein", "export", "telemetry.tlog", "truth.npz", "report.json", "report.md"}
@@ -97,16 +99,18 @@ def test_a_flight_leaves_a_folder_that_others_can_read(
         seen[message.get_type()] = seen.get(message.get_type(), 0) + 1
     items = json.loads((folder / "export" / "index.json").read_text())["items"]
     assert min(read_back_items(folder).values()) >= items + 1  # with home
+    plan, _ = load_plan(folder / "plan.skein")
+    setpoints = 6 * len(build_stream(plan, plan.scenario.mission.setpoint_rate_hz).t_s)
     # A loaded machine leaves out what has grown stale.
-    assert 0.95 * 6 * 7626 < seen["SET_POSITION_TARGET_LOCAL_NED"] <= 6 * 7626
-    assert seen["LOCAL_POSITION_NED"] > 6 * 275 * 5
+    assert 0.95 * setpoints < seen["SET_POSITION_TARGET_LOCAL_NED"] <= setpoints
+    assert seen["LOCAL_POSITION_NED"] > 6 * plan.scenario.time.flight_s * 5
     assert "BAD_DATA" not in seen
 
 
 def test_nothing_arms_before_every_mission_was_read_back(
-    simulation1_flight: tuple[subprocess.CompletedProcess[str], Path],
+    flight: tuple[subprocess.CompletedProcess[str], Path],
 ) -> None:
-    _, root = simulation1_flight
+    _, root = flight
     (folder,) = root.iterdir()
     items = json.loads((folder / "export" / "index.json").read_text())["items"]
     before = read_back_items(folder, until_arming=True)
@@ -185,9 +189,9 @@ def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     ],
 )
 def test_a_fault_ends_in_one_sentence(
-    short_mission: Path, tmp_path: Path, fault: str, code: int, words: tuple[str, ...]
+    short_skein: Path, tmp_path: Path, fault: str, code: int, words: tuple[str, ...]
 ) -> None:
-    done = fly(short_mission, "--sim", "--fault", fault, "--to", tmp_path)
+    done = fly(short_skein, "--sim", "--fault", fault, "--to", tmp_path)
     assert done.returncode == code, done.stdout + done.stderr
     sentence = next(line for line in done.stderr.splitlines() if line.startswith("error: "))
     assert all(word in sentence for word in words), done.stderr
@@ -218,9 +222,9 @@ def test_px4_is_flown_as_well(short_mission: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
+def test_ctrl_c_stops_everything(short_skein: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        [*GCS, "fly", str(short_skein), "--sim", "--speedup", "1", "--to", str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -237,9 +241,9 @@ def test_ctrl_c_stops_everything(short_mission: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_ground_station_leaves_no_vehicles_behind(short_mission: Path, tmp_path: Path) -> None:
+def test_a_killed_ground_station_leaves_no_vehicles_behind(short_skein: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [*GCS, "fly", str(short_mission), "--sim", "--speedup", "1", "--to", str(tmp_path)],
+        [*GCS, "fly", str(short_skein), "--sim", "--speedup", "1", "--to", str(tmp_path)],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -266,10 +270,10 @@ def vehicles_out_there(short_mission: Path) -> Iterator[tuple[World, str]]:
 
 @pytest.mark.slow
 def test_a_link_is_flown_like_the_simulation(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    short_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
-    done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
+    done = fly(short_skein, "--link", link, "--yes-arm", "--to", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "landed" in done.stdout
     assert re.search(r"^ +GO *$", done.stdout, re.M)
@@ -281,11 +285,11 @@ def test_a_link_is_flown_like_the_simulation(
 
 @pytest.mark.slow
 def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    short_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
     fleet.call(lambda: fleet.injector.add(1, parse_faults(["2:battery=0.2"], [2])[2][0], fleet.t_s))
-    done = fly(short_mission, "--link", link, "--yes-arm", "--to", tmp_path)
+    done = fly(short_skein, "--link", link, "--yes-arm", "--to", tmp_path)
     assert done.returncode == 9, done.stdout + done.stderr
     assert "NO-GO" in done.stdout
     assert "no-go: vehicle 2: battery: has 20%" in done.stderr
@@ -294,10 +298,10 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
 
 @pytest.mark.slow
 def test_without_the_word_nothing_is_uploaded(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    short_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
-    done = fly(short_mission, "--link", link, "--to", tmp_path, input="yes\n")
+    done = fly(short_skein, "--link", link, "--to", tmp_path, input="yes\n")
     assert done.returncode == 2, done.stdout + done.stderr
     table, asked, after = done.stdout.partition("This arms and flies 6 vehicles")
     assert asked
@@ -308,11 +312,11 @@ def test_without_the_word_nothing_is_uploaded(
 
 
 def test_ctrl_c_lands_vehicles_that_are_not_ours(
-    short_mission: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
+    short_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:
     fleet, link = vehicles_out_there
     process = subprocess.Popen(
-        [*GCS, "fly", str(short_mission), "--link", link, "--to", str(tmp_path)],
+        [*GCS, "fly", str(short_skein), "--link", link, "--to", str(tmp_path)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -338,12 +342,12 @@ def test_ctrl_c_lands_vehicles_that_are_not_ours(
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_the_wait_for_vehicles(short_mission: Path, tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_wait_for_vehicles(short_skein: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [
             *GCS,
             "fly",
-            str(short_mission),
+            str(short_skein),
             "--link",
             f"udpin:127.0.0.1:{free_port()}",
             "--yes-arm",
@@ -365,11 +369,11 @@ def test_ctrl_c_ends_the_wait_for_vehicles(short_mission: Path, tmp_path: Path) 
     assert "Traceback" not in said
 
 
-def test_a_port_in_use_is_said(short_mission: Path, tmp_path: Path) -> None:
+def test_a_port_in_use_is_said(short_skein: Path, tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         port = other.getsockname()[1]
-        done = fly(short_mission, "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", tmp_path)
+        done = fly(short_skein, "--link", f"udpin:127.0.0.1:{port}", "--yes-arm", "--to", tmp_path)
     assert done.returncode == 7
     assert str(port) in done.stderr
     assert "Traceback" not in done.stderr

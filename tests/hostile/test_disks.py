@@ -29,6 +29,7 @@ def gcs(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*GCS, *map(str, arguments)], capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_in_flight_and_has_room_again(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

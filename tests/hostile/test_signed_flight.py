@@ -47,6 +47,7 @@ def recorded(flights: Path) -> list[bytes]:
     return [message.raw for message in Codec(0, 0).decode(log.read_bytes())]
 
 
+@pytest.mark.slow
 def test_a_signed_flight_is_not_changed_without_the_key(vehicles: MakeVehicles, hop_file: Path, tmp_path: Path) -> None:
     key_file = tmp_path / "key"
     key_file.touch(0o600)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,14 @@ from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN
 from tests.unit.plan.problems import changed
 
 AUTOMATIC = ["auto shrink", "auto turn", "auto reshape", "auto shrink in a pass"]
+LONG = ("course", "auto turn", "auto reshape")  # to plan
 
 
-@pytest.fixture(params=list(FLIGHTS))
+def by_length(names: Iterable[str]) -> list[Any]:
+    return [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in names]
+
+
+@pytest.fixture(params=by_length(FLIGHTS))
 def case(request: pytest.FixtureRequest, planned: Planned) -> tuple[Plan, Report]:
     return planned(request.param)
 
@@ -116,7 +122,7 @@ def expected_end(name: str, plan: Plan) -> Array:
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in FLIGHTS if n in AUTOMATIC or n not in ("reshape", "course", "course and schedule")]
+    "name", by_length(n for n in FLIGHTS if n in AUTOMATIC or n not in ("reshape", "course", "course and schedule"))
 )
 def test_it_begins_in_its_first_shape_and_lands_under_its_last(planned: Planned, name: str) -> None:
     plan, _ = planned(name)
@@ -174,7 +180,7 @@ def test_a_change_at_a_gate_begins_when_the_leader_crosses_it(planned: Planned) 
     assert "gate (15, -20)-(15, 40)" in first.trigger
 
 
-@pytest.mark.parametrize("name", ["course", "course and schedule"])
+@pytest.mark.parametrize("name", by_length(["course", "course and schedule"]))
 def test_with_the_course_the_formation_faces_where_it_flies(planned: Planned, name: str) -> None:
     plan, _ = planned(name)
     t = in_flight(plan, 0.02)
@@ -267,7 +273,7 @@ def test_what_the_rigid_formation_could_do_is_told_beside_it(simulation1: Scenar
     assert rigid.objective == pytest.approx(plan.objective, abs=1e-4)  # nothing is in the way of either
 
 
-@pytest.mark.parametrize("name", ["gates", "auto reshape"])
+@pytest.mark.parametrize("name", by_length(["gates", "auto reshape"]))
 def test_a_plan_comes_back_from_disk_as_it_was(planned: Planned, name: str, tmp_path: Path) -> None:
     plan, report = planned(name)
     save_plan(plan, report, tmp_path / "plan.skein")

@@ -45,6 +45,7 @@ def assert_same(plan: Plan, tmp_path: Path, machines: list[dict[str, str]], smoo
         assert [name for name in first if first[name] != other[name]] == [], variables
 
 
+@pytest.mark.slow
 def test_the_oldest_processor_writes_the_same_bytes(plan_of: Callable[[str], Plan], tmp_path: Path) -> None:
     assert_same(plan_of("field/scenario.toml"), tmp_path, [OLDEST])
 

@@ -82,6 +82,7 @@ def test_it_begins_and_ends_at_rest_at_the_planned_places(path: SmoothPath) -> N
     assert acceleration == pytest.approx(np.zeros_like(acceleration), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_less_room_takes_closer_knots(simulation1_plan: Plan, path: SmoothPath) -> None:
     nearer = smoothed(simulation1_plan, path.deviation_m / 3.0)
     assert nearer.knots_every_s < path.knots_every_s

@@ -69,6 +69,7 @@ def test_the_least_time_from_rest_to_rest(
     assert plan.t_end_s - plan.t_start_s == pytest.approx(whole_s)
 
 
+@pytest.mark.slow
 def test_energy_and_time_are_traded_monotonely(simulation1: Scenario) -> None:
     """d/dT of k (T_ref / T)^2 + w T / T_ref vanishes at T_ref (2 k / w)^(1/3); starting and stopping make k > 1."""
     flights = [verified(free(simulation1, weight)).flight_s for weight in (0.5, 6.0)]

@@ -232,7 +232,10 @@ AUTOMATIC: list[tuple[str, list[dict[str, Any]], bool]] = [
 ]
 
 
-@pytest.mark.parametrize(("name", "changes", "ok"), AUTOMATIC)
+@pytest.mark.parametrize(
+    ("name", "changes", "ok"),
+    [row if row[0] == "auto shrink" else pytest.param(*row, marks=pytest.mark.slow) for row in AUTOMATIC],
+)
 def test_an_automatic_change_goes_no_further_and_no_other_way_than_it_may(
     planned: Planned, name: str, changes: list[dict[str, Any]], ok: bool
 ) -> None:
@@ -256,7 +259,7 @@ def test_a_shape_that_stays_small_fails_on_the_ground(planned: Planned) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["course", pytest.param("course and schedule", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("course", marks=pytest.mark.slow), "course and schedule"])
 def test_a_heading_away_from_the_course_fails(planned: Planned, name: str) -> None:
     plan, _ = planned(name)
     strict = changed(plan.scenario, formation={"course_tolerance_deg": 4.0})

@@ -40,7 +40,13 @@ def test_vehicles_side_by_side_lose_the_difference_of_two_errors(simulation1_pla
 
 
 @pytest.mark.parametrize(
-    "name", ["simulation1", "simulation2", "field", "ridge", pytest.param("gap", marks=pytest.mark.slow), "changes"]
+    "name",
+    [
+        "simulation1",
+        "field",
+        "changes",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("simulation2", "ridge", "gap")),
+    ],
 )
 def test_the_bundled_missions_keep_their_required_separation(plan_of: Callable[[str], Plan], name: str) -> None:
     plan = plan_of(f"{name}/scenario.toml")
