@@ -40,7 +40,8 @@ def load_scenario(path: Path | str) -> Scenario:
     text = _read(file)
     meant = _meant(file, text, Scenario, (KEY,))
     converted = in_metres(meant.data)
-    data, mistakes, elsewhere = converted.data, [*meant.mistakes, *converted.mistakes], None
+    data, mistakes, elsewhere = converted.data, [*meant.mistakes], None
+    mistakes += [one for one in converted.mistakes if not meant.follows(one)]
     meant.guessed |= converted.spoilt
     try:
         types = _possible_types(data, file.parent, mistakes)

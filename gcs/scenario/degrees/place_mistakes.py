@@ -86,10 +86,7 @@ def misplaced(keys: DegreeKeys, values: dict[str, Any], origin: Origin | None, k
     if not wrong:
         return _out_of_order(keys, values, key)
     first = wrong[0][2]
-    if first.degrees or first.metres:
-        alike = [one.degrees is not None for _, _, one in wrong] == [first.degrees is not None] * len(wrong)
-    else:
-        alike = False
+    alike = all(one.degrees for _, _, one in wrong) or all(one and one.metres for one in asked)
     if alike or keys.form != "points":
         meant = [place if one is None else _meant(one, place) for place, one in zip(places, asked, strict=True)]
         step = _step(keys, values, meant, first)
@@ -186,7 +183,9 @@ def _step(keys: DegreeKeys, values: dict[str, Any], meant: list[Pair], asked: Qu
     write = shown if asked.degrees else _metres
     if keys.form == "position":
         if asked.degrees:
-            return f"write {names[0]} = {write(meant[0])}"
+            third = values[names[0]][2:]  # a height that has a key of its own
+            added = f", height_m = {plain(third[0])}" if third and len(values) == 1 else ""
+            return f"write {names[0]} = {write(meant[0])}{added}"
         height = values.get("height_m")
         last = plain(height) if height is not None and is_number(height) else "height"
         return f"write {names[0]} = {_metres(meant[0])[:-1]}, {last}]"

@@ -15,6 +15,7 @@ Pair = tuple[float, float]  # as written: latitude, longitude
 
 LISTED = 4  # places that a message writes out
 _DEGE7 = 10_000_000
+_TYPED_M = 1_000_000  # larger numbers are no metres
 _WRITTEN_MAX = 1e12  # larger numbers were not typed by a person
 _WIDEST_DEG = (90.0, 180.0)
 
@@ -32,7 +33,7 @@ def question(place: Pair, origin: Origin) -> Question | None:
     """What to ask about a place; None for one that may be flown to."""
     if all(isinstance(value, int) and abs(value) <= 180 * _DEGE7 for value in place) and _outside(place):
         divided = (place[0] / _DEGE7, place[1] / _DEGE7)
-        if max(map(abs, place)) > FARTHEST_M:
+        if _away_m(divided, origin) <= FARTHEST_M or max(map(abs, place)) > _TYPED_M:
             return Question("are these degrees times 10 million?", degrees=divided)
     away_m = _away_m(place, origin)
     if away_m <= FARTHEST_M:

@@ -110,7 +110,8 @@ class _Converter:
         """The mistakes in the numbers of a place."""
         mistakes = misplaced(keys, values, self.origin, key)
         told = {mistake.key[len(key)] for mistake in mistakes}
-        if told & set(keys.degrees):
+        is_placed = not told & set(keys.degrees)
+        if not is_placed:
             told |= set(keys.degrees)
         for name, value in values.items():
             if name not in told and not is_three(keys, name, value):
@@ -119,7 +120,8 @@ class _Converter:
                 except ValidationError as error:
                     found = from_pydantic(error, Scenario, (*key, name))
                     mistakes += [dataclasses.replace(one, value=as_shown(one.value)) for one in found]
-        return mistakes + missing_height(keys, values, key)
+        is_whole = not is_placed and any(is_three(keys, name, value) for name, value in values.items())
+        return mistakes if is_whole else mistakes + missing_height(keys, values, key)
 
 
 def _converted(keys: DegreeKeys, values: dict[str, Any], origin: Origin) -> dict[str, Any]:

@@ -81,6 +81,11 @@ def _zones_are_in_metres(scenario: Scenario) -> Mistakes:
                 step = f"write lat_deg = {degrees(lat)} and lon_deg = {degrees(lon)} for this place"
                 yield Mistake(("no_fly", row, "north_m"), text, zone.north_m, remedy=step)
         yield from _line(scenario, ("no_fly", row, "polygon_m"), zone.polygon_m or ())
+        if any(asked for move in zone.moves for asked in _looks_like_degrees(scenario, move[1:])):
+            text = "these look like degrees; moves are displacements in metres, not places"
+            yield Mistake(
+                ("no_fly", row, "moves"), text, zone.moves, remedy="write moves = [[s, m north, m east], ...]"
+            )
 
 
 @RULES.needs("origin", "limits")

@@ -16,6 +16,8 @@ _POSITION_KEYS = {  # what people write instead of a position
     **dict.fromkeys(("lon", "lng", "longitude", "lon_deg"), "lon"),
     **dict.fromkeys(("alt", "altitude", "alt_m", "alt_amsl_m", "height", "height_m"), "height"),
 }
+_HEIGHTS = ("height_m", "alt_amsl_m")
+_POINTS = ("position_lat_lon", "lat_lon", "latlon", "latlng", "gps", "location", "coordinates", "coords", "point")
 _CENTRES = ("center", "centre", "position", "place", "at")
 _METRES_DIGITS = 3  # people write metres with no more of them after the point, and degrees with more
 
@@ -31,10 +33,10 @@ class PlaceSlip:
 
 def place_slip(table: dict[str, Any], known: Collection[str], key: Key) -> PlaceSlip | None:
     """The place of a table that stands under other keys than those `known`."""
-    if "position_deg" in known and not {"position_m", "position_deg"} & set(table):
-        return _as_position(table, key)
+    if "position_deg" in known and "position_m" not in table:
+        return _as_height(table, key) if "position_deg" in table else _as_position(table, known, key)
     if "radius_m" in known and "lat_deg" in known:
-        return _as_centre(table, key)
+        return _as_moves(table, key) or _as_centre(table, key)
     return None
 
 
@@ -47,7 +49,35 @@ def has_degrees(value: Any) -> bool:
     return all(map(is_number, value)) and any(round(one, _METRES_DIGITS) != one for one in value[:2])
 
 
-def _as_position(table: dict[str, Any], key: Key) -> PlaceSlip | None:
+def _as_height(table: dict[str, Any], key: Key) -> PlaceSlip | None:
+    """The height of a position, under a key that does not say from where it counts."""
+    names = [name for name in table if _POSITION_KEYS.get(name) == "height"]
+    if len(names) != 1 or names[0] in _HEIGHTS:
+        return None
+    value = toml(table[names[0]])
+    text = "unknown key; a height is height_m, above the origin, or alt_amsl_m, above the sea"
+    mistake = Mistake((*key, names[0]), text, remedy=f"write height_m = {value}, or alt_amsl_m = {value}")
+    rest = {name: value for name, value in table.items() if name != names[0]}
+    return PlaceSlip(mistake, rest | {"height_m": table[names[0]]}, ("position_m", "height_m"))
+
+
+def _as_moves(table: dict[str, Any], key: Key) -> PlaceSlip | None:
+    if "moves_deg" not in table:
+        return None
+    text = "unknown key; moves are displacements in metres, not places"
+    mistake = Mistake((*key, "moves_deg"), text, remedy="write moves = [[s, m north, m east], ...]")
+    return PlaceSlip(mistake, {name: value for name, value in table.items() if name != "moves_deg"})
+
+
+def _as_position(table: dict[str, Any], known: Collection[str], key: Key) -> PlaceSlip | None:
+    for name, value in table.items():
+        if name not in known and name.lower().removesuffix("_deg") in _POINTS and has_degrees(value):
+            place, height = shown(value[:2]), "".join(f", height_m = {plain(last)}" for last in value[2:3])
+            mistake = Mistake(
+                (*key, name), "unknown key; degrees are position_deg", remedy=f"write position_deg = {place}{height}"
+            )
+            rest = {other: value for other, value in table.items() if other != name}
+            return PlaceSlip(mistake, rest | {"position_deg": value}, ("position_m", "position_deg", "height_m"))
     names = {name: _POSITION_KEYS[name] for name in table if name in _POSITION_KEYS}
     if {"lat", "lon"} - set(names.values()):
         return None
