@@ -87,6 +87,8 @@ class VehicleNow:
     error_m: float  # distance to its planned position
     zone_m: float  # outside the nearest no-fly zone, negative inside; infinite without zones
     above_ground_m: float  # vertically
+    fence_m: float = math.nan  # inside the side of the fence, negative outside
+    ceiling_m: float = math.nan  # below `[limits] height_m`
 
 
 GROUND_REACH_M = 50.0  # a larger distance to the ground is not computed

@@ -16,14 +16,15 @@ from gcs.plan.formation.changes.timeline import stops_ned_m
 from gcs.plan.formation.separation import least_gap
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.formation.shape import joined as joined_shapes
-from gcs.plan.nlp.mesh_refinement import optimise
+from gcs.plan.nlp.mesh_refinement import Optimum, optimise
 from gcs.plan.ocp.objectives import ObjectiveTerm
 from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.search.free_final_time import best_flight, with_fixed_time
 from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.ground_phases import smooth_step, vertical
-from gcs.plan.trajectory.plan import MeshRound, Phase, Plan, phases_of
+from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory, joined
+from gcs.plan.zone_room import first_with_room
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,
@@ -54,12 +55,16 @@ def make_plan(
     """
     began = time.perf_counter()
     _check_landing(scenario)
-    problem = flight_problem(scenario, extra_objectives)
-    best, alternatives = best_flight(problem, on_round, all_routes=every_way, workers=workers)
+
+    def flight(roomy: Scenario) -> tuple[Optimum, tuple[Alternative, ...]]:
+        problem = flight_problem(roomy, extra_objectives)
+        return best_flight(problem, on_round, all_routes=every_way, workers=workers)
+
+    best, alternatives = first_with_room(scenario, flight)
     scenario = with_fixed_time(scenario, best.trajectory.end_s)
     trajectory = best.trajectory.vehicle
     flight_done = time.perf_counter()
-    run_up = _run_up(scenario, on_round)
+    run_up = first_with_room(scenario, lambda roomy: _run_up(roomy, on_round))
     run_up_done = time.perf_counter()
     phases = phases_of(scenario)
     leader = leader_index(scenario)

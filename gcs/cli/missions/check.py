@@ -50,7 +50,7 @@ def check(
         typer.Option(
             "--terrain",
             metavar="SCENARIO",
-            help="Scenario whose ground and limits to check against.",
+            help="Scenario or plan file whose ground, zones and limits to check against.",
             autocompletion=missions,
         ),
     ] = None,
@@ -107,11 +107,12 @@ def check(
         around = surroundings(missions)
         limits = FlightLimits(separation or exported_m or FlightLimits().separation_m)
     else:
+        from gcs.plan.trajectory.plan_file import is_plan_file, read_plan
         from gcs.scenario.load import load_scenario
         from gcs.scenario.si import quadrotor
         from gcs.scenario.vehicle_ability import ability_of
 
-        scenario = load_scenario(terrain)
+        scenario = read_plan(terrain)[0].scenario if is_plan_file(terrain) else load_scenario(terrain)
         around, limits = surroundings_of(scenario), limits_of(scenario, separation)
         modelled = AutopilotFlight(ability_of(quadrotor(scenario), scenario.limits))
         if timing == "autopilot":
@@ -131,30 +132,57 @@ def check(
 
 def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
     """Show a table of the least and the proved separation and clearance against their limits."""
-    table = Table("criterion", "least", "proved", "limit", "verdict", "where")
+    from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M, highest_m
+
+    table = Table("criterion", "measured", "proved", "limit", "verdict", "where")
     if report.closest is not None:
         least = report.closest
         first, second = (Path(missions[row].source).name for row in least.pair)
         where = f"{first} and {second} at {least.t_s:.1f} s"
-        _add(table, "separation", least.distance_m, least.proved_m, limits.separation_m, where)
+        limit = f"≥ {limits.separation_m:g} m{_planned(limits.planned_separation_m, limits.separation_m)}"
+        _add(table, "separation", least.distance_m, least.proved_m, limits.separation_m, where, limit)
     if report.clearance_min_m is not None:
         row, low = min(
             ((row, low) for row, low in enumerate(report.lowest) if low is not None), key=lambda x: x[1].clearance_m
         )
         where = f"{Path(missions[row].source).name} at {low.t_s:.1f} s"
         proved_m = min(low.proved_m for low in report.lowest if low is not None)
-        _add(table, "clearance above ground", low.clearance_m, proved_m, limits.clearance_m, where)
+        limit = f"≥ {limits.clearance_m:g} m{_planned(limits.planned_clearance_m, limits.clearance_m)}"
+        _add(table, "clearance above ground", low.clearance_m, proved_m, limits.clearance_m, where, limit)
+    beside = [(zone, row) for row, zone in enumerate(report.zones) if zone is not None]
+    if beside:
+        zone, row = min(beside, key=lambda found: found[0].distance_m)
+        required_m = limits.zone_margin_m - limits.tolerance_m
+        where = f"zone {zone.zone}, {Path(missions[row].source).name} at {zone.t_s:.1f} s"
+        proved_m, limit = (
+            min(found.proved_m for found, _ in beside),
+            f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}",
+        )
+        _add(table, "distance to no-fly zones", zone.distance_m, proved_m, required_m, where, limit)
+    tops = [(top, row) for row, flight in enumerate(report.flights) if (top := highest_m(flight)) is not None]
+    if limits.height_max_m is not None and tops:
+        (top_m, t_s), row = max(tops)
+        most_m = limits.height_max_m
+        limit = f"≤ {most_m:g} m{_planned(most_m - limits.tolerance_m, most_m)}"
+        verdict = "ok" if top_m <= most_m + LENGTH_TOLERANCE_M else "FAILED"
+        where = f"{Path(missions[row].source).name} at {t_s:.1f} s"
+        table.add_row("height", f"{top_m:.3f} m", "–", limit, verdict, where)
     if table.row_count:
         screen.show(table)
 
 
-def _add(table: Table, criterion: str, least_m: float, proved_m: float, limit_m: float, where: str) -> None:
+def _planned(plan_m: float | None, limit_m: float) -> str:
+    """What the scenario asks of the plan, beside another limit."""
+    return "" if plan_m is None or plan_m == limit_m else f" (plan: {plan_m:g} m)"
+
+
+def _add(table: Table, criterion: str, least_m: float, proved_m: float, limit_m: float, where: str, limit: str) -> None:
     from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M
     from gcs.mission.machine_independent import rounded_down
 
     verdict = "ok" if least_m >= limit_m and proved_m >= limit_m - LENGTH_TOLERANCE_M else "FAILED"
     proved = f"{rounded_down(proved_m, 3):.3f} m"
-    table.add_row(criterion, f"{least_m:.3f} m", proved, f"≥ {limit_m:g} m", verdict, where)
+    table.add_row(criterion, f"{least_m:.3f} m", proved, limit, verdict, where)
 
 
 def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits, ok: bool) -> dict[str, Any]:
@@ -164,6 +192,7 @@ def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: Flight
         "files": [m.source for m in missions],
         "duration_s": report.duration_s,
         "separation_asked_m": limits.separation_m,
+        "separation_planned_m": limits.planned_separation_m,
         "separation_min_m": None if closest is None else closest.distance_m,
         "separation_proved_m": None if closest is None else closest.proved_m,
         "separation_at_s": None if closest is None else closest.t_s,
@@ -171,4 +200,6 @@ def _data(missions: tuple[MissionFile, ...], report: FleetReport, limits: Flight
         "clearance_asked_m": limits.clearance_m,
         "clearance_min_m": report.clearance_min_m,
         "clearance_proved_m": report.clearance_proved_m,
+        "zone_asked_m": limits.zone_margin_m - limits.tolerance_m,
+        "zone_min_m": min((zone.distance_m for zone in report.zones if zone is not None), default=None),
     }

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
 _BAR = 20  # characters
+_ZONES = "distance to no-fly zones"
 
 
 def plan(
@@ -48,6 +49,7 @@ def plan(
     from gcs.plan.trajectory.greatest_motion import greatest_motion
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
+    from gcs.scenario.navigation_error import navigation_error
 
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
@@ -68,6 +70,8 @@ def plan(
             "objective": made.objective,
             "clearance_min_m": report.clearance_min_m,
             "separation_min_m": report.separation_min_m,
+            "nearest_zone": None if report.nearest_zone is None else asdict(report.nearest_zone),
+            "navigation_error": asdict(navigation_error(made.scenario)),
             "window_error_max_m": report.window_error_max_m,
             "terminal_error_m": report.terminal_error_m,
             "failures": [str(c) for c in report.failures],
@@ -103,14 +107,20 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     _show_verdict(screen, made, report)
     for check in report.failures:
         screen.say(f"  FAILED: {check}")
-    warn_of_position_errors(screen, made)
+    warn_of_position_errors(screen, made, report)
 
 
-def warn_of_position_errors(screen: Screen, made: Plan) -> None:
-    """Warn if position errors of the scenario's sensors leave less than the separation that a flight must keep."""
+def warn_of_position_errors(screen: Screen, made: Plan, report: Report) -> None:
+    """Print the navigation error, and warn if a plan leaves less for it: to zones, ground, and between vehicles."""
+    from gcs.plan.verification.navigation_margins import navigation_in_words, thin_margins
     from gcs.plan.verification.position_errors import separation_left
+    from gcs.scenario.navigation_error import judged_separation_m
 
-    left, required_m = separation_left(made), made.scenario.judge.separation_min_m
+    screen.say(f"navigation error: {navigation_in_words(made.scenario)}")
+    for sentence in thin_margins(made, report):
+        screen.warn(sentence)
+
+    left, required_m = separation_left(made), judged_separation_m(made.scenario)
     if left is not None and left.left_m < required_m:
         first, second = left.pair
         screen.warn(
@@ -141,9 +151,10 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     from rich.table import Table
 
     from gcs.cli.plan_argument import verdict_word
+    from gcs.plan.verification.verdict import ZONE
 
     limits = made.scenario.limits
-    failed = {check.name for check in report.failures}
+    failed = {_ZONES if check.name.startswith(ZONE) else check.name for check in report.failures}
     title = f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed"
     table = Table("criterion", "proved", "limit", "verdict", title=title)
     rows = [
@@ -153,6 +164,8 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     ]
     if report.separation_min_m is not None:
         rows.insert(1, ("separation", f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
+    if (nearest := report.nearest_zone) is not None:
+        rows.insert(1, (_ZONES, f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"))
     for name, measured, limit in rows:
         table.add_row(name, measured, limit, verdict_word(name not in failed))
     screen.show(table)

@@ -37,6 +37,7 @@ def show(
     """
     screen = Screen(json=json)
     from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
+    from gcs.plan.verification.navigation_margins import thin_margins
     from gcs.scenario.load import load_scenario
     from gcs.scenario.validation.slips.lookalikes import doubts
 
@@ -45,6 +46,9 @@ def show(
     for question in doubts(scenario):
         screen.warn(question)
     found = {**_scenario(scenario), **(_plan(plan, report) if plan and report else {})}
+    if plan and report:
+        for sentence in thin_margins(plan, report):
+            screen.warn(sentence)
     screen.say(scenario.title or scenario.name)
     width = max(len(_LABELS.get(name, name)) for name in found)
     for name, text in found.items():
@@ -65,6 +69,7 @@ def show(
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:
+    from gcs.plan.verification.navigation_margins import navigation_in_words
     from gcs.scenario.si import quadrotor, sysids
     from gcs.scenario.validation.vehicle_rules import hover_share
 
@@ -89,11 +94,23 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         if scenario.wind is None
         else "{speed_mps:g} m/s from {from_deg:g} degrees at {height_m:g} m height; "
         "power law of height with exponent {shear:g}".format(**scenario.wind.model_dump()),
-        "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move",
+        "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move"
+        + _margin(scenario),
+        "navigation error": navigation_in_words(scenario),
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or "none: the formation is rigid",
         "autopilot": _autopilots(scenario),
     }
+
+
+def _margin(scenario: Scenario) -> str:
+    """The margin to no-fly zones, as the scenario asks for it."""
+    from gcs.scenario.navigation_error import planned_margin_m
+
+    if not scenario.no_fly:
+        return ""
+    given = scenario.limits.zone_margin_m is not None
+    return f"; margin {'at least' if given else 'where there is room'} {planned_margin_m(scenario):g} m"
 
 
 def _autopilots(scenario: Scenario) -> str:
@@ -117,11 +134,12 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
         most_Wh = float(taken_Wh.max())
         battery = f"at most {most_Wh:.1f} of {power.battery_Wh:g} Wh ({most_Wh / power.battery_Wh:.0%})"
     separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
+    zones = "" if report.nearest_zone is None else f", no-fly zones {report.nearest_zone.distance_m:.2f} m away"
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
         "battery": battery,
         "energy against drag": f"{float(drag_energy_J(plan).sum()):.0f} J for all vehicles (Eqs. 30-32)",
-        "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}",
+        "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}{zones}",
     }
 
 

@@ -41,7 +41,7 @@ def verify(
         verdict = check.verdict if check.ok else check.verdict.upper()
         table.add_row(check.name, margin, limit, verdict, f"{check.phase}{when}{vehicle}")
     screen.show(table)
-    warn_of_position_errors(screen, loaded)
+    warn_of_position_errors(screen, loaded, report)
     screen.say(f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed")
     if report.sampled:
         screen.say(f"sampled, not proved between instants: {', '.join(report.sampled)}")

@@ -12,6 +12,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.distance import pdist
 
 from gcs.errors import FileFormatError
+from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.flown_area import area_criteria
 from gcs.flight.progress import FlightTimes
 from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
@@ -20,6 +22,7 @@ from gcs.reading.archives import ArrayKind, read_arrays
 from gcs.reading.bounded_file import MIB, TRUTH_FILE, open_regular, refuse_size
 from gcs.scenario.environment.ground_distance import ground_distance_m
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.navigation_error import judged_separation_m
 
 GRID_S = 0.05
 GROUND_SEPARATION = "separation near ground"
@@ -35,32 +38,6 @@ _TRUTH = {
     "sysid": ArrayKind("i8", 1, _MOST),
     "boot_offset_s": ArrayKind("f8", 1, _MOST),
 }
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """One criterion: the measured value against its limit."""
-
-    name: str
-    unit: str
-    value: float
-    limit: float
-    at_least: bool  # value >= limit, else value <= limit
-    sysid: int | None = None
-    t_s: float | None = None
-    other: int | None = None  # of a pair: its second vehicle
-
-    @property
-    def vehicles(self) -> str:
-        """The vehicles of the measured value in words; empty for a value of all."""
-        if self.sysid is None:
-            return ""
-        return f"vehicle {self.sysid}" if self.other is None else f"vehicles {self.sysid}, {self.other}"
-
-    @property
-    def ok(self) -> bool:
-        """Whether the value is within its limit."""
-        return bool(self.value >= self.limit if self.at_least else self.value <= self.limit)
 
 
 @dataclass(frozen=True)
@@ -83,8 +60,9 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
 
     Separation counts from T0 to the order to land, and again in the ground phases: from the pads to T0, and from the
     order to land to the last stop. The distance to the exact ground, in any direction, counts from the hover after
-    take-off to the order to land; the position error from T0 to the planned arrival. The arrival is the last entry
-    into the circle of `arrival_position_m` around the goal, against the time at which the plan enters it.
+    take-off to the order to land, and so does the height; no-fly zones and the fence count from the pads to the last
+    stop. The position error counts from T0 to the planned arrival. The arrival is the last entry into the circle of
+    `arrival_position_m` around the goal, against the time at which the plan enters it.
     """
     limits = plan.scenario.judge
     positions = _in_plan_order(plan, truth)
@@ -98,6 +76,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
         Criterion("position error (RMS)", "m", float(rms[worst]), limits.position_rms_m, False, plan.sysids[worst])
     ]
     criteria.append(_clearance(plan, t_s, flown))
+    everywhere = truth.t_s(times.t0_unix_s), positions[..., POSITION]
+    criteria += area_criteria(plan, everywhere, (t_s, flown))
     criteria += _arrivals(plan, t_s, flown, planned)
     if len(plan.sysids) > 1:
         criteria += _separations(plan, truth, positions, times)
@@ -143,8 +123,9 @@ def _separations(plan: Plan, truth: Truth, states: Array, times: FlightTimes) ->
         instant, pair = nearest
         sysid, other = pairs[pair]
         t_s = float(truth.unix_s[instant] - times.t0_unix_s)
-        limit = plan.scenario.judge.separation_min_m
-        found.append(Criterion(name, "m", least, limit, True, sysid, t_s, other))
+        limit = judged_separation_m(plan.scenario)
+        planned_m = plan.scenario.limits.separation_min_m
+        found.append(Criterion(name, "m", least, limit, True, sysid, t_s, other, planned_m))
     return found
 
 
@@ -153,9 +134,9 @@ def _clearance(plan: Plan, t_s: Array, flown: Array) -> Criterion:
     lowest_m = float((up_m - ground_height_m(terrain, north_m, east_m)).min())  # the least distance is no more
     above = ground_distance_m(terrain, north_m, east_m, up_m, lowest_m)
     row, instant = np.unravel_index(np.argmin(above), above.shape)
-    return Criterion(
-        "clearance above ground", "m", float(above[row, instant]), 0.0, True, plan.sysids[row], float(t_s[instant])
-    )
+    least_m, when_s, planned_m = float(above[row, instant]), float(t_s[instant]), plan.scenario.limits.clearance_min_m
+    sysid = plan.sysids[row]
+    return Criterion("clearance above ground", "m", least_m, 0.0, True, sysid, when_s, planned=planned_m)
 
 
 def _arrivals(plan: Plan, t_s: Array, flown: Array, planned: Array) -> list[Criterion]:

@@ -14,6 +14,7 @@ from gcs.flight.progress import Event
 from gcs.flight.recording.recording import Recording, nearest_m
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.navigation_error import judged_separation_m
 
 _INSTANTS = 1500  # at most
 _STEP_S = 0.1
@@ -120,7 +121,7 @@ def _distances(axes: Any, recording: Recording, t_s: Array, places: Array, plann
         expected = nearest_m(planned[0])
         usual_m = max(usual_m, float(np.nanmax(expected, initial=0.0)))
         axes.plot(t_s, expected, **_PLANNED, label="planned")
-        axes.axhline(recording.plan.scenario.judge.separation_min_m, color="red", lw=0.8, label="required")
+        axes.axhline(judged_separation_m(recording.plan.scenario), color="red", lw=0.8, label="required")
     axes.set(ylim=(0.0, 1.3 * usual_m))
     axes.legend(fontsize=8, loc="lower right", ncols=3)
 

@@ -44,6 +44,7 @@ from gcs.mission.failsafe.rtl_altitudes import ReturnPlan
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.energy import BatteryModel
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.navigation_error import judged_separation_m
 
 _PERIOD_S = 0.1  # of fleet time between two checks
 _SLEEP_S = 0.005
@@ -81,7 +82,7 @@ class ContingencyExecutor:
         self.returns = returns
         self._options = options
         self._on_event = on_event
-        self._separation = SeparationWatch(plan, plan.scenario.judge.separation_min_m)
+        self._separation = SeparationWatch(plan, judged_separation_m(plan.scenario))
         self._watches = {sysid: self._watch(vehicle) for sysid, vehicle in vehicles.items()}
         self._now_s = -math.inf  # fleet time, computed once for many messages
         self._returning: dict[int, WayBack] = {}

@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from gcs.files import atomic_write
-from gcs.flight.assessment.judge import Criterion, Verdict
+from gcs.flight.assessment.criterion import Criterion
+from gcs.flight.assessment.judge import Verdict
 from gcs.flight.progress import Event, FlightTimes, NearestPair
 from gcs.reading.bounded_file import EVENT_FILE, read_file
 from gcs.reading.bounded_json import read_json
@@ -128,8 +129,10 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
 
 
 def limit_text(criterion: Criterion) -> str:
-    """Return a limit in words: "at most 0.15 m"."""
-    return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}"
+    """Return a limit in words, and what the plan keeps where that is another: "at least 1.3 m (plan: 5 m)"."""
+    planned = criterion.planned
+    plan = "" if planned is None or planned == criterion.limit else f" (plan: {planned:g} {criterion.unit})"
+    return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}{plan}"
 
 
 def _where(criterion: Criterion) -> str:

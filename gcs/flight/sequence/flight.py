@@ -50,6 +50,7 @@ from gcs.mission.model import SetpointStream
 from gcs.own_process import in_own_process
 from gcs.plan.trajectory.energy import BatteryModel, battery_model
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.navigation_error import judged_separation_m
 
 T = TypeVar("T")
 _FEW = 12  # vehicles
@@ -148,7 +149,7 @@ class FlightSequence:
             self.plan.t_end_s,
             self.time.now_s(),
             nearest,
-            self.plan.scenario.judge.separation_min_m,
+            judged_separation_m(self.plan.scenario),
         )
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from gcs.autopilots.flight_modes import mode_name
 from gcs.flight.monitor import Monitor
 from gcs.flight.progress import GROUND_REACH_M, FlightPart, VehicleNow
 from gcs.link.session.vehicle_session import VehicleSession
+from gcs.mission.failsafe.fence_areas import inclusion_corners, inside_m, planned_places_m
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
@@ -29,16 +31,21 @@ class ReportedNow:
         self._sessions = sessions
         self._monitor = monitor
 
+    @cached_property
+    def _fence_corners_m(self) -> Array:
+        return inclusion_corners(planned_places_m(self._plan))
+
     def vehicles(self) -> tuple[VehicleNow, ...]:
         """Return all vehicles, in the plan's order."""
         plan, errors_m = self._plan, self._monitor.errors_m
         places, t_s = self._places(plan.sysids), self._monitor.plan_time_s
         known = np.asarray(np.isfinite(places).all(axis=1))
-        zone_m, above_m = (np.full(len(places), np.nan) for _ in range(2))
+        zone_m, above_m, fence_m = (np.full(len(places), np.nan) for _ in range(3))
         north, east, up = places[known].T
         now_s = np.array(plan.t_start_s if t_s is None else t_s)
         zone_m[known] = nearest_zone_m(plan.scenario.no_fly, now_s, north, east)
         above_m[known] = up - ground_height_m(plan.scenario.terrain, north, east)
+        fence_m[known] = inside_m(self._fence_corners_m, places[known])
         found = []
         for row, sysid in enumerate(plan.sysids):
             session, view = self._sessions[sysid], self._monitor.views[sysid]
@@ -56,6 +63,8 @@ class ReportedNow:
                     errors_m[sysid],
                     float(zone_m[row]) if plan.scenario.no_fly else math.inf,
                     float(above_m[row]),
+                    float(fence_m[row]),
+                    plan.scenario.limits.height_m[1] - float(places[row, 2]),
                 )
             )
         return tuple(found)

@@ -11,7 +11,14 @@ from gcs.autopilots.altitudes import kept_alt_m
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.fence_and_rally import check_rally_apart, check_safety
 from gcs.mission.check.findings import Finding, Level, Rule, worst
-from gcs.mission.check.flight_checks import Lowest, check_ground, check_limits, check_separation
+from gcs.mission.check.flight_checks import (
+    Lowest,
+    ZoneDistance,
+    check_ground,
+    check_limits,
+    check_separation,
+    check_zones,
+)
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items, found
 from gcs.mission.check.questions.far_places import check_places
@@ -32,6 +39,7 @@ class FleetReport:
     lowest: tuple[Lowest | None, ...]  # by mission
     duration_s: float
     flights: tuple[PredictedFlight, ...] = field(default=(), repr=False, compare=False)  # together, by mission
+    zones: tuple[ZoneDistance | None, ...] = ()  # by mission
 
     @property
     def ok(self) -> bool:
@@ -63,7 +71,7 @@ def check_fleet(
     missions = [mission for mission, _ in placed]
     flights = together([fly_one(mission, around) for mission in missions])
     findings: list[Finding] = []
-    lowest = []
+    lowest, zones = [], []
     for (mission, far), flight in zip(placed, flights, strict=True):
         findings += [Finding(Rule.FORMAT, Level.WARNING, str(o), o.source, o.line) for o in mission.oddities]
         findings += check_items(mission)
@@ -77,11 +85,16 @@ def check_fleet(
         lowest.append(low)
         findings += grounded
         findings += check_limits(mission, flight, limits)
+        near_zone, entered = check_zones(mission, flight, limits)
+        zones.append(near_zone)
+        findings += entered
         findings += check_safety(mission, flight, around)
     closest, near = check_separation(missions, flights, limits)
     findings += near
     findings += check_rally_apart(missions, around, limits.separation_m)
-    return FleetReport(tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights)
+    return FleetReport(
+        tuple(findings), closest, tuple(lowest), float(max(f.t_s[-1] for f in flights)), flights, tuple(zones)
+    )
 
 
 def as_on_the_wire(mission: MissionFile) -> MissionFile:

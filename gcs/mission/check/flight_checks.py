@@ -124,8 +124,18 @@ def check_ground(
     return lowest, [found(mission, Rule.TERRAIN, Level.ERROR, message, item, t_s)]
 
 
+@dataclass(frozen=True)
+class ZoneDistance:
+    """The least distance of a flight to a no-fly zone, and when; at no instant is it below `proved_m`."""
+
+    zone: int
+    distance_m: float
+    proved_m: float
+    t_s: float
+
+
 def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLimits) -> Iterator[Finding]:
-    """Errors for violations of ceiling, speed limits and no-fly zones."""
+    """Errors for violations of ceiling and speed limits."""
     track = _Track.of(flight)
     if track is None:
         return
@@ -140,17 +150,46 @@ def check_limits(mission: MissionFile, flight: PredictedFlight, limits: FlightLi
             item, t_s = track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))
             yield found(mission, Rule.HEIGHT, Level.ERROR, message, item, t_s)
     yield from _speeds(mission, track, limits)
-    deepest_m = limits.tolerance_m + LENGTH_TOLERANCE_M
+
+
+def highest_m(flight: PredictedFlight) -> tuple[float, float] | None:
+    """The greatest height between take-off and landing, and when; None for a flight that does not leave it."""
+    track = _Track.of(flight)
+    if track is None:
+        return None
+    up_m = np.maximum(-track.begin_m[:, 2], -track.end_m[:, 2]) + track.bent_m
+    at = int(np.argmax(up_m))
+    return float(up_m[at]), track.when(at, float(track.end_m[at, 2] < track.begin_m[at, 2]))[1]
+
+
+def check_zones(
+    mission: MissionFile, flight: PredictedFlight, limits: FlightLimits
+) -> tuple[ZoneDistance | None, list[Finding]]:
+    """The no-fly zone that a flight passes nearest, and an error for each that it passes too near."""
+    track = _Track.of(flight)
+    if track is None:
+        return None, []
+    required_m = limits.zone_margin_m - limits.tolerance_m
+    nearest: ZoneDistance | None = None
+    findings = []
     for number, zone in enumerate(limits.no_fly, start=1):
         parts = parts_beside(zone, track.begin_m, track.end_m, *_plan_times(track, flight, limits))
-        bound = outside_along(zone, parts, -deepest_m, slack=track.bent_m[parts.piece])
+        bound = outside_along(zone, parts, required_m - LENGTH_TOLERANCE_M, slack=track.bent_m[parts.piece])
+        piece, share = parts.whole(bound.piece, bound.share)
+        item, t_s = track.when(piece, share)
+        if nearest is None or bound.least < nearest.distance_m:
+            nearest = ZoneDistance(number, bound.least, bound.proved, t_s)
         if bound.verdict == "proved":
             continue
-        message = f"{-bound.least:.2f} m inside no-fly zone {number}"
-        if bound.verdict == "undecided":
-            message = f"not proved outside no-fly zone {number}: perhaps {-bound.proved:.3f} m inside"
-        piece, share = parts.whole(bound.piece, bound.share)
-        yield found(mission, Rule.AREA, Level.ERROR, message, *track.when(piece, share))
+        least_m = bound.proved if bound.verdict == "undecided" else bound.least
+        if least_m >= 0.0:
+            message = f"{least_m:.2f} m from no-fly zone {number}; at least {required_m:g} m required"
+        elif bound.verdict == "undecided":
+            message = f"not proved outside no-fly zone {number}: perhaps {-least_m:.3f} m inside"
+        else:
+            message = f"{-least_m:.2f} m inside no-fly zone {number}"
+        findings.append(found(mission, Rule.AREA, Level.ERROR, message, item, t_s))
+    return nearest, findings
 
 
 def _plan_times(track: _Track, flight: PredictedFlight, limits: FlightLimits) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from gcs.mission.predicted.planned_flight import Surroundings
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_bounds import highest_ground
 from gcs.scenario.environment.terrain import ground_height_m
+from gcs.scenario.navigation_error import judged_separation_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.si import local_origin
 
@@ -28,6 +29,9 @@ class FlightLimits:
     leaves_s: float = 0.0  # plan time at which take-off ends; it fixes the position of moving zones
     tolerance_m: float = 0.0  # waypoints may be this far from the plan that was verified against these limits
     overspeed: float = 0.01  # share by which a speed limit may be exceeded
+    zone_margin_m: float = 0.0  # from no-fly zones
+    planned_separation_m: float | None = None  # what the plan keeps, for display
+    planned_clearance_m: float | None = None
 
 
 def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLimits:
@@ -37,7 +41,7 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
     """
     limits, tolerance_m = scenario.limits, scenario.mission.tolerance_m
     return FlightLimits(
-        scenario.judge.separation_min_m if separation_m is None else separation_m,
+        judged_separation_m(scenario) if separation_m is None else separation_m,
         max(limits.clearance_min_m - tolerance_m, 0.0),
         limits.height_m[1] + tolerance_m,
         limits.speed_ned_mps,
@@ -47,6 +51,9 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
             + (scenario.ground_phases.run_up_s if any(scenario.start.velocity_mps) else 0)
         ),
         tolerance_m,
+        zone_margin_m=limits.zone_margin_m or 0.0,
+        planned_separation_m=limits.separation_min_m,
+        planned_clearance_m=limits.clearance_min_m,
     )
 
 

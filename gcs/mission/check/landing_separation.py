@@ -18,6 +18,7 @@ from gcs.autopilots.traits import Autopilot, titles
 from gcs.errors import VerificationError
 from gcs.mission.predicted.closest_approach import Closest
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.navigation_error import judged_separation_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -91,7 +92,7 @@ def refuse_close_landing(
 
     An order to land that is lost is repeated, and missions may differ in time: both are allowed for.
     """
-    required_m = plan.scenario.judge.separation_min_m
+    required_m = judged_separation_m(plan.scenario)
     apart_s = [max(known.traits.apart_s, known.traits.link.timers.command.reply_s) for known in autopilots]
     closest = closest_in_descent(planned_descents(plan, autopilots, parameters), required_m, apart_s)
     if closest is None or closest.distance_m >= required_m:

@@ -15,6 +15,7 @@ from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
 from gcs.mission.waypoints.placement import Deviation
+from gcs.scenario.navigation_error import judged_separation_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -71,7 +72,7 @@ def index_document(index: ExportIndex, plan: Plan) -> dict[str, Any]:
         "waypoints": index.waypoints,
         "items": index.items,
         "deviation": rounded(asdict(index.deviation)),
-        "separation_min_m": plan.scenario.judge.separation_min_m,
+        "separation_min_m": judged_separation_m(plan.scenario),
         "verified": None if index.report is None else rounded(_verified(index, index.report, plan)),
         "timing": None if index.timing is None else rounded(index.timing.data()),
         "refused": index.refused or None,

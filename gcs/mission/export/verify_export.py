@@ -18,6 +18,7 @@ from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.autopilot_flight import AutopilotFlight
 from gcs.mission.predicted.timing import MARGIN_S, Timing
 from gcs.mission.waypoints.arrival_times import climb_s
+from gcs.scenario.navigation_error import judged_separation_m
 from gcs.scenario.si import local_origin
 from gcs.scenario.vehicle_ability import ability_of
 
@@ -100,7 +101,7 @@ def refuse_broken(report: FleetReport) -> None:
 
 def refuse_untimely(plan: Plan, autopilots: Sequence[Autopilot], timing: Timing) -> None:
     """Raise `VerificationError` if vehicles may violate the separation, or miss a gate, because of their timing."""
-    near, required_m = timing.nearest, plan.scenario.judge.separation_min_m
+    near, required_m = timing.nearest, judged_separation_m(plan.scenario)
     if near is not None and near.distance_m < required_m:
         first, second = near.sysids
         pair = titles(autopilots[plan.sysids.index(sysid)] for sysid in near.sysids)

@@ -63,6 +63,17 @@ def inclusion_corners(places_m: Array) -> Array:
         slack_m *= 2.0
 
 
+def inside_m(corners_m: Array, places_ned_m: Array) -> Array:
+    """Distances (...) of positions (..., 3) from the nearest side of a convex polygon (C, 2); negative outside."""
+    along = np.roll(corners_m, -1, axis=0) - corners_m
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    if not shapely.Polygon(corners_m).exterior.is_ccw:
+        inward = -inward
+    flat = places_ned_m[..., :2]
+    sides = [(flat - corner) @ normal for corner, normal in zip(corners_m, inward, strict=True)]
+    return np.asarray(np.min(sides, axis=0))
+
+
 def outside_area(inclusion: shapely.Polygon, clearance_m: float) -> shapely.Geometry:
     """The area outside the fence, and inside less than `clearance_m` from its edge."""
     within = inclusion.buffer(-clearance_m, join_style="mitre")

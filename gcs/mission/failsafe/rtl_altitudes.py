@@ -44,6 +44,7 @@ from gcs.mission.failsafe.stagger.stagger_order import SEARCHED_MAX, stagger_ord
 from gcs.mission.machine_independent import EQUAL, first_least
 from gcs.once import once
 from gcs.physics.quadrotor import Array
+from gcs.scenario.navigation_error import judged_separation_m
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -107,7 +108,7 @@ def plan_returns(plan: Plan, firmware: FleetFirmware) -> ReturnPlan:
     if worst is None:
         return found
     prove = proved_separation if len(plan.sysids) <= SEARCHED_MAX else proved_fleet
-    altitudes_m, required_m = np.array(found.altitudes_m), plan.scenario.judge.separation_min_m
+    altitudes_m, required_m = np.array(found.altitudes_m), judged_separation_m(plan.scenario)
     proof = prove(plan, firmware, found.speeds, altitudes_m, rally, required_m, worst.distance_m)
     if proof.least_m < worst.distance_m - KEPT_M:
         first, second = proof.pair
@@ -257,7 +258,7 @@ def _nearest_in_formation(plan: Plan, returning: Returning, altitudes_m: Array) 
 
 def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) -> Iterator[str]:
     """Warnings: returns below the judge's separation, above the plan's ceiling, or through no-fly zones."""
-    worst, required_m = returns.worst, plan.scenario.judge.separation_min_m
+    worst, required_m = returns.worst, judged_separation_m(plan.scenario)
     if worst is not None and worst.distance_m < required_m:
         first, second = worst.sysids
         yield (

@@ -24,6 +24,7 @@ from gcs.mission.model import Altitude, Command, VehicleMission
 from gcs.mission.predicted.planned_flight import PredictedFlight
 from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.navigation_error import judged_separation_m
 from gcs.scenario.si import local_origin
 
 if TYPE_CHECKING:
@@ -221,7 +222,7 @@ def _near_pairs(plan: Plan, t_s: Array, flown: Array, apart_s: float) -> list[tu
     if len(flown) <= _ALL_PAIRS:
         return list(itertools.combinations(range(len(flown)), 2))
     fastest_mps = float(np.max(np.linalg.norm(np.diff(flown[0], axis=0), axis=-1))) / _GRID_S
-    reach_m = plan.scenario.judge.separation_min_m + 2.0 * fastest_mps * apart_s
+    reach_m = judged_separation_m(plan.scenario) + 2.0 * fastest_mps * apart_s
     pairs: set[tuple[int, int]] = set()
     for at in range(0, len(t_s), _TREE_EVERY):
         tree = KDTree(flown[:, at])

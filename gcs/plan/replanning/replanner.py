@@ -34,6 +34,7 @@ from gcs.plan.search.initial_guess import along
 from gcs.plan.search.routes import Route, find_routes, survey
 from gcs.plan.trajectory.plan import MeshRound, Plan
 from gcs.plan.trajectory.trajectory import Trajectory
+from gcs.plan.zone_room import kept_room, new_zone, without_room
 from gcs.scenario.schema.scenario import NoFlyZone
 
 SPARE_DISKS = 2
@@ -49,17 +50,27 @@ class Replanner:
     """Re-plans one plan any number of times. Building its programs takes about a second; re-plans build nothing."""
 
     def __init__(
-        self, plan: Plan, *, spare_disks: int = SPARE_DISKS, extra_objectives: tuple[ObjectiveTerm, ...] = ()
+        self,
+        plan: Plan,
+        *,
+        spare_disks: int = SPARE_DISKS,
+        extra_objectives: tuple[ObjectiveTerm, ...] = (),
+        keeps_room: bool = True,
     ) -> None:
         """Build the programs, and solve the plan once for its multipliers. Raises PlanningError where that fails.
 
-        `extra_objectives` are those of `make_plan`.
+        `extra_objectives` are those of `make_plan`. Without `keeps_room` a re-plan may pass no-fly zones as near as the
+        verifier allows; with it that is the second attempt.
         """
         self.plan = plan
         self.spare_disks = spare_disks
+        self._extra_objectives = extra_objectives
+        self._keeps_room = keeps_room and plan.scenario.limits.zone_margin_m is None
+        self._second: Replanner | None = None
+        roomy = kept_room(plan) if keeps_room else without_room(plan.scenario)
         mission = plan.phase("mission")
         whole = replace(
-            flight_problem(plan.scenario, extra_objectives),
+            flight_problem(roomy, extra_objectives),
             start_s=mission.start_s,
             start_state=plan.leader_trajectory.state(mission.start_s),
             shape=shape_part(plan.shape, mission.start_s, mission.end_s),
@@ -96,20 +107,40 @@ class Replanner:
         """
         began = time.perf_counter()
         leader = self._leader(state)
-        problem = self._problem(leader, t_s, tuple(zones))
+        self._check(t_s, zones)
+        try:
+            return self._replanned(leader, t_s, tuple(zones), on_round, began)
+        except PlanningError:
+            if not self._keeps_room or not (zones or self.plan.scenario.no_fly):
+                raise
+        self._second = self._second or Replanner(
+            self.plan, spare_disks=self.spare_disks, extra_objectives=self._extra_objectives, keeps_room=False
+        )
+        return self._second._replanned(leader, t_s, tuple(zones), on_round, began)
+
+    def _replanned(
+        self,
+        leader: Array,
+        t_s: float,
+        zones: tuple[NoFlyZone, ...],
+        on_round: Callable[[MeshRound], None],
+        began: float,
+    ) -> Plan:
+        problem = self._problem(leader, t_s, zones)
+        avoided = problem.scenario.no_fly[len(problem.scenario.no_fly) - len(zones) :]
         _check_start(problem)
         check_time(problem)
         failures: list[PlanningError] = []
-        for guess, known in self._guesses(problem, tuple(zones)):
+        for guess, known in self._guesses(problem, avoided):
             try:
                 flown, objective, history = self._flown(problem, guess, known, on_round)
             except PlanningError as failure:
                 failures.append(failure)
                 continue
             took = {"re-plan": time.perf_counter() - began}
-            return plan_from_flight(
-                self.plan, problem, flown, objective=objective, history=tuple(history), timings_s=took
-            )
+            scenario = self.plan.scenario
+            true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
+            return plan_from_flight(self.plan, true, flown, objective=objective, history=tuple(history), timings_s=took)
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
 
     def _guesses(
@@ -141,7 +172,8 @@ class Replanner:
             )
         return leader
 
-    def _problem(self, leader: Array, t_s: float, zones: tuple[NoFlyZone, ...]) -> Problem:
+    def _check(self, t_s: float, zones: Sequence[NoFlyZone]) -> None:
+        """Raises UsageError for a time outside the mission, and for zones that there is no room for."""
         mission = self.plan.phase("mission")
         if not mission.start_s <= t_s <= mission.end_s - LEAST_S:
             raise UsageError(
@@ -154,7 +186,12 @@ class Replanner:
                 f"{len(zones)} new zones given; there is room for {self.spare_disks}, and only for disks",
                 hint="put disks around the zones, or plan again with `gcs plan`",
             )
-        scenario = self.plan.scenario
+
+    def _problem(self, leader: Array, t_s: float, zones: tuple[NoFlyZone, ...]) -> Problem:
+        mission, scenario = self.plan.phase("mission"), self._whole.scenario
+        if self._keeps_room or scenario.limits.zone_margin_m is not None:
+            places = leader[POSITION] + self._whole.shape.at(t_s)
+            zones = tuple(new_zone(scenario, zone, t_s, places) for zone in zones)
         return replace(
             self._whole,
             scenario=with_zones(scenario, (*scenario.no_fly, *zones)),

@@ -13,6 +13,7 @@ from gcs.plan.verification.formation_checks import (
 )
 from gcs.plan.verification.position_errors import climb_separation_m
 from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, Check
+from gcs.scenario.navigation_error import judged_separation_m
 from gcs.scenario.si import boundary_state, torque_limits
 
 SPEED_TOLERANCE_MPS = 1e-3
@@ -96,7 +97,7 @@ def _climb_checks(plan: Plan) -> list[Check]:
     """Autopilots climb at their own rates, so over the pads only the distance between the columns counts."""
     if plan.begin_state is not None or len(plan.sysids) < 2:
         return []
-    missing = climb_separation_m(plan) - plan.scenario.judge.separation_min_m
+    missing = climb_separation_m(plan) - judged_separation_m(plan.scenario)
     return [_exact("separation over the pads", "takeoff", "m", missing, LENGTH_TOLERANCE_M, None, plan.t_start_s)]
 
 

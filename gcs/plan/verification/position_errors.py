@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -18,20 +17,10 @@ from scipy.spatial import KDTree
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import Shape
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.navigation_error import SIGMA
 
 STEP_S = 0.25
 DEVIATIONS = 2.5  # estimates of 200 emulated fleets in missions/field lost less
-
-
-@dataclass(frozen=True)
-class PositionSigma:
-    """Standard deviations of one vehicle's position."""
-
-    horizontal_m: float  # north, and east
-    vertical_m: float
-
-
-SIGMA = MappingProxyType({"rtk": PositionSigma(0.01, 0.015), "gnss": PositionSigma(1.0, 1.5)})
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from gcs.errors import VerificationError
 LENGTH_TOLERANCE_M = 0.8e-3  # every length; exact places at ends and joints too
 LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
+ZONE = "no-fly zone "  # the name of a zone's check, before its number
 Verdict = Literal["proved", "violated", "undecided", "sampled"]
 _LISTED = 5  # failures in an error
 
@@ -56,14 +57,25 @@ class Check:
 
 
 @dataclass(frozen=True)
+class NearestZone:
+    """The no-fly zone that a vehicle passes nearest, and when; no vehicle is nearer to any zone than `distance_m`."""
+
+    number: int
+    sysid: int
+    t_s: float
+    distance_m: float
+
+
+@dataclass(frozen=True)
 class Report:
-    """All checks of a plan, and its four key figures: bounds, not samples."""
+    """All checks of a plan, and its key figures: bounds, not samples."""
 
     checks: tuple[Check, ...]
     clearance_min_m: float
     separation_min_m: float | None  # of one vehicle there is none
     window_error_max_m: float
     terminal_error_m: float
+    nearest_zone: NearestZone | None = None  # None without zones
 
     @property
     def ok(self) -> bool:

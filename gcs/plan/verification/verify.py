@@ -35,7 +35,9 @@ from gcs.plan.verification.scheduled_shape import stretches
 from gcs.plan.verification.verdict import (
     LENGTH_TOLERANCE_M,
     WINDOW_TOLERANCE_M,
+    ZONE,
     Check,
+    NearestZone,
     Report,
     Verdict,
     refusal,
@@ -66,7 +68,18 @@ def verify(plan: Plan) -> Report:
         min(separations) + limits.separation_min_m if separations else None,
         WINDOW_TOLERANCE_M - window.worst,
         terminal_m,
+        _least_zone(checks, limits.zone_margin_m or 0.0),
     )
+
+
+def _least_zone(checks: list[Check], limit_m: float) -> NearestZone | None:
+    """The zone that a vehicle passes nearest, of all phases; None without zones."""
+    found = [c for c in checks if c.name.startswith(ZONE) and c.proved is not None]
+    if not found:
+        return None
+    least = min(found, key=lambda c: c.worst)
+    distance_m = min(c.proved for c in found if c.proved is not None) + limit_m
+    return NearestZone(int(least.name.removeprefix(ZONE)), least.sysid or 0, least.t_s or 0.0, distance_m)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """No-fly zones: the distance of a place outside a disk (Eq. 21) or polygon at a time, and a polygon's convex pieces.
 
-Inside or outside is exact. The distance outside a polygon is that to the line of an edge: beside a corner it is less
-than the true distance, never more.
+Inside or outside is exact. The distance of a place outside a polygon's piece is that to the line of an edge: beside a
+corner it is less than the true distance, never more. `widened` makes the zone that a planner avoids to keep a margin.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from gcs.scenario.schema.scenario import NoFlyZone
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
 _CONVEX = 1.0 - 1e-9  # share of its hull's area that a convex polygon fills
+_CORNER_REACH = 1.2  # of the margin: a widened polygon's corners are cut off there
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,30 @@ class Convex:
 
     normals: tuple[tuple[float, float], ...]  # outward, of length one
     offsets_m: tuple[float, ...]  # a place is inside of an edge where normal . place < offset
+    corners_m: tuple[tuple[float, float], ...]  # the edge of a normal begins at the corner of its number
 
     def outside_m(self, north_m: Array, east_m: Array) -> Array:
         """Distance (...) of places (...) from the farthest edge's line; negative inside."""
         edges = zip(self.normals, self.offsets_m, strict=True)
         return np.asarray(np.max([n * north_m + e * east_m - off for (n, e), off in edges], axis=0))
+
+    def facing(self, north_m: Array, east_m: Array) -> tuple[Array, Array, Array]:
+        """Direction north, east (N,) from the nearest place of the piece to places (N,), and its support (N,).
+
+        No place of the piece lies farther that way than the support; so direction . place - support is no more than
+        the true distance anywhere. Places inside have the direction 0, which says nothing.
+        """
+        corners = np.array(self.corners_m)
+        along = np.roll(corners, -1, axis=0) - corners
+        place = np.stack([north_m, east_m], axis=-1)[:, None]
+        share = np.clip(np.sum((place - corners) * along, axis=-1) / np.sum(along**2, axis=-1), 0.0, 1.0)
+        away = place - (corners + share[..., None] * along)  # (N, E, 2)
+        nearest = np.argmin(np.sum(away**2, axis=-1), axis=1)
+        away = away[np.arange(len(away)), nearest]
+        length = np.linalg.norm(away, axis=1)
+        outside = (self.outside_m(north_m, east_m) > 0.0) & (length > 0.0)
+        unit = np.where(outside[:, None], away / np.maximum(length, 1e-12)[:, None], 0.0)
+        return unit[:, 0], unit[:, 1], np.max(unit @ corners.T, axis=1)
 
 
 Piece = Disk | Convex
@@ -111,6 +131,18 @@ def outline(zone: NoFlyZone) -> shapely.Polygon:
     )
 
 
+@lru_cache(maxsize=256)
+def widened(zone: NoFlyZone, margin_m: float) -> NoFlyZone:
+    """The zone, larger on all sides by `margin_m` or, at a polygon's corners, by up to a fifth more."""
+    if margin_m <= 0.0:
+        return zone
+    if zone.radius_m is not None:
+        return zone.model_copy(update={"radius_m": zone.radius_m + margin_m})
+    grown = outline(zone).buffer(margin_m, join_style="mitre", mitre_limit=_CORNER_REACH)
+    corners = np.array(grown.exterior.coords)[:-1]
+    return zone.model_copy(update={"polygon_m": tuple((float(n), float(e)) for n, e in corners)})
+
+
 def displacement_m(zone: NoFlyZone, t_s: Array) -> Array:
     """How far (..., 2), north and east, the zone has moved at plan times (...)."""
     t_s = np.asarray(t_s, dtype=np.float64)
@@ -163,4 +195,5 @@ def _convex(polygon: shapely.Polygon) -> Convex:
     along = np.diff(corners, axis=0)
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     offsets = np.sum(normals * corners[:-1], axis=1)
-    return Convex(tuple((float(n), float(e)) for n, e in normals), tuple(offsets.tolist()))
+    places = tuple((float(n), float(e)) for n, e in corners[:-1])
+    return Convex(tuple((float(n), float(e)) for n, e in normals), tuple(offsets.tolist()), places)

@@ -120,3 +120,9 @@ class LimitsTable(Performance):
         description="h_min, least distance to the ground in any direction between take-off and landing, m"
     )
     separation_min_m: Length = Field(description="least distance between two planned vehicles, m")
+    zone_margin_m: Distance | None = Field(
+        default=None,
+        description="least distance of every vehicle to every no-fly zone, m; left out: the plan keeps the navigation "
+        "error of [sensors] where there is room",
+        exclude_if=lambda margin: margin is None,
+    )

@@ -233,7 +233,12 @@ class SensorsTable(Part):
 class Judge(Part):
     """What a flight of emulated vehicles must meet. Any flight uses separation_min_m to detect conflicts."""
 
-    separation_min_m: Length = Field(default=1.0, description="least true distance between two vehicles, m")
+    separation_min_m: Length | None = Field(
+        default=None,
+        description="least true distance between two vehicles, m; left out: limits.separation_min_m less the "
+        "navigation error of two vehicles, and no less than the size of a vehicle",
+        exclude_if=lambda least: least is None,
+    )
     arrival_time_s: Annotated[Number, Field(ge=0.001, le=FLIGHT_MAX_S)] = Field(
         default=3.0, description="largest error of the arrival time, s"
     )

@@ -112,12 +112,20 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
             return
 
 
-@RULES.needs("start", "end", "formation", "no_fly", "time")
+@RULES.needs("start", "end", "formation", "no_fly", "time", "limits")
 def _ends_are_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
+    margin_m = scenario.limits.zone_margin_m or 0.0
     for index, zone in enumerate(scenario.no_fly):
         for end, t_s in zip(_ends(scenario), (0.0, scenario.time.flight_s), strict=True):
             outside = outside_m(zone, np.array(t_s), end.places_up_m[:, 0], end.places_up_m[:, 1])
             worst = int(outside.argmin())
+            if -SLACK <= outside[worst] < margin_m - SLACK:
+                text = (
+                    f"too much: vehicle {end.sysids[worst]} is {plain(float(outside[worst]))} m from no-fly zone "
+                    f"{index + 1} at its {end.table}"
+                )
+                step = f"set limits.zone_margin_m to {plain(np.floor(100.0 * float(outside[worst])) / 100.0)} or less"
+                yield Mistake(("limits", "zone_margin_m"), text, margin_m, remedy=step)
             if outside[worst] < -SLACK:
                 key = "radius_m" if zone.polygon_m is None else "polygon_m"
                 text = f"contains vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside"

@@ -41,7 +41,7 @@ def check(
 @RULES.needs("limits", "judge")
 def _judged_separation_is_planned(scenario: Scenario) -> Mistakes:
     judged, planned = scenario.judge.separation_min_m, scenario.limits.separation_min_m
-    if judged > planned:
+    if judged is not None and judged > planned:
         text = f"more than the plan keeps, limits.separation_min_m = {planned:g}"
         step = f"set judge.separation_min_m to {plain(planned)} or less"
         yield Mistake(("judge", "separation_min_m"), text, judged, remedy=step)

@@ -18,6 +18,7 @@ from gcs.flight.progress import GROUND_REACH_M, InFlight, Snapshot, VehicleNow
 
 AS_REPORTED = "The vehicles report all figures: the error of their navigation is in them."
 _WIDE = 120  # columns from which the longer headings fit
+_WIDEST = 160  # columns from which fence and ceiling have their own; else the nearest of all vehicles has a line
 _BAR = (5, 30)  # least and most characters
 _HEADINGS = 2  # lines above the rows
 _SPARE = 1  # the line of the cursor
@@ -32,7 +33,7 @@ class _Column:
     cell: Callable[[VehicleNow, float], str]  # of a vehicle and its distance to the ground
     is_bad: Callable[[VehicleNow, float], bool] = lambda _vehicle, _ground_m: False
     is_text: bool = False
-    wide_only: bool = False
+    from_width: int = 0
 
 
 def _figure(value: float, decimals: int, unknown: str = "–") -> str:
@@ -61,7 +62,7 @@ _COLUMNS = (
         lambda v, _: _figure(v.link_age_s, 1, "never"),
         lambda v, _: v.link_age_s > _SILENT_S,
     ),
-    _Column("", "frames lost\n%", lambda v, _: _figure(100.0 * v.loss, 1), wide_only=True),
+    _Column("", "frames lost\n%", lambda v, _: _figure(100.0 * v.loss, 1), from_width=_WIDE),
     _Column("error\ntold, m", "position error\nas reported, m", lambda v, _: _figure(v.error_m, 2)),
     _Column(
         "zone\nm",
@@ -70,6 +71,14 @@ _COLUMNS = (
         lambda v, _: v.zone_m < 0.0,
     ),
     _Column("ground\nm", "to ground\nm", lambda _, ground_m: _ground(ground_m), lambda _, g: g < 0.0),
+    _Column("", "to fence\nm", lambda v, _: metres(v.fence_m), lambda v, _: v.fence_m < 0.0, from_width=_WIDEST),
+    _Column("", "to ceiling\nm", lambda v, _: metres(v.ceiling_m), lambda v, _: v.ceiling_m < 0.0, from_width=_WIDEST),
+)
+
+
+_EDGES: tuple[tuple[str, Callable[[VehicleNow], float]], ...] = (
+    ("fence", lambda v: v.fence_m),
+    ("ceiling", lambda v: v.ceiling_m),
 )
 
 
@@ -84,6 +93,8 @@ class FlightTable:
         snapshot, vehicles = flight.snapshot(), flight.vehicles_now()
         above = [*_status(snapshot, width), *_packed(_separations(snapshot), width)]
         below = [Text(AS_REPORTED, style="dim")]
+        if width < _WIDEST:
+            above += _packed(_edges(vehicles), width)
         room = height - len(above) - len(below) - _HEADINGS - _SPARE
         left_out = len(vehicles) > room
         shown = self._shown.choose(vehicles, max(room - left_out, 1))
@@ -121,6 +132,18 @@ def _separations(snapshot: Snapshot) -> list[tuple[str, str]]:
     return parts
 
 
+def _edges(vehicles: Sequence[VehicleNow]) -> list[tuple[str, str]]:
+    """The least margins of all vehicles to fence and ceiling, each with its style; nothing before they are known."""
+    parts = []
+    for name, margin in _EDGES:
+        known = [v for v in vehicles if math.isfinite(margin(v))]
+        if known:
+            nearest = min(known, key=margin)
+            text = f"{name}: {metres(margin(nearest))} m (vehicle {nearest.sysid})"
+            parts.append((text, _BAD if margin(nearest) < 0.0 else ""))
+    return parts
+
+
 def _packed(parts: Sequence[tuple[str, str]], width: int) -> list[Text]:
     """Return lines of whole parts, as many in each as fit."""
     lines: list[Text] = []
@@ -140,7 +163,7 @@ def _table(vehicles: Sequence[VehicleNow], ground_m: dict[int, float], width: in
     lines += [Text(no_wrap=True) for _ in vehicles]
     gap = "   " if is_wide else " "
     for column in _COLUMNS:
-        if column.wide_only and not is_wide:
+        if width < column.from_width:
             continue
         name, _, unit = (column.wide if is_wide else column.narrow).partition("\n")
         cells = [(name, ""), (unit, "")] if unit else [("", ""), (name, "")]

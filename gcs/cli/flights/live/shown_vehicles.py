@@ -15,6 +15,8 @@ _COLUMNS: tuple[Callable[[VehicleNow], float], ...] = (
     lambda v: v.above_ground_m,
     lambda v: -v.error_m,
     lambda v: v.battery_pct,
+    lambda v: v.fence_m,
+    lambda v: v.ceiling_m,
 )
 
 

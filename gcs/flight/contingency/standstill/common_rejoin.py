@@ -19,6 +19,7 @@ from gcs.mission.failsafe.routed.routed_motion import ACCEL_MPS2
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.nlp.margins import clearance, height, no_fly
 from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.navigation_error import judged_separation_m
 
 NEAR_M = 3.0  # off the plan's present instant: T0 stays
 THERE_M = 0.5  # ... where the landing begins before a fade would end
@@ -78,7 +79,7 @@ def common_rejoin(plan: Plan, routes: ReturnRoutes, here: Stranded, now_s: float
     rows = list(here.rows)
     now_m = _least_separation_m(here.position_ned_m[:, None])
     least_m = min(APART_SHARE * plan.scenario.limits.separation_min_m, now_m) - _NOISE_M
-    apart_m = max(plan.scenario.judge.separation_min_m, least_m)
+    apart_m = max(judged_separation_m(plan.scenario), least_m)
     off_now_m = _off_m(plan, rows, here, np.array([_within(plan, now_s)]))[0]
     reasons: list[str] = []
     in_time = now_s + FADE_S <= plan.phase("landing").start_s

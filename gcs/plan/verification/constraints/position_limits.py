@@ -14,7 +14,7 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, ZONE
 from gcs.scenario.environment.no_fly import Convex, Disk, displacement_m, pieces
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import NoFlyZone
@@ -44,7 +44,7 @@ class PositionLimits:
     def constraints(self) -> tuple[Constraint, ...]:
         """In the order of the margins."""
         lengths = ["height", "height above ground", "north position", "east position"]
-        lengths += [f"no-fly zone {number}" for number in range(1, len(self.plan.scenario.no_fly) + 1)]
+        lengths += [f"{ZONE}{number}" for number in range(1, len(self.plan.scenario.no_fly) + 1)]
         return tuple(Constraint(name, "m", LENGTH_TOLERANCE_M, RESOLUTION_M) for name in lengths)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
@@ -59,7 +59,10 @@ class PositionLimits:
             wide = self.area_m[axis]
             low, high = (np.where(is_mission, narrow[end], wide[end]) for end in (0, 1))
             found.append(_between(place[axis], low, high))
-        found += [_outside(zone, place, cells) for zone in self.plan.scenario.no_fly]
+        margin_m = limits.zone_margin_m or 0.0
+        for zone in self.plan.scenario.no_fly:
+            low, seen = _outside(zone, place, cells)
+            found.append((low - margin_m, seen - margin_m))
         return np.stack([f[0] for f in found]), np.stack([f[1] for f in found])
 
     def _above_ground(self, place: Taylor, flies: Mask) -> tuple[Array, Array]:
@@ -114,4 +117,8 @@ def _outside_piece(piece: Disk | Convex, north: Taylor, east: Taylor) -> tuple[A
     for (n, e), offset in zip(piece.normals, piece.offsets_m, strict=True):
         beyond = north * n + east * e - offset
         low, seen = np.maximum(low, beyond.low()), np.maximum(seen, beyond.middle)
-    return low, seen
+    # Beside a corner no edge faces the place; the direction from the nearest point gives the true distance.
+    facing_n, facing_e, support = piece.facing(north.middle, east.middle)
+    beyond, is_known = north * facing_n + east * facing_e - support, (facing_n != 0.0) | (facing_e != 0.0)
+    low = np.where(is_known, np.maximum(low, beyond.low()), low)
+    return low, np.where(is_known, np.maximum(seen, beyond.middle), seen)

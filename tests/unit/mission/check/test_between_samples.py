@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.mission.check.between_samples import bound_along, clearance_along, outside_along, parts_beside
-from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation
+from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.predicted.closest_approach import closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
@@ -59,14 +59,14 @@ def test_a_dip_of_a_centimetre_for_20_ms_is_found(at_s: float, lasts_s: float, d
     straight = flight([0.0, 20.0], [[0.0, -0.2, -10.0], [100.0, -0.2, -10.0]])
     wall = NoFlyZone(polygon_m=((0, 0), (100, 0), (100, 5), (0, 5)))
     limits = FlightLimits(no_fly=(wall,))
-    assert list(check_limits(FLEET[0], straight, FlightLimits(no_fly=(wall, zone)))) == []
-    assert len(list(check_limits(FLEET[0], beside, limits))) == 1
+    assert check_zones(FLEET[0], straight, FlightLimits(no_fly=(wall, zone)))[1] == []
+    assert len(check_zones(FLEET[0], beside, limits)[1]) == 1
 
 
 def test_a_thin_wall_that_all_old_samples_step_over_is_found() -> None:
     wall = NoFlyZone(polygon_m=((50.2, -50), (50.3, -50), (50.3, 50), (50.2, 50)))
     through = flight([0.0, 20.0], [[0.0, 0.0, -10.0], [100.0, 0.0, -10.0]])
-    found = list(check_limits(FLEET[0], through, FlightLimits(no_fly=(wall,))))
+    found = check_zones(FLEET[0], through, FlightLimits(no_fly=(wall,)))[1]
     assert [f.t_s for f in found] == [pytest.approx(10.05, abs=0.02)]
 
 
@@ -75,7 +75,7 @@ def test_a_track_along_the_seam_of_a_bent_zone_is_inside() -> None:
     zone = NoFlyZone(polygon_m=((0, 0), (60, 0), (60, 30), (30, 30), (30, 60), (0, 60)))
     for seam in ([[1.0, 1.0], [29.0, 29.0]], [[30.0, 1.0], [30.0, 29.0]], [[1.0, 30.0], [29.0, 30.0]]):
         along = flight([0.0, 20.0], [[*seam[0], -10.0], [*seam[1], -10.0]])
-        assert len(list(check_limits(FLEET[0], along, FlightLimits(no_fly=(zone,))))) == 1
+        assert len(check_zones(FLEET[0], along, FlightLimits(no_fly=(zone,)))[1]) == 1
 
 
 def test_a_moving_zone_is_bounded_across_its_turns() -> None:
@@ -84,7 +84,7 @@ def test_a_moving_zone_is_bounded_across_its_turns() -> None:
         north_m=50.0, east_m=20.0, radius_m=5.0, moves=((0, 0, 0), (9.985, 0, 0), (10, 0, -16), (10.015, 0, 0))
     )
     passing = flight([0.0, 20.0], [[0.0, 0.0, -10.0], [100.0, 0.0, -10.0]])
-    found = list(check_limits(FLEET[0], passing, FlightLimits(no_fly=(zone,))))
+    found = check_zones(FLEET[0], passing, FlightLimits(no_fly=(zone,)))[1]
     assert [f.t_s for f in found] == [pytest.approx(10.0, abs=0.01)]
 
 

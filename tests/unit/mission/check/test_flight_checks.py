@@ -10,7 +10,7 @@ import pytest
 from gcs.autopilots.traits import Autopilot
 from gcs.mission.check.findings import Level, Rule
 from gcs.mission.check.fleet_check import as_on_the_wire, check_fleet
-from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation
+from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
 from gcs.mission.check.flight_limits import FlightLimits, limits_of, surroundings_of
 from gcs.mission.predicted.planned_flight import Surroundings, fly
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
@@ -77,7 +77,9 @@ def test_ceiling_speed_and_closed_areas() -> None:
     zone = NoFlyZone(north_m=50.0, east_m=4.0, radius_m=6.0)
     limits = FlightLimits(height_max_m=9.0, speed_ned_mps=(4.0, 5.0, 2.0), no_fly=(zone,), tolerance_m=0.5)
     across = mission(out_and_land(100.0))
-    found = list(check_limits(across, fly(across, FLAT), limits))
+    nearest, entered = check_zones(across, fly(across, FLAT), limits)
+    assert nearest is not None and nearest.distance_m == pytest.approx(-2.0, abs=0.02)
+    found = [*check_limits(across, fly(across, FLAT), limits), *entered]
     assert [(f.rule, f.level) for f in found] == [
         (Rule.HEIGHT, Level.ERROR),
         (Rule.SPEED, Level.ERROR),

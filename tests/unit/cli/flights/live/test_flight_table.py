@@ -139,6 +139,8 @@ def test_the_figures_are_those_of_the_vehicles_reports(mixed: tuple[FlightSequen
         t_s = still.now.plan_time_s
         assert t_s is not None
         assert now.zone_m == pytest.approx(float(nearest_zone_m(scenario.no_fly, np.array(t_s), *at)[0]))
+        assert now.ceiling_m == scenario.limits.height_m[1] - now.height_m
+        assert 0.0 < now.fence_m < 1000.0
         assert 0.0 < sequence.ground_margins_m([now.sysid])[now.sysid] <= now.above_ground_m
 
 
@@ -146,7 +148,7 @@ def test_the_figures_are_those_of_the_vehicles_reports(mixed: tuple[FlightSequen
 def test_the_longest_cells_fit(width: int) -> None:
     long = vehicle(
         254, mode="mode 4294967295", height_m=-1234.5, speed_mps=123.4, battery_pct=100.0, link_age_s=123.4, loss=1.0,
-        error_m=1234.56, zone_m=-123.4, above_ground_m=2000.0,
+        error_m=1234.56, zone_m=-123.4, above_ground_m=2000.0, fence_m=-123.4, ceiling_m=-123.4,
     )  # fmt: skip
     pair = NearestPair(FlightPart.FLIGHT, (253, 254), 123.45, 1.7e9)
     now = moment(phase=Step.READY, plan_phase="arrival-hover", plan_time_s=-1234.0, plan_end_s=12345.0, nearest=pair)
@@ -162,7 +164,7 @@ def test_what_is_not_known_and_what_is_not_there() -> None:
     unknown = VehicleNow(3, "", False, *[math.nan] * 3, math.inf, math.nan, math.nan, math.inf, math.nan)
     lines = drawn(Still(moment(plan_time_s=None, plan_phase="", nearest=None), (unknown,), math.nan), 160)
     row = next(line for line in lines if line.lstrip().startswith("3")).split()
-    assert row == ["3", "no", "–", "–", "–", "–", "never", "–", "–", "none", "–"]
+    assert row == ["3", "no", "–", "–", "–", "–", "never", "–", "–", "none", "–", "–", "–"]
     assert not any("nearest" in line for line in lines)
 
 
@@ -171,6 +173,20 @@ def test_a_zone_that_is_entered_and_a_silent_vehicle_stand_out() -> None:
     marked = re.findall(r"\x1b\[1;31m *([^\x1b]+)\x1b", recorded_print(flight, 80).export_text(styles=True))
     assert marked == ["nearest: vehicles 1 and 2, 4.88 m (limit 5.00 m)", "-0.02", "3.0"]
     assert ">50" in "\n".join(drawn(flight, 80))
+
+
+def test_fence_and_ceiling_have_columns_where_there_is_room_and_a_line_where_there_is_none() -> None:
+    flight = Still(moment(), (vehicle(1, fence_m=9.5, ceiling_m=4.25), vehicle(2, fence_m=-0.5, ceiling_m=12.0)))
+    narrow = drawn(flight, 80)
+    assert any("fence: -0.50 m (vehicle 2)   ceiling: 4.25 m (vehicle 1)" in line for line in narrow)
+    marked = re.findall(r"\x1b\[1;31m *([^\x1b]+)\x1b", recorded_print(flight, 80).export_text(styles=True))
+    assert "fence: -0.50 m (vehicle 2)" in marked
+    wide = drawn(flight, 160)
+    assert not any("(vehicle 2)" in line for line in wide)
+    (headings,) = (line for line in wide if "to ceiling" in line)
+    assert headings.split("to ground")[1].split() == ["to", "fence", "to", "ceiling"]
+    rows = [line.split() for line in wide if re.match(r" *[12] +yes", line)]
+    assert [row[-2:] for row in rows] == [["9.50", "4.25"], ["-0.50", "12.00"]]
 
 
 @pytest.mark.parametrize("height", [14, 24, 60])
