@@ -48,6 +48,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> object:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
     (tmp_path / "corner").mkdir()
     return tmp_path / "corner"
 
