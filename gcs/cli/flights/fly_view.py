@@ -15,7 +15,7 @@ from gcs.cli.prompts import show_checks, typed_line
 from gcs.errors import JudgementError, UsageError, counted
 from gcs.flight.lateness import skew_s
 from gcs.flight.progress import InFlight, Snapshot, Watcher
-from gcs.flight.recording.flight_folder import TELEMETRY, limit_text
+from gcs.flight.recording.flight_folder import TELEMETRY, limit_text, planned_text, short_limit
 from gcs.flight.run import FlightRun, Flown, fly_run
 from gcs.flight.setup.preflight_check import PreflightCheck
 
@@ -153,10 +153,12 @@ def _show(screen: Screen, flown: Flown) -> None:
     table = Table("criterion", "measured", "limit", "verdict", title="judged from the true states")
     for c in verdict.criteria:
         vehicle = f" ({c.vehicles})" if c.vehicles else ""
-        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", limit_text(c), verdict_word(c.ok))
+        table.add_row(c.name, f"{c.value:.3f} {c.unit}{vehicle}", short_limit(c), verdict_word(c.ok))
     if (skew := _skew_text(flown.late_s)) is not None:
         table.add_row("time skew (telemetry)", skew, "–", "–")
     screen.show(table)
+    planned = [f"{c.name} {planned_text(c)}" for c in verdict.criteria if planned_text(c)]
+    screen.say(f"limits of the plan, by the scenario: {', '.join(planned)}")
     screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
     _show_nearest(screen, flown)
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""

@@ -130,9 +130,19 @@ def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
 
 def limit_text(criterion: Criterion) -> str:
     """Return a limit in words, and what the plan keeps where that is another: "at least 1.3 m (plan: 5 m)"."""
+    plan = f" (plan: {planned})" if (planned := planned_text(criterion)) else ""
+    return f"{short_limit(criterion)}{plan}"
+
+
+def short_limit(criterion: Criterion) -> str:
+    """Return a limit in words: "at most 0.15 m"."""
+    return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}"
+
+
+def planned_text(criterion: Criterion) -> str:
+    """Return what the plan keeps, "5 m"; empty where it is the limit of the flight, or nothing."""
     planned = criterion.planned
-    plan = "" if planned is None or planned == criterion.limit else f" (plan: {planned:g} {criterion.unit})"
-    return f"{'at least' if criterion.at_least else 'at most'} {criterion.limit:g} {criterion.unit}{plan}"
+    return "" if planned is None or planned == criterion.limit else f"{planned:g} {criterion.unit}"
 
 
 def _where(criterion: Criterion) -> str:
