@@ -1,8 +1,9 @@
 """Tracks and events from any telemetry, without plan, T0 or common frame.
 
-GLOBAL_POSITION_INT gives a vehicle its position on Earth. Without it, LOCAL_POSITION_NED with GPS_GLOBAL_ORIGIN or
-HOME_POSITION does. A vehicle with neither keeps its own frame. The common origin is the first position of the first
-vehicle.
+A vehicle's positions are the more frequent ones of GLOBAL_POSITION_INT and LOCAL_POSITION_NED. A local frame begins
+where its vehicle does, and each vehicle has its own. GPS_GLOBAL_ORIGIN, HOME_POSITION or one GLOBAL_POSITION_INT beside a
+local position tell where it lies. A vehicle with none of them keeps its own frame. The common origin is the first
+position of the first vehicle.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.autopilots.flight_modes import mode_name
 from gcs.flight.progress import Event
@@ -23,6 +25,7 @@ from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Seve
 from gcs.physics.quadrotor import Array
 
 _ELSEWHERE_S = 1.0
+_TOGETHER_S = 0.5  # a global and a local position within that are of one place
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 
 
@@ -116,18 +119,12 @@ def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[s
     origin: Origin | None = None
     found, alone = [], []
     for sysid, one in heard.items():
-        is_global = np.array(one.is_global)
-        chosen = is_global if is_global.any() else ~is_global
+        chosen, earth = _on_earth(one)
         motion = np.array(one.motion)[chosen]
         places = motion[:, :3]
-        if is_global.any():
-            earth = (places[:, 0], places[:, 1], places[:, 2])
-        elif one.origin is not None:
-            earth = ned_to_geodetic(places, one.origin)
-        else:
+        if earth is None:
             alone.append(sysid)
-            earth = None
-        if earth is not None:
+        else:
             origin = origin or Origin(*(float(part[0]) for part in earth))
             places = geodetic_to_ned(*earth, origin)
         stamps, state = np.array(one.stamps)[chosen], np.array(one.state)[chosen]
@@ -148,9 +145,34 @@ def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[s
     if alone and len(found) > 1:
         named = ", ".join(map(str, alone))
         return tuple(found), (
-            f"vehicle{'s' if len(alone) > 1 else ''} {named} reported no position on Earth: drawn in a local frame.",
+            f"vehicle{'s' if len(alone) > 1 else ''} {named} reported no position on Earth: "
+            "each is drawn in its own local frame, which begins where the vehicle stood.",
         )
     return tuple(found), ()
+
+
+def _on_earth(one: _Heard) -> tuple[NDArray[np.bool_], tuple[Array, Array, Array] | None]:
+    """Return which reports make the track, and their latitudes, longitudes and altitudes; None in an unknown frame."""
+    motion, is_global = np.array(one.motion), np.array(one.is_global)
+    origin = one.origin or _frame_origin(motion, np.array(one.stamps)[:, 1], is_global)
+    if is_global.any() and (origin is None or 2 * is_global.sum() >= len(is_global)):
+        return is_global, (motion[is_global, 0], motion[is_global, 1], motion[is_global, 2])
+    places = motion[~is_global, :3]
+    return ~is_global, None if origin is None else ned_to_geodetic(places, origin)
+
+
+def _frame_origin(motion: Array, boot_s: Array, is_global: NDArray[np.bool_]) -> Origin | None:
+    """Return the origin of a local frame from the global and the local position (N, 6) that are nearest in time."""
+    if is_global.all() or not is_global.any():
+        return None
+    globals_, locals_ = motion[is_global], motion[~is_global]
+    after = np.clip(np.searchsorted(boot_s[~is_global], boot_s[is_global]), 0, len(locals_) - 1)
+    apart_s = np.abs(boot_s[~is_global][after] - boot_s[is_global])
+    nearest = int(np.argmin(apart_s))
+    if apart_s[nearest] > _TOGETHER_S:
+        return None
+    place = Origin(*(float(part) for part in globals_[nearest, :3]))
+    return Origin(*(float(part) for part in ned_to_geodetic(-locals_[after[nearest], :3], place)))
 
 
 def steady_times(noted_s: Array, boot_s: Array) -> Array:

@@ -148,6 +148,29 @@ def test_a_vehicle_without_a_position_on_earth_is_named() -> None:
     assert "vehicle 2 reported no position on Earth" in notes[0]
 
 
+@pytest.mark.parametrize("told", ["GPS_GLOBAL_ORIGIN", "HOME_POSITION", "GLOBAL_POSITION_INT"])
+def test_vehicles_with_a_local_frame_each_begin_at_their_own_pads(told: str) -> None:
+    """Every frame begins where its vehicle stood; one message of each vehicle tells where that is."""
+    messages: list[tuple[float, Message]] = []
+    for sysid, east_m in ((1, 0.0), (2, 5.0), (3, 10.0)):
+        pad = ned_to_geodetic(np.array([0.0, east_m, 0.0]), HERE)
+        lat, lon, alt = (round(float(part) * scale) for part, scale in zip(pad, (1e7, 1e7, 1e3), strict=True))
+        place = {"latitude": lat, "longitude": lon, "altitude": alt, "x": 0.0, "y": 0.0, "z": 0.0}
+        if told == "GLOBAL_POSITION_INT":
+            place = {"lat": lat, "lon": lon, "alt": alt, "time_boot_ms": 30, "vx": 0, "vy": 0, "vz": 0}
+        messages.append((0.03, Message(told, place, sysid, 1)))
+        for n in range(40):
+            local = {"time_boot_ms": 100 * n, "x": 0.5 * n, "y": 0.0, "z": -0.1 * n, "vx": 5.0, "vy": 0.0, "vz": -1.0}
+            messages.append((0.1 * n, Message("LOCAL_POSITION_NED", local, sysid, 1)))
+    tracks, _, _, notes = recording_from_telemetry(sorted(messages, key=lambda one: one[0]))
+    assert notes == ()
+    for track, east_m in zip(tracks, (0.0, 5.0, 10.0), strict=True):
+        assert len(track.t_s) == 40  # the one global position does not stand for all of them
+        assert track.position_ned_m[[0, -1]] == pytest.approx(
+            np.array([[0.0, east_m, 0.0], [19.5, east_m, -3.9]]), abs=0.03
+        )
+
+
 @pytest.mark.parametrize(("autopilot", "mode"), [("arducopter-4.5.6", "AUTO"), ("px4-1.17dev", "MISSION")])
 def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -> None:
     """A recorded flight of a real autopilot along a square, as a ground station would have logged it."""
