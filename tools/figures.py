@@ -31,7 +31,7 @@ def simulation1(plan: Plan, folder: Path) -> Iterator[Path]:
     camera = camera_near(plan, CLOSE_UP_S, (4.6, 3.4, 1.55), turn_deg=10.0)
     yield save(draw_view(plan, CLOSE_UP_S, camera), folder / "close_up.png")
     t_s = np.arange(plan.t_start_s, plan.t_end_s, STEP_S)
-    yield save(draw_map(plan.scenario, plan.sysids, plan.states(t_s)[..., POSITION]), folder / "map.png")
+    yield save(draw_map(plan.scenario, plan.sysids, t_s, plan.states(t_s)[..., POSITION]), folder / "map.png")
 
 
 def changes(plan: Plan, folder: Path) -> Iterator[Path]:

@@ -375,4 +375,4 @@ def _draw(plan: Plan, truth: Truth, times: FlightTimes, folder: Path) -> None:
     rows = [truth.sysids.index(sysid) for sysid in plan.sysids]
     step = max(1, round(0.2 / float(np.median(np.diff(truth.unix_s)))))
     tracks = truth.states[rows, ::step, POSITION]
-    draw_all(plan.scenario, plan.sysids, truth.unix_s[::step] - times.t0_unix_s, tracks, folder)
+    draw_all(plan, truth.unix_s[::step] - times.t0_unix_s, tracks, folder)

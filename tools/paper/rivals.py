@@ -254,5 +254,6 @@ def _draw(run: Run, scenario: Scenario, fleet: Fleet, track: Track) -> None:
     index = np.arange(0, last, 5)
     tracks = np.stack([t[np.minimum(index, len(t) - 1)] for t in fleet.tracks_m]) * NED_FROM_UP
     sysids = scenario.formation.sysids
-    views.in_space(run, scenario, sysids, np.asarray(index * swarm_fleet.GRID_S), tracks, "fig21.png")
-    views.from_above(run, scenario, sysids, tracks, "fig22.png", track.states[:, :3])
+    t_s = np.asarray(index * swarm_fleet.GRID_S)
+    views.in_space(run, scenario, sysids, t_s, tracks, "fig21.png")
+    views.from_above(run, scenario, sysids, t_s, tracks, "fig22.png", track.states[:, :3])

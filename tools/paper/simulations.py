@@ -45,7 +45,7 @@ def measure(run: Run) -> dict[str, Any]:
         run.log(f"figures of {name}")
         t_s, tracks = views.tracks_of(plan)
         views.in_space(run, plan.scenario, plan.sysids, t_s, tracks, file_of(space))
-        views.from_above(run, plan.scenario, plan.sysids, tracks, file_of(above))
+        views.from_above(run, plan.scenario, plan.sysids, t_s, tracks, file_of(above))
         if name == "simulation1":
             views.formation(run, plan, t_s, tracks, file_of(11))
         for number, what in _CURVES[name].items():

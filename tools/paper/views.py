@@ -11,7 +11,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from gcs.flight.assessment.flight_plot import draw_formation, draw_map, draw_tracks
+from gcs.flight.assessment.flight_plot import draw_map
+from gcs.flight.assessment.pictures.formation_view import draw_formation
+from gcs.flight.assessment.pictures.tracks_view import draw_tracks
 from gcs.physics.quadrotor import POSITION, Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -33,14 +35,21 @@ def in_space(run: Run, scenario: Scenario, sysids: tuple[int, ...], t_s: Array, 
 
 
 def from_above(
-    run: Run, scenario: Scenario, sysids: tuple[int, ...], tracks: Array, name: str, beside: Array | None = None
+    run: Run,
+    scenario: Scenario,
+    sysids: tuple[int, ...],
+    t_s: Array,
+    tracks: Array,
+    name: str,
+    beside: Array | None = None,
 ) -> None:
     """Plan view; `beside` is one more track (N, 3), dashed."""
-    figure = draw_map(scenario, sysids, tracks)
+    figure = draw_map(scenario, sysids, t_s, tracks)
     if beside is not None:
         axes = figure.axes[0]
         axes.plot(beside[:, 1], beside[:, 0], "k--", lw=1.2, label="our leader")
-        axes.legend(fontsize=8, loc="lower right")
+        axes.add_artist(axes.get_legend())
+        axes.legend(handles=axes.lines[-1:], fontsize=8, loc="lower right")
     _save(run, figure, name)
 
 

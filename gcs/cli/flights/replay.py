@@ -75,7 +75,7 @@ def replay(
     if picture is not None and to_link is not None:
         raise UsageError("--picture and --to-link exclude each other", hint="draw in a command of its own")
     if picture is not None:
-        from gcs.flight.assessment.flight_plot import refuse_kind
+        from gcs.flight.assessment.pictures.figure_file import refuse_kind
 
         refuse_kind(picture)
     from gcs.flight.recording.load_recording import load_recording

@@ -1,4 +1,4 @@
-"""One picture of a scenario or a plan: map, and the plan's clearance and separation over time."""
+"""One picture of a scenario or a plan: the map, and over time speed, clearance, separation and distance to zones."""
 
 from __future__ import annotations
 
@@ -7,54 +7,113 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.lines import Line2D
 
-from gcs.flight.assessment.flight_plot import draw_map_on, save
-from gcs.physics.quadrotor import POSITION, Array
-from gcs.plan.formation.separation import least_gap
+from gcs.flight.assessment.pictures.curves import (
+    draw_clearance,
+    draw_separation,
+    draw_speeds,
+    draw_zone_margin,
+)
+from gcs.flight.assessment.pictures.figure_file import BESIDE, colours, head, head_figure, save, settle
+from gcs.flight.assessment.pictures.flight_map import FlightMap, dart, vehicle_entries
+from gcs.flight.assessment.pictures.label_places import Labels
+from gcs.flight.assessment.pictures.map_layers import (
+    BESIDE_IN,
+    area_of,
+    draw_ground,
+    draw_zones,
+    label_zones,
+    layer_entries,
+    map_size_in,
+)
+from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.si import NED_FROM_UP, offsets_ned_m, sysids
+from gcs.scenario.si import NED_FROM_UP, leader_index, offsets_ned_m, sysids
 
 _STEP_S = 0.5
+_ARROW_PT = 34.0
+_CURVES_IN = 5.4  # width of the curves
+_LEAST_IN = 6.0  # height of them
 
 
 def save_overview(scenario: Scenario, plan: Plan | None, path: Path) -> None:
     """Draw a scenario, and its plan if given, in the format of the file's ending. Raises UsageError."""
-    figure = _of_scenario(scenario) if plan is None else _of_plan(plan)
-    save(figure, path)
+    save(draw_scenario(scenario) if plan is None else draw_plan(plan), path)
 
 
-def _of_scenario(scenario: Scenario) -> Any:
-    """Without a plan, straight lines from start to end stand for the tracks."""
-    figure, axes = plt.subplots(figsize=(7.2, 6.6), layout="constrained")
-    ends = np.stack([np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end)])
-    draw_map_on(axes, scenario, sysids(scenario), offsets_ned_m(scenario)[:, None] + ends, style=":")
+def draw_scenario(scenario: Scenario) -> Any:
+    """Return the map of what is not planned: start and end, and no tracks."""
+    start, end = (np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end))
+    offsets, ids = offsets_ned_m(scenario), sysids(scenario)
+    low, high = area = area_of(scenario, np.stack([offsets + start, offsets + end]))
+    width_in, height_in = map_size_in(scenario, area)
+    figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
+    span_s = (0.0, scenario.time.flight_s)
+    draw_ground(axes, scenario, area)
+    draw_zones(axes, scenario.no_fly, span_s)
+    for place, mark, fill in ((start, "^", True), (end, "s", False)):
+        for colour, (north, east, _) in zip(colours(ids), offsets + place, strict=True):
+            axes.plot(east, north, marker=mark, ms=6, color=colour, mfc=colour if fill else "white", ls="")
+    way = (end - start)[1::-1]
+    course = [
+        Line2D([], [], marker=dart(float(np.degrees(np.arctan2(*way)))), label="course", ls="", color="black", ms=9)
+    ]
+    if way.any():
+        tip = _ARROW_PT * way / float(np.linalg.norm(way))
+        arrow = {"arrowstyle": "<|-", "color": "black", "lw": 1.2, "shrinkB": 6.0}
+        at = (offsets + start)[leader_index(scenario), 1::-1]
+        axes.annotate("", at, xytext=tuple(tip), textcoords="offset points", arrowprops=arrow)
+    axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
+    look = {"ls": "", "color": "0.3"}
+    handles = [
+        *vehicle_entries(ids, marker="^", ls=""),
+        Line2D([], [], marker="^", label="start", **look),
+        Line2D([], [], marker="s", mfc="white", label="end", **look),
+        *course[: bool(way.any())],
+        *layer_entries(axes, scenario),
+    ]
+    axes.legend(handles=handles, **BESIDE)
+    head(axes, f"{scenario.name}: not planned", width_in - BESIDE_IN)
+    settle(figure)
+    labels = Labels(figure)
+    labels.avoid_points(axes, np.concatenate([offsets + start, offsets + end])[:, 1::-1])
+    labels.avoid_arrows(axes)
+    labels.place(axes, "start", tuple((offsets + start)[leader_index(scenario), 1::-1].tolist()))
+    labels.place(axes, "end", tuple((offsets + end)[leader_index(scenario), 1::-1].tolist()))
+    label_zones(axes, labels, scenario.no_fly, span_s)
     return figure
 
 
-def _of_plan(plan: Plan) -> Any:
+def draw_plan(plan: Plan) -> Any:
+    """Return the map of a plan, and its curves."""
     scenario, mission = plan.scenario, plan.phase("mission")
-    figure, (over, below, beside) = plt.subplots(
-        3, 1, figsize=(7.2, 9.6), height_ratios=(3, 1, 1), layout="constrained"
-    )
-    t_s = np.arange(plan.t_start_s, plan.t_end_s, _STEP_S)
-    places = plan.states(t_s)[..., POSITION]
-    draw_map_on(over, scenario, plan.sysids, places)
-    below.plot(t_s, (-places[..., 2] - _ground_m(scenario, places)).min(axis=0))
-    below.axhline(scenario.limits.clearance_min_m, color="red", lw=0.8, label="required in flight")
-    below.set(ylabel="least clearance\nabove ground, m")
-    if len(plan.sysids) > 1:
-        beside.plot(t_s, [least_gap(places[:, i])[0] for i in range(len(t_s))])
-        beside.axhline(scenario.limits.separation_min_m, color="red", lw=0.8, label="required")
-    beside.set(ylabel="least\nseparation, m", xlabel="plan time, s")
-    for axes in (below, beside):
-        axes.axvspan(mission.start_s, mission.end_s, color="grey", alpha=0.12, label="mission")
-        axes.set(xlim=(t_s[0], t_s[-1]), ylim=(0.0, None))
+    several, zones = len(plan.sysids) > 1, bool(scenario.no_fly)
+    t_s = np.append(np.arange(plan.t_start_s, plan.t_end_s, _STEP_S), np.nextafter(plan.t_end_s, plan.t_start_s))
+    states = plan.states(t_s)
+    places = states[..., POSITION]
+    chart = FlightMap(scenario, plan.sysids, t_s, places)
+    width_in, height_in = map_size_in(scenario, chart.area)
+    sides = (width_in, _CURVES_IN)
+    figure = plt.figure(figsize=(sum(sides), max(height_in, _LEAST_IN)), layout="constrained")
+    grid = figure.add_gridspec(1, 2, width_ratios=sides)
+    over = figure.add_subplot(grid[0])
+    panels = grid[1].subgridspec(2 + several + zones, 1).subplots(sharex=True)
+    chart.draw(over)
+    left = iter(panels)
+    draw_speeds(next(left), plan.sysids, t_s, states[..., VELOCITY], None)
+    draw_clearance(next(left), scenario, t_s, places)
+    if several:
+        draw_separation(next(left), t_s, places, None, scenario.limits.separation_min_m)
+    if zones:
+        draw_zone_margin(next(left), scenario, t_s, places, None)
+    for axes in panels:
+        axes.axvspan(mission.start_s, mission.end_s, color="grey", alpha=0.12)
+        axes.set(xlim=(t_s[0], t_s[-1]))
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    panels[-1].set_xlabel("plan time, s (shaded: the mission)")
+    head_figure(figure, f"{scenario.name}: planned")
+    settle(figure)
+    chart.label(over, Labels(figure))
     return figure
-
-
-def _ground_m(scenario: Scenario, places_ned_m: Array) -> Array:
-    return ground_height_m(scenario.terrain, places_ned_m[..., 0], places_ned_m[..., 1])

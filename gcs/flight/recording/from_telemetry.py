@@ -1,8 +1,8 @@
 """Tracks and events from any telemetry, without plan, T0 or common frame.
 
 A vehicle's positions are the more frequent ones of GLOBAL_POSITION_INT and LOCAL_POSITION_NED. A local frame begins
-where its vehicle does, and each vehicle has its own. GPS_GLOBAL_ORIGIN, HOME_POSITION or one GLOBAL_POSITION_INT beside a
-local position tell where it lies. A vehicle with none of them keeps its own frame. The common origin is the first
+where its vehicle does, and each vehicle has its own. GPS_GLOBAL_ORIGIN, HOME_POSITION or one GLOBAL_POSITION_INT beside
+a local position tell where it lies. A vehicle with none of them keeps its own frame. The common origin is the first
 position of the first vehicle.
 """
 

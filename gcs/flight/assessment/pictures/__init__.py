@@ -1,0 +1,1 @@
+"""What pictures of flights are made of: the file, the layers of a map, labels, curves and panels."""
