@@ -66,7 +66,7 @@ def draw_scenario(scenario: Scenario) -> Any:
         at = (offsets + start)[leader_index(scenario), 1::-1]
         axes.annotate("", at, xytext=tuple(tip), textcoords="offset points", arrowprops=arrow)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
-    look = {"ls": "", "color": "0.3"}
+    look: dict[str, Any] = {"ls": "", "color": "0.3"}
     handles = [
         *vehicle_entries(ids, marker="^", ls=""),
         Line2D([], [], marker="^", label="start", **look),
@@ -99,7 +99,7 @@ def draw_plan(plan: Plan) -> Any:
     figure = plt.figure(figsize=(sum(sides), max(height_in, _LEAST_IN)), layout="constrained")
     grid = figure.add_gridspec(1, 2, width_ratios=sides)
     over = figure.add_subplot(grid[0])
-    panels = grid[1].subgridspec(2 + several + zones, 1).subplots(sharex=True)
+    panels: Any = grid[1].subgridspec(2 + several + zones, 1).subplots(sharex=True)
     chart.draw(over)
     left = iter(panels)
     draw_speeds(next(left), plan.sysids, t_s, states[..., VELOCITY], None)

@@ -74,5 +74,5 @@ def fitted(text: str, width_in: float, size_pt: float) -> str:
 def settle(figure: Any) -> None:
     """Lay a figure out and keep it so: labels that are placed after this are where they were placed."""
     for _ in range(_PASSES):
-        figure.draw_without_rendering()
+        figure.get_layout_engine().execute(figure)
     figure.set_layout_engine("none")

@@ -51,7 +51,7 @@ class FlightMap:
     @property
     def leader(self) -> int:
         """Row of the vehicle that carries the time marks; the first with positions where the leader has none."""
-        known = np.isfinite(self.tracks_ned_m[..., 0]).any(axis=1)
+        known = np.asarray(np.isfinite(self.tracks_ned_m[..., 0]).any(axis=1))
         leader = self.scenario.formation.leader if self.scenario is not None else None
         row = self.sysids.index(leader) if leader in self.sysids else 0
         return row if known[row] else int(np.argmax(known))

@@ -31,7 +31,7 @@ _OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
 _THIN = 0.4  # shorter over longer side of an area, at least
 ZONE = "#c00000"
 WIND = "#1f77b4"
-_ARROW = Shape(
+ARROW = Shape(
     [(-0.12, -1.0), (0.12, -1.0), (0.12, 0.2), (0.5, 0.2), (0.0, 1.0), (-0.5, 0.2), (-0.12, 0.2), (-0.12, -1.0)]
 )
 
@@ -66,10 +66,10 @@ def map_size_in(scenario: Scenario | None, area: Area) -> tuple[float, float]:
     return float(inches * east_m) + BESIDE_IN, float(inches * north_m) + _BELOW_IN + (0.0 if level else _COLOURS_IN)
 
 
-def ground_grid(scenario: Scenario, area: Area) -> tuple[Array, Array, Array]:
+def ground_grid(scenario: Scenario, area: Area, cells: int = _GRID) -> tuple[Array, Array, Array]:
     """North, east and height (G, G) of an area, without the ripple, which is finer than the grid."""
     low, high = area
-    grids = np.meshgrid(np.linspace(low[0], high[0], _GRID), np.linspace(low[1], high[1], _GRID), indexing="ij")
+    grids = np.meshgrid(np.linspace(low[0], high[0], cells), np.linspace(low[1], high[1], cells), indexing="ij")
     smooth = scenario.terrain.model_copy(update={"ripple": None})
     return grids[0], grids[1], ground_height_m(smooth, *grids)
 
@@ -141,7 +141,7 @@ def wind_entry(scenario: Scenario, *, in_space: bool = False) -> Line2D:
     wind = scenario.wind
     if wind is None or wind.speed_mps == 0.0:
         return Line2D([], [], ls="", label="no wind in the scenario")
-    arrow = _ARROW.transformed(Affine2D().rotate_deg(180.0 - wind.from_deg))
+    arrow = ARROW.transformed(Affine2D().rotate_deg(180.0 - wind.from_deg))
     text = f"wind {wind.speed_mps:g} m/s from {wind.from_deg:g}°"
     if in_space:
         return Line2D([], [], color=WIND, lw=2.0, label=text)

@@ -1,4 +1,4 @@
-"""Tracks in 3D over the ground with its contour lines and no-fly zones, and close-ups of where something happens."""
+"""Tracks in 3D over the ground in bands of height, with no-fly zones, and close-ups of where something happens."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.colors import LightSource, Normalize
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
@@ -15,6 +17,7 @@ from gcs.flight.assessment.pictures.figure_file import colours, head, settle
 from gcs.flight.assessment.pictures.flight_map import FlightMap, vehicle_entries
 from gcs.flight.assessment.pictures.label_places import Labels
 from gcs.flight.assessment.pictures.map_layers import (
+    ARROW,
     WIND,
     ZONE,
     Area,
@@ -32,6 +35,8 @@ from gcs.scenario.schema.scenario import Scenario
 _HIGH = 0.25  # height of the box over its longer side
 _TICKS = 4
 _PANEL_IN, _BETWEEN_IN = (4.3, 2.2), 0.95  # a close-up, and the room of its titles
+_CELLS = 101  # of the ground along a side
+_BAND = 0.84  # how dark every other band of heights is
 _LEVEL = (0.93, 0.92, 0.88)  # the colour of level ground
 _WIND = 0.18  # length of the arrow over the shorter side
 _CORNERS = 49  # of a zone in 3D, at most
@@ -75,16 +80,16 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
     _, places = chart.marks()
     look = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mec": "black", "mew": 0.6, "zorder": 10}
     axes.plot(places[:, 1], places[:, 0], -places[:, 2], **look)
-    _draw_wind(axes, scenario, area, top_m)
+    _draw_wind(axes, scenario, area, tracks_ned_m[..., :2], top_m)
     sides_m = (high - low)[::-1] / float(np.max(high - low))
     height_m = max(top_m, axes.get_zlim()[1]) - lowest_m
     times = _HIGH * float(np.max(high - low)) / height_m
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), zlim=(lowest_m, lowest_m + height_m))
-    axes.set_xlabel("east, m", labelpad=6.0)
-    axes.set_ylabel("north, m", labelpad=6.0)
+    axes.set_xlabel("east, m", labelpad=16.0)
+    axes.set_ylabel("north, m", labelpad=16.0)
     axes.set_zlabel("height, m", labelpad=2.0)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(plt.MaxNLocator(_TICKS))
+        axis.set_major_locator(MaxNLocator(_TICKS))
     axes.set_box_aspect((*sides_m, _HIGH), zoom=1.1)
     axes.view_init(elev=35, azim=-60)
     entries = [*vehicle_entries(sysids), *zone_entry(scenario), wind_entry(scenario, in_space=True)]
@@ -92,28 +97,33 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
     head(axes, f"{scenario.title or scenario.name}\n(heights are drawn {times:.1f} times as large)", 7.0)
 
 
-def _draw_wind(axes: Any, scenario: Scenario, area: Area, top_m: float) -> None:
-    """Draw an arrow along the wind over the south-west of the area, as high as the highest track."""
+def _draw_wind(axes: Any, scenario: Scenario, area: Area, flat_ned_m: Array, top_m: float) -> None:
+    """Draw an arrow along the wind, as high as the highest track, over the corner that is farthest from all tracks."""
     if scenario.wind is None or scenario.wind.speed_mps == 0.0:
         return
-    (low, high), to_rad = area, np.radians(scenario.wind.from_deg + 180.0)
+    low, high = area
     length_m = _WIND * float(np.min(high - low))
-    north, east = low + 0.7 * length_m
-    along = length_m * np.sin(to_rad), length_m * np.cos(to_rad), 0.0
-    axes.quiver(east, north, top_m, *along, pivot="middle", color=WIND, lw=2.0, arrow_length_ratio=0.35, zorder=11)
+    corners = [np.array([north, east]) for north in (low[0], high[0]) for east in (low[1], high[1])]
+    corners = [corner + np.where(corner == low, 1.0, -1.0) * 0.7 * length_m for corner in corners]
+    away_m = [np.nanmin(np.linalg.norm(flat_ned_m.reshape(-1, 2) - corner, axis=1)) for corner in corners]
+    place = corners[int(np.argmax(away_m))]
+    turned = np.asarray(ARROW.transformed(Affine2D().rotate_deg(180.0 - scenario.wind.from_deg)).vertices)
+    east, north = (place[::-1] + 0.5 * length_m * turned).T
+    outline = list(zip(east, north, np.full(len(east), top_m), strict=True))
+    axes.add_collection3d(Poly3DCollection([outline], facecolor=WIND, edgecolor="none", zorder=11))
 
 
 def _draw_ground(axes: Any, scenario: Scenario, area: Area) -> float:
-    """Draw the ground as it is, with contour lines; return its lowest height."""
-    north, east, height = ground_grid(scenario, area)
+    """Draw the ground as it is, in bands of height; return its lowest height."""
+    north, east, height = ground_grid(scenario, area, _CELLS)
     levels = levels_m(height)
     if len(levels):
         range_m = Normalize(float(height.min()), float(height.max()))
         shade: Any = LightSource(315, 45).shade(
             height, plt.get_cmap("YlOrBr"), norm=range_m, vert_exag=4, blend_mode="soft"
         )
+        shade[..., :3] *= np.where(np.searchsorted(levels, height) % 2, _BAND, 1.0)[..., None]
         axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
-        axes.contour(east, north, height, levels=levels, colors="saddlebrown", linewidths=0.6, zorder=7)
     else:
         axes.plot_surface(
             east[::20, ::20], north[::20, ::20], height[::20, ::20], color=_LEVEL, linewidth=0, shade=False
