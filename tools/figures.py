@@ -17,6 +17,7 @@ from gcs.scenario.schema.scenario import Scenario
 from tools.pictures.change import draw_change
 from tools.pictures.film import write_film
 from tools.pictures.flight import draw_flight
+from tools.pictures.gallery import write_gallery
 from tools.pictures.scenery import save
 from tools.pictures.tutorial import write_pictures
 from tools.pictures.view import camera_near, draw_view
@@ -61,8 +62,8 @@ PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "changes": changes,
     "gap": gap,
 }
-TUTORIAL = "tutorial"
-NAMES = (*PICTURES, TUTORIAL)
+TUTORIAL, GALLERY = "tutorial", "gallery"
+NAMES = (*PICTURES, TUTORIAL, GALLERY)
 
 
 def main(
@@ -82,6 +83,8 @@ def written(name: str, folder: Path) -> Iterator[Path]:
     """Paths of the pictures of one name, each when it is there."""
     if name == TUTORIAL:
         yield from write_pictures(ROOT / "docs" / "tutorial.md", folder)
+    elif name == GALLERY:
+        yield from write_gallery(ROOT, folder)
     else:
         yield from PICTURES[name](gcs.make_plan(gcs.load_scenario(ROOT / "missions" / name)), folder)
 

@@ -122,7 +122,8 @@ def _draw_ground(axes: Any, scenario: Scenario, area: Area) -> float:
         shade: Any = LightSource(315, 45).shade(
             height, plt.get_cmap("YlOrBr"), norm=range_m, vert_exag=4, blend_mode="soft"
         )
-        shade[..., :3] *= np.where(np.searchsorted(levels, height) % 2, _BAND, 1.0)[..., None]
+        band = np.searchsorted(levels, height)
+        shade[..., :3] *= np.where((band - band.min()) % 2, _BAND, 1.0)[..., None]
         axes.plot_surface(east, north, height, facecolors=shade, rstride=1, cstride=1, linewidth=0, antialiased=False)
     else:
         axes.plot_surface(
