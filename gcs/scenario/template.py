@@ -20,8 +20,10 @@ from gcs.physics.quadrotor import Array
 from gcs.scenario.degrees.place_questions import degrees, question
 from gcs.scenario.formations import places_up_m, turned
 from gcs.scenario.load import FILE_NAME, load_scenario
+from gcs.scenario.navigation_error import vehicle_size_m
 from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.scenario import OriginTable, Scenario
+from gcs.scenario.si import offsets_ned_m
 
 SHAPES: tuple[Generator, ...] = get_args(Generator)
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
@@ -197,7 +199,14 @@ def _refuse_impossible(text: str) -> None:
         file = Path(folder) / FILE_NAME
         file.write_text(text, encoding="utf-8")
         try:
-            load_scenario(file)
+            scenario = load_scenario(file)
         except ScenarioError as mistakes:
             told = re.sub(rf"{re.escape(str(file))}:\d+: ", "", mistakes.message)
             raise UsageError(f"such a flight is not possible: {told}", hint="give other numbers") from None
+    places = offsets_ned_m(scenario)
+    size_m, apart_m = vehicle_size_m(scenario.vehicle), float(KDTree(places).query(places, k=2)[0][:, 1].min())
+    if apart_m < size_m:  # infinite for a single vehicle
+        raise UsageError(
+            f"such a flight is not possible: vehicles of {size_m:.2f} m would be {apart_m:g} m apart",
+            hint="give a greater --spacing",
+        )
