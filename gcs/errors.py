@@ -13,9 +13,13 @@ _LONG = re.compile(
 
 
 class GcsError(Exception):
-    """A failure in one sentence. `hint` is the next step for the operator, if there is one."""
+    """A failure in one sentence. `hint` is the next step for the operator, if there is one.
+
+    `folder` is that of the flight which failed, with its events and telemetry.
+    """
 
     exit_code = 1
+    folder: str | None = None
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         self.message, self.hint = for_people(message), for_people(hint)

@@ -65,19 +65,22 @@ class Screen:
         if self.json:
             self._object({"ok": True, **data})
 
-    def error(self, message: str, *, hint: str, kind: str, exit_code: int) -> None:
-        """Print what failed and what to do next: on stderr, or as the one object on stdout with `--json`."""
+    def error(self, message: str, *, hint: str, kind: str, exit_code: int, folder: str | None = None) -> None:
+        """Print what failed, what to do next and where it is recorded: on stderr, or as one object with `--json`."""
         if self.json:
             failure = {"kind": kind, "message": message, "hint": hint, "exit_code": exit_code}
-            self._object({"ok": False, "error": failure})
+            self._object({"ok": False, "error": failure} | ({} if folder is None else {"folder": folder}))
             return
         _line(sys.stderr, f"error: {message}")
         if hint:
             _line(sys.stderr, f"next: {hint}")
+        if folder is not None:
+            _line(sys.stderr, f"folder: {folder}")
 
     def failure(self, error: GcsError) -> None:
         """Print one of the errors of `gcs.errors`."""
-        self.error(error.message, hint=error.hint, kind=type(error).__name__, exit_code=error.exit_code)
+        kind, code = type(error).__name__, error.exit_code
+        self.error(error.message, hint=error.hint, kind=kind, exit_code=code, folder=error.folder)
 
     def stopped(self, exit_code: int) -> None:
         """Print that you stopped the command."""

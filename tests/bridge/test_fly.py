@@ -293,6 +293,8 @@ def test_a_low_battery_is_a_no_go_and_nothing_is_uploaded(
     assert done.returncode == 9, done.stdout + done.stderr
     assert "NO-GO" in done.stdout
     assert "no-go: vehicle 2: battery: has 20%" in done.stderr
+    (folder,) = tmp_path.iterdir()
+    assert f"\nfolder: {folder}\n" in done.stderr
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 

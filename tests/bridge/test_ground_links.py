@@ -148,6 +148,10 @@ def test_what_cannot_be_opened_is_said() -> None:
             async with Ground.open("/dev/nothing-there"):
                 pass
         assert parse_link_spec("/dev/nothing-there").port == 57600
+        with pytest.raises(LinkError) as caught:
+            async with Ground.open("serial:/dev/nothing-there:fast"):
+                pass
+        assert "the baud rate is the number after the last colon" in caught.value.hint
 
     run(scene())
 

@@ -222,6 +222,11 @@ def test_the_commands(
     code, _ = call("restore", told["record"])
     assert code == 0
     assert parameter(fleet, 1, name) == old
+    code, compared = call("diff", short_skein, "--untimed")
+    assert code == 11, "an upload would set parameters again"
+    assert any(line.startswith(f"parameter {name} required ") for line in compared["differences"]["1"])
+    code, compared = call("diff", short_skein, "--untimed", "--missions-only")
+    assert code == 0, compared
     (tmp_path / "not.json").write_text("{}")
     code, told = call("restore", tmp_path / "not.json")
     assert code == 6

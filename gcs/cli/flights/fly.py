@@ -101,7 +101,7 @@ def fly(
         typer.Option(
             "--nav",
             help="With --sim --mode mission: waypoint navigator of the emulated vehicles. own: that of the autopilot; "
-            "ideal: it keeps the plan's times; auto: own where it is predicted to meet [judge], else ideal.",
+            "ideal: it keeps the plan's times; auto: own where it is predicted to meet the table `judge`, else ideal.",
             autocompletion=one_of("auto", "own", "ideal"),
         ),
     ] = "auto",
@@ -118,7 +118,8 @@ def fly(
         typer.Option(
             "--reserve",
             metavar="SHARE",
-            help="With --link: least charge left after the flight, of a full battery; default [preflight] reserve.",
+            help="With --link: least charge left after the flight, of a full battery; default: `reserve` of the table "
+            "`preflight`.",
         ),
     ] = None,
     waive: Annotated[
@@ -139,7 +140,7 @@ def fly(
 ) -> int:
     """Plan a mission, upload it to every vehicle, read it back, fly it and judge the flight.
 
-    Exit status 0 when the flight met every criterion of the scenario's [judge], 10 when it did not, 9 when it was
+    Exit status 0 when the flight met every criterion of the scenario's table `judge`, 10 when it did not, 9 when it was
     aborted.
 
     Examples: gcs fly missions/simulation1 --sim

@@ -22,7 +22,7 @@ from gcs.cli.shared_options import (
     connection,
     within,
 )
-from gcs.errors import PeerError, PeerTimeout
+from gcs.errors import PeerError, PeerTimeout, counted
 
 if TYPE_CHECKING:
     from gcs.link.connection import Connection
@@ -79,6 +79,8 @@ def diff(
 ) -> int:
     """Compare what vehicles have on board with a plan; change nothing.
 
+    It compares missions, fences, rally points and the parameters that an upload sets.
+
     Exit status 0 when every vehicle has what the plan requires, 11 when there are differences.
 
     Examples: gcs diff missions/field --link udpin:127.0.0.1:14550
@@ -92,7 +94,7 @@ def diff(
     plan, _ = plan_for(mission, screen, watch, unverified=unverified)
     found = Stoppable().run(_differences(plan, known, backend, timed=not untimed, safety=not missions_only))
     for sysid, lines in found.items():
-        screen.say(f"vehicle {sysid}: " + (f"{len(lines)} differences" if lines else "as planned"))
+        screen.say(f"vehicle {sysid}: " + (counted(len(lines), "difference") if lines else "as planned"))
         for line in lines[:_SHOWN]:
             screen.say(f"  {line}")
         if len(lines) > _SHOWN:
@@ -126,14 +128,19 @@ async def _differences(
 
     from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.fleet_upload.onboard import read_onboard
+    from gcs.link.fleet_upload.upload_fleet import preview
 
     async with known.open_backend(backend) as fleet:
         sessions = await fleet.vehicles(plan.sysids, FIND_S, systems=known.systems)
         autopilots = {sysid: s.autopilot for sysid, s in sessions.items()}
         loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety)
         every = await asyncio.gather(*(read_onboard(sessions[load.sysid]) for load in loads))
+        changes = await preview(sessions, loads)
         fleet.check()
-    return {held.sysid: held.differences(load) for held, load in zip(every, loads, strict=True)}
+    return {
+        held.sysid: held.differences(load) + [change.difference for change in changes if change.sysid == held.sysid]
+        for held, load in zip(every, loads, strict=True)
+    }
 
 
 def _write(to: Path, every: list[OnboardState]) -> list[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from gcs.errors import FileFormatError, UsageError
+from gcs.errors import FileFormatError, GcsError, UsageError
 from gcs.files import atomic_write
 from gcs.flight.options import FlightMode
 from gcs.flight.progress import Step
@@ -60,7 +60,7 @@ def held_folder(folder: Path) -> Iterator[None]:
     """Hold the folder of a flight: one process flies it at a time. Raises UsageError if another one holds it.
 
     The system ends this with the process, however it ends. Where folders cannot be locked, the process number in
-    `flight.json` decides.
+    `flight.json` decides. An error within names the folder.
     """
     handle: int | None = None
     try:
@@ -75,7 +75,11 @@ def held_folder(folder: Path) -> Iterator[None]:
         with suppress(FileFormatError):
             if _still_runs(read_flight_state(folder).pid, folder / NAME):
                 raise _held_by_another(folder)
-        yield
+        try:
+            yield
+        except GcsError as error:
+            error.folder = str(folder)
+            raise
     finally:
         if handle is not None:
             os.close(handle)

@@ -141,7 +141,8 @@ def _pad(now: _Situation) -> _Measured:
     nearest, own_m = int(np.argmin(away_m)), float(away_m[now.row])
     sure_m = _CONFUSED_M[now.report.fix_type == _RTK_FIXED]
     wrong = nearest != now.row and own_m - away_m[nearest] > sure_m
-    text = f"{own_m:.2f} m away" + (f", on the pad of vehicle {now.plan.sysids[nearest]}" if wrong else "")
+    there = wrong and away_m[nearest] <= now.limits.pad_m
+    text = f"{own_m:.2f} m away" + (f", on the pad of vehicle {now.plan.sysids[nearest]}" if there else "")
     return _Measured(text, bool(not wrong and own_m <= now.limits.pad_m))
 
 

@@ -6,6 +6,8 @@ A name is `udpin:HOST:PORT` (listen for vehicles), `udpout:HOST:PORT` (call a pe
 
 from __future__ import annotations
 
+import re
+import string
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -18,6 +20,9 @@ Receive = Callable[[bytes, Address], None]
 
 DEFAULT_SPEC = "udpin:127.0.0.1:14550"
 DEFAULT_BAUD = 57_600  # the default of telemetry radios
+
+_KINDS_ELSEWHERE = {"udp": "udpin", "udpcl": "udpout", "udpbcast": "udpout", "tcpout": "tcp"}
+_DEVICE_COMMA_BAUD = re.compile(r"(?:serial:)?(/dev/[^,]+),(\d+)", re.ASCII)
 
 
 class LinkMode(Enum):
@@ -78,6 +83,9 @@ def parse_link_spec(text: str) -> LinkSpec:
     Raises `UsageError` that quotes the text and shows an example.
     """
     hint = f"write for example {DEFAULT_SPEC}, tcp:127.0.0.1:5760 or serial:/dev/ttyUSB0:{DEFAULT_BAUD}"
+    meant = _own_name(text)
+    if meant:
+        raise UsageError(f"{text!r} does not name a link here; other programs write links so.", hint=f"write {meant}")
     kind, _, rest = text.partition(":")
     try:
         mode = LinkMode(kind)
@@ -85,7 +93,7 @@ def parse_link_spec(text: str) -> LinkSpec:
         mode, rest = LinkMode.SERIAL if text.startswith("/dev/") else LinkMode.LISTEN, text
     if mode is LinkMode.SERIAL:
         return _serial(text, rest, hint)
-    if lacks_brackets(rest):
+    if lacks_brackets(rest) and (rest is not text or not set(kind) - set(string.hexdigits)):
         hint = f"write an IPv6 host in brackets, for example {mode.value}:[::1]:14550; else write {DEFAULT_SPEC}"
     host, port_text = split_host_port(rest) or ("", "")
     if not host:
@@ -96,6 +104,21 @@ def parse_link_spec(text: str) -> LinkSpec:
     if not (port_text.isascii() and port_text.isdigit() and len(port_text) < 9 and least <= int(port_text) < 65536):
         raise UsageError(f"{text!r} does not name a link: the port must be a number from 1 to 65535.", hint=hint)
     return LinkSpec(mode, host, int(port_text))
+
+
+def _own_name(text: str) -> str:
+    """The name here of a link as MAVProxy, pymavlink (`udp:`, `/dev/x,57600`) or MAVSDK (`udp://:14540`) write it."""
+    device = _DEVICE_COMMA_BAUD.fullmatch(text)
+    if device:
+        return f"serial:{device[1]}:{device[2]}"
+    kind, _, rest = text.partition(":")
+    own, place = _KINDS_ELSEWHERE.get(kind, kind), rest.removeprefix("//")
+    if own == kind and (place == rest or own not in {mode.value for mode in LinkMode}):
+        return ""
+    host, _, port = place.rpartition(":")
+    if own == LinkMode.SERIAL.value:
+        return f"serial:{place}"
+    return f"{own}:{host or '0.0.0.0'}:{port}" if port.isascii() and port.isdigit() else DEFAULT_SPEC
 
 
 def _serial(text: str, rest: str, hint: str) -> LinkSpec:

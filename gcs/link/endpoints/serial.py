@@ -9,7 +9,7 @@ from contextlib import suppress
 import serial
 
 from gcs.errors import LinkError, ProtocolMisuse
-from gcs.link.endpoints.base import LinkSpec, Receive
+from gcs.link.endpoints.base import DEFAULT_BAUD, LinkSpec, Receive
 from gcs.link.endpoints.ip_address import Address
 
 _REOPEN_S = 1.0
@@ -43,9 +43,12 @@ class SerialEndpoint:
         try:
             self._open()
         except (OSError, ValueError) as error:
+            hint = "check the device name and your permission (group dialout), and close other programs that use it"
+            if ":" in self.spec.host:  # of a device by its path, or of a baud rate that is no number
+                hint = f"the baud rate is the number after the last colon, for example {DEFAULT_BAUD}; else {hint}"
             raise LinkError(
                 f"the serial line {self.spec.host} cannot be opened at {self.spec.port} baud: {_reason(error)}.",
-                hint="check the device name and your permission (group dialout), and close other programs that use it",
+                hint=hint,
             ) from error
 
     def send(self, data: bytes, address: Address | None = None) -> None:

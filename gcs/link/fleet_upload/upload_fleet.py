@@ -33,6 +33,11 @@ class ParameterChange:
     before: Parameter
     after: Parameter
 
+    @property
+    def difference(self) -> str:
+        """The values required by a load and on board, in words."""
+        return f"parameter {self.before.name} required {self.after.value:g}, on board {self.before.value:g}"
+
 
 @dataclass(frozen=True)
 class Holdings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from gcs.cli import main
 from gcs.cli.console import Screen, to_json
 from gcs.cli.shared_options import DebugOption, JsonOption
 from gcs.errors import PeerTimeout, ScenarioError
+from gcs.flight.recording.flight_state import held_folder
 
 # typer brings pydantic itself.
 HEAVY = {"numpy", "casadi", "scipy", "pymavlink", "matplotlib", "pymap3d", "filterpy", "mavsdk", "gcs.scenario"}
@@ -125,6 +127,28 @@ def test_our_errors_end_with_their_code(
     assert err == ""
     assert main.run(["x", "--debug"]) == code
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_an_error_in_a_flight_names_its_folder_in_both_forms(
+    with_command: Callable[[Ending], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def ending() -> None:
+        with held_folder(tmp_path):
+            raise PeerTimeout("silent", hint="mend it")
+
+    with_command(ending)
+    assert main.run(["x"]) == 8
+    assert capsys.readouterr() == ("", f"error: silent\nnext: mend it\nfolder: {tmp_path}\n")
+    assert main.run(["x", "--json"]) == 8
+    assert json.loads(capsys.readouterr().out)["folder"] == str(tmp_path)
+
+
+def test_no_help_has_words_in_brackets_which_its_screen_would_leave_out() -> None:
+    every = typer.main.get_command(main.app)
+    assert isinstance(every, typer.core.TyperGroup)
+    for name, command in every.commands.items():
+        texts = [command.help or "", *(getattr(option, "help", None) or "" for option in command.params)]
+        assert [text for text in texts if re.search(r"\[[a-z]", text)] == [], name
 
 
 def test_a_bug_asks_for_a_report(with_command: Callable[[Ending], None], capsys: pytest.CaptureFixture[str]) -> None:

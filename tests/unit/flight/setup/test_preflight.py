@@ -89,6 +89,15 @@ def test_a_vehicle_far_from_its_pad_is_told_by_how_much(simulation1_plan, report
     assert bad.measured.startswith("20.0")
 
 
+def test_a_vehicle_far_from_all_pads_is_on_the_pad_of_none(simulation1_plan, reports):
+    for row, sysid in enumerate(simulation1_plan.sysids):
+        far = moved(simulation1_plan, row, 300.0)
+        reports[sysid] = replace(reports[sysid], position=far, home=far)
+    pads = [c for c in preflight(simulation1_plan, reports) if c.name == "pad"]
+    assert [c.measured for c in pads] == ["300.00 m away"] * len(pads)
+    assert not any(c.ok for c in pads)
+
+
 def test_two_vehicles_on_each_others_pads_are_noticed_as_far_as_their_receivers_can(simulation1_plan, reports):
     first, second = simulation1_plan.sysids[:2]
     one, other = reports[first].position, reports[second].position
