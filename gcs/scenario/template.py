@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import get_args
+from typing import Protocol, get_args
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -25,6 +25,7 @@ from gcs.scenario.schema.formation_table import Generator
 from gcs.scenario.schema.scenario import OriginTable, Scenario
 from gcs.scenario.si import offsets_ned_m
 
+FORMATION = "FORMATION"
 SHAPES: tuple[Generator, ...] = get_args(Generator)
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 _LONGEST_M = 20_000.0
@@ -38,6 +39,13 @@ east_m = @EAST@
 radius_m = @RADIUS@               # or polygon_m = [[north, east], ...]
 # moves = [[0.0, 0.0, 0.0], [90.0, 0.0, 20.0]]  # displacement: [t s, north m, east m]
 """
+
+
+class Flight(Protocol):
+    """A flight that can be written as a scenario."""
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@; FORMATION replaces the table [formation] and what follows."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +152,7 @@ def scenario_text(
     alt_amsl_m: float,
     *,
     full: bool = False,
-    flight: FirstFlight | None = None,
+    flight: Flight | None = None,
 ) -> str:
     """The text of a scenario named after its folder, at a place on Earth; `full` has every table, commented.
 
@@ -169,6 +177,8 @@ def scenario_text(
     text = (files("gcs.scenario") / template).read_text(encoding="utf-8")
     filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
     filled |= (flight or FirstFlight()).keys()
+    text, table, formation = text.partition("[formation]")
+    text += filled[FORMATION] if FORMATION in filled else table + formation
     text = "\n".join(_filled(line, filled) for line in text.split("\n"))
     tomllib.loads(text)
     if flight is not None:

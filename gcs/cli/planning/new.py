@@ -72,6 +72,25 @@ def new(
         float | None,
         typer.Option("--height", metavar="METRES", help="Height of the flight above the origin.", show_default="15"),
     ] = None,
+    positions: Annotated[
+        Path | None,
+        typer.Option(
+            "--positions",
+            metavar="FILE.csv",
+            help="Sheet with the places of all vehicles on the ground: number, x (east), y (north), z (height) in m, "
+            "or number, latitude, longitude, height. Instead of --shape.",
+            show_default=False,
+        ),
+    ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--shapes",
+            metavar="FILE.csv",
+            help="With --positions: sheet with a shape to take on the way. Repeat it for several.",
+            show_default=False,
+        ),
+    ] = None,
     full: Annotated[bool, typer.Option("--full", help="Write every table, with comments.")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -80,11 +99,16 @@ def new(
 
     Without options the flight passes a no-fly zone; with any of --count to --height it has none.
 
+    With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); a sheet with a mistake is refused,
+    with its rows. --spacing is then the least distance that is allowed, and --count the number that must be there.
+
     Examples: gcs new plans/first
 
     gcs new plans/line --at 47.39,8.54 --count 4 --shape line --spacing 8 --course north-east --distance 400
 
     gcs new plans/there --at 47.39,8.54 --end 47.393,8.546
+
+    gcs new plans/show --at 46.95,7.44,540 --positions grid.csv --shapes star.csv --shapes ring.csv --height 40
 
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
@@ -93,6 +117,11 @@ def new(
     end_deg = None if end is None else parse_place(end, "--end")[:2]
     if end_deg is not None and (course is not None or distance is not None):
         raise UsageError("--end gives the course and the distance.", hint="leave out --course and --distance")
+    if positions is not None and (shape is not None or full):
+        wrong = "--full" if full else "--shape"
+        raise UsageError(f"--positions and {wrong} exclude each other.", hint=f"leave out {wrong}")
+    if shapes and positions is None:
+        raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
     given: dict[str, Any] = {
         "count": count,
         "shape": shape,
@@ -105,7 +134,7 @@ def new(
     lat_deg, lon_deg, alt_amsl_m = _ORIGIN if at is None else parse_place(at)
     from gcs.files import atomic_write
     from gcs.scenario.load import FILE_NAME
-    from gcs.scenario.template import FirstFlight, scenario_text, straight_to
+    from gcs.scenario.template import FirstFlight, Flight, scenario_text, straight_to
 
     file = folder / FILE_NAME
     if file.exists():
@@ -113,7 +142,13 @@ def new(
     if end_deg is not None:
         given |= straight_to(end_deg, (lat_deg, lon_deg))
     wanted = {key: value for key, value in given.items() if value is not None}
-    flight = FirstFlight(**wanted) if wanted else None
+    flight: Flight | None = FirstFlight(**wanted) if wanted else None
+    if positions is not None:
+        from gcs.cli.planning.new_from_sheets import flight_of_sheets
+
+        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
+        flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
+        lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
     screen.say(f"wrote {file}")
     if alt_amsl_m is None:

@@ -1,0 +1,1 @@
+"""Positions and shapes from spreadsheets (CSV), and the scenario that they make."""
