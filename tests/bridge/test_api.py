@@ -23,7 +23,7 @@ def test_the_example_plans_exports_and_flies(short_mission: Path, tmp_path: Path
     assert len(block.code.splitlines()) <= 10
     code = block.code.replace(MISSION, repr(str(short_mission)))
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=200, check=False
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, done.stderr
     folder, held, rms_m = done.stdout.split()

@@ -50,7 +50,7 @@ def left_alone(hop_mission: Path, tmp_path: Path) -> Iterator[tuple[World, Path]
 
 def attach(*arguments: str) -> dict[str, object]:
     done = subprocess.run(
-        [*GCS, "attach", *arguments, "--json"], capture_output=True, text=True, timeout=300.0, check=False
+        [*GCS, "attach", *arguments, "--json"], capture_output=True, text=True, timeout=600.0, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     found: dict[str, object] = json.loads(done.stdout)

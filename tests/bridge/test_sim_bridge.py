@@ -332,7 +332,7 @@ def test_the_command_says_when_it_is_ready_and_leaves_the_truth(repo_root, tmp_p
         process.stdin.close()
     else:
         process.send_signal(signal.Signals[ending])
-    assert process.wait(120.0) == 0
+    assert process.wait(600.0) == 0
     assert process.stderr.read() == ""
     with np.load(truth) as record:
         vehicles, instants, _ = record["state"].shape

@@ -34,7 +34,7 @@ def furthest_m(world: World, plan: Plan, t0_unix_s: float) -> float:
     truth, read = world.truth, queue.SimpleQueue[tuple[Array, Array]]()
     assert truth is not None
     world.call(lambda: read.put((truth.t_s, truth.state[..., POSITION])))
-    at_s, states = read.get(timeout=60.0)
+    at_s, states = read.get(timeout=300.0)
     t_s = at_s + EPOCH_UNIX_S - t0_unix_s
     flown = (t_s >= 0.0) & (t_s <= plan.flight_s)
     return float(np.linalg.norm(states[:, flown] - plan.states(t_s[flown])[..., POSITION], axis=-1).max())

@@ -171,7 +171,7 @@ def limited(*arguments: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-c", LIMITED.format(limit=LIMIT), *arguments],
         capture_output=True,
         text=True,
-        timeout=120.0,
+        timeout=600.0,
         check=False,
         env=None,
     )
