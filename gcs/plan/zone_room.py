@@ -7,7 +7,6 @@ beside a zone that is near the ends of the flight, and none where no route keeps
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +19,7 @@ from gcs.scenario.navigation_error import planned_margin_m
 from gcs.scenario.schema.scenario import NoFlyZone, Scenario
 from gcs.scenario.si import NED_FROM_UP, hover_start_ned_m, leader_index, offsets_ned_m
 
-SHARES = (1.0, 0.5, 0.0)  # of the margin, tried in turn
+_SMALLER_SHARE = 0.5  # of the margin, where the whole margin leaves no way
 _KEPT_FREE_M = 0.05  # between a widened zone and the places that a flight cannot avoid
 _EVERY_S = 0.1
 Found = TypeVar("Found")
@@ -42,17 +41,21 @@ def without_room(scenario: Scenario) -> Scenario:
 
 
 def first_with_room(scenario: Scenario, found_in: Callable[[Scenario], Found]) -> Found:
-    """What `found_in` returns for the scenario with the largest zones for which it does not raise PlanningError."""
-    shares = SHARES if scenario.no_fly and scenario.limits.zone_margin_m is None else SHARES[:1]
-    tried = [with_room(scenario, share) for share in shares]
-    for roomy, smaller in pairwise(tried):
-        if roomy.no_fly == smaller.no_fly:
-            continue
-        try:
-            return found_in(roomy)
-        except PlanningError:
-            continue
-    return found_in(tried[-1])
+    """What `found_in` returns for the scenario with zones as large as may be.
+
+    Where it raises PlanningError with the whole margin and without any, the zones' margin is not what stands in the way.
+    """
+    roomy, bare = with_room(scenario), without_room(scenario)
+    if roomy.no_fly == bare.no_fly:
+        return found_in(roomy)
+    try:
+        return found_in(roomy)
+    except PlanningError:
+        found = found_in(bare)
+    try:
+        return found_in(with_room(scenario, _SMALLER_SHARE))
+    except PlanningError:
+        return found
 
 
 def kept_room(plan: Plan) -> Scenario:
