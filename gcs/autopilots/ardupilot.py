@@ -60,6 +60,21 @@ def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
     )
 
 
+_REASONS = {
+    "RTL_ALT": "a return height for each vehicle",
+    "RTL_ALT_FINAL": "land after the return",
+    "RTL_CLIMB_MIN": "climb to RTL_ALT, no higher",
+    "RTL_CONE_SLOPE": "near home too, climb to RTL_ALT",
+    "RTL_SPEED": "speed of verified returns",
+    "RTL_LOIT_TIME": "verified returns wait so long",
+    "WPNAV_SPEED_UP": "climb of verified returns",
+    "WPNAV_SPEED_DN": "descent of verified returns",
+    "FENCE_ENABLE": "the uploaded fence is in force",
+    "FENCE_TYPE": "ceiling and areas, no home circle",
+    "FENCE_ALT_MAX": "10 m above the highest return",
+}
+
+
 # Its published sources: every failsafe announces itself by a text. Only some set system_status, the fence does not.
 _FAILSAFE = FailsafeSigns(
     texts=(
@@ -209,6 +224,7 @@ ARDUPILOT = AutopilotTraits(
         # In RTL the action RTL changes nothing; LAND is for breaches of more than 100 m (AC_FENCE_GIVE_UP_DISTANCE).
         at_fence="flies on through the zone (FENCE_ACTION 1, RTL), or lands where it is 100 m inside",
         parameters=_return_parameters,
+        reasons=_REASONS,
     ),
     flight=FlightBehaviour(
         guided=CopterMode.GUIDED,

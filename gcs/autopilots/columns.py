@@ -83,6 +83,7 @@ class ReturnBehaviour:
     default_altitude_m: float
     at_fence: str  # what it does where its return meets an exclusion of its fence, in words: "it ..."
     parameters: Callable[[ReturnSettings], ReturnParameters]  # ints for whole-number parameters
+    reasons: Mapping[str, str]  # why an upload sets each of these parameters, for the operator
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from gcs.autopilots.columns import RenamedParameter
-from gcs.autopilots.traits import Autopilot, link_behaviour
+from gcs.autopilots.traits import Autopilot, link_behaviour, traits_of
 
 _DECIMALS = 6  # of a value in another unit: 0.29 m are 29 cm
 
@@ -29,6 +29,13 @@ def spellings(autopilot: int, name: str, version: int | None = None) -> tuple[st
     if (version >> 24 & 0xFF, version >> 16 & 0xFF) < renaming.since:
         return (renamed.old,)
     return renamed.new, renamed.old
+
+
+def reason_for(autopilot: int, name: str) -> str:
+    """Return why an upload sets a parameter, under any of its names; empty for one that uploads do not set."""
+    row = traits_of(autopilot)
+    reasons = {} if row is None else row.returns.reasons
+    return next((reasons[known] for known in (name, *spellings(autopilot, name)) if known in reasons), "")
 
 
 def in_units_of(autopilot: int, wanted: str, name: str, value: int | float) -> int | float:

@@ -65,6 +65,20 @@ def _return_parameters(wanted: ReturnSettings) -> ReturnParameters:
     )
 
 
+_REASONS = {
+    "RTL_TYPE": "return to home or a rally point",
+    "RTL_RETURN_ALT": "a return height for each vehicle",
+    "RTL_DESCEND_ALT": "from here on, descend slowly",
+    "RTL_CONE_ANG": "near home too, climb to that height",
+    "RTL_LAND_DELAY": "verified returns wait so long",
+    "MPC_XY_CRUISE": "speed of verified returns",
+    "MPC_Z_V_AUTO_UP": "climb of verified returns",
+    "MPC_Z_V_AUTO_DN": "descent of verified returns",
+    "MIS_TAKEOFF_ALT": "end of climb, not above the hover",
+    "GF_MAX_VER_DIST": "10 m above the highest return",
+}
+
+
 def _landing_profile(values: Mapping[str, float]) -> LandingProfile:
     """Linear from MPC_Z_V_AUTO_DN at MPC_LAND_ALT1 to MPC_LAND_SPEED at MPC_LAND_ALT2; it crawls just above the ground.
 
@@ -188,6 +202,7 @@ PX4 = AutopilotTraits(
         default_altitude_m=60.0,  # RTL_RETURN_ALT
         at_fence="stops and holds (GF_ACTION 2, Hold)",  # recorded: "Failsafe activated", and it hovers there
         parameters=_return_parameters,
+        reasons=_REASONS,
     ),
     flight=FlightBehaviour(
         guided=PX4_OFFBOARD,

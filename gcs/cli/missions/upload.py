@@ -141,6 +141,7 @@ async def _upload(
     dry_run: bool,
     watch: Stopwatch,
 ) -> tuple[Holdings | None, tuple[ParameterChange, ...]]:
+    from gcs.autopilots.parameter_names import reason_for
     from gcs.flight.setup.build_loads import loads_built_aside
     from gcs.link.fleet_upload.upload_fleet import preview, upload_fleet
 
@@ -151,7 +152,8 @@ async def _upload(
         loads = await loads_built_aside(plan, autopilots, timed=timed, safety=safety, warn=screen.warn)
         watch.lap("missions")
         changes = await preview(sessions, loads)
-        _show(screen, changes)
+        why = {(c.sysid, c.before.name): reason_for(autopilots[c.sysid], c.before.name) for c in changes}
+        _show(screen, changes, why)
         watch.lap("parameters")
         if dry_run:
             return None, changes
@@ -163,15 +165,15 @@ async def _upload(
         return held, held.changes
 
 
-def _show(screen: Screen, changes: tuple[ParameterChange, ...]) -> None:
+def _show(screen: Screen, changes: tuple[ParameterChange, ...], why: dict[tuple[int, str], str]) -> None:
     if not changes:
         return
     from rich.table import Table
 
-    table = Table("vehicle", "parameter", "old value", "new value", title="parameters that change")
+    table = Table("vehicle", "parameter", "old", "new", "why", title="parameters that change")
     for change in changes:
         before, after = f"{change.before.value:g}", f"{change.after.value:g}"
-        table.add_row(str(change.sysid), change.before.name, before, after)
+        table.add_row(str(change.sysid), change.before.name, before, after, why[change.sysid, change.before.name])
     screen.show(table)
 
 

@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.autopilots.parameter_names import has_new_names, in_units_of, spellings, system_id_names, with_new_names
+from gcs.autopilots.columns import ReturnSettings
+from gcs.autopilots.parameter_names import (
+    has_new_names,
+    in_units_of,
+    reason_for,
+    spellings,
+    system_id_names,
+    with_new_names,
+)
 from gcs.autopilots.traits import Autopilot
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader
@@ -117,3 +125,14 @@ def _read(names: list[str], there: dict[str, tuple[float, int]], version: int | 
     assert reader.done
     assert reader.error is None
     return reader.values
+
+
+@pytest.mark.parametrize("known", list(Autopilot))
+def test_the_operator_is_told_why_an_upload_sets_each_parameter(known: Autopilot) -> None:
+    settings = ReturnSettings(15.0, 5.0, 1.5, 1.5, 5.0, 38.0, 15.0)
+    names = [name for name, _ in known.traits.returns.parameters(settings)]
+    assert list(known.traits.returns.reasons) == names
+    for name in names:
+        for spelling in spellings(known, name):
+            assert 0 < len(reason_for(known, spelling)) <= 35, "it stands in a table of 80 columns"
+    assert reason_for(known, "SYSID_THISMAV") == reason_for(99, names[0]) == ""
