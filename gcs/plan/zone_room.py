@@ -43,7 +43,7 @@ def without_room(scenario: Scenario) -> Scenario:
 def first_with_room(scenario: Scenario, found_in: Callable[[Scenario], Found]) -> Found:
     """What `found_in` returns for the scenario with zones as large as may be.
 
-    Where it raises PlanningError with the whole margin and without any, the zones' margin is not what stands in the way.
+    Where it raises PlanningError with the whole margin and without any, the margin is not what hinders.
     """
     roomy, bare = with_room(scenario), without_room(scenario)
     if roomy.no_fly == bare.no_fly:
