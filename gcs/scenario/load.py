@@ -27,6 +27,7 @@ from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
+_SHEETS = (".csv", ".xlsx", ".xls", ".ods")
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS_MAX}}}""")
 
@@ -199,6 +200,11 @@ def _missions_near(path: Path) -> str:
 
 def _read(file: Path) -> str:
     kind = SCENARIO_JSON if file.suffix == ".json" else SCENARIO_TOML
+    if file.suffix.lower() in _SHEETS:
+        raise ScenarioError(
+            f"{file}: is a sheet, not a scenario",
+            hint="save it as CSV, and make a scenario of it: gcs new NAME --positions FILE.csv",
+        )
     try:
         return read_file(file, kind, error=ScenarioError, hint="check the path and its permissions").decode()
     except UnicodeDecodeError as error:

@@ -44,7 +44,8 @@ def export(
         typer.Option(
             "--format",
             metavar="NAME",
-            help=f"What to write; repeat it for several: {', '.join(row.name for row in FORMATS)}, or {ALL}.",
+            help="What to write; several with commas, or repeat it: "
+            f"{', '.join(row.name for row in FORMATS)}, or {ALL}.",
             show_default=", ".join(row.name for row in DEFAULT),
             autocompletion=one_of(*(row.name for row in FORMATS), ALL),
         ),
@@ -122,7 +123,8 @@ def export(
         MissionOrder(fleet, Altitude(altitude), not untimed, gates, start_s).refuse_impossible()
         refuse_foreign(to.resolve())
 
-    wanted = select_formats(formats) if formats else None
+    names = [name for given in formats or () for name in given.replace(",", " ").split()]
+    wanted = select_formats(names) if formats else None
     watch = Stopwatch(BEGAN_S)
     watch.lap("start")
     plan, report = plan_for(mission, screen, watch, unverified=unverified, from_the_air=True, refuse=refuse)

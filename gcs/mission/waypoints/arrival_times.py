@@ -75,7 +75,8 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
     if rows == slice(None) and len(plan.sysids) > VEHICLES_MAX:
         raise VerificationError(
             f"{len(plan.sysids)} vehicles need legs of their own; speeds are corrected for at most {VEHICLES_MAX}.",
-            hint="fly the setpoint stream (--format setpoints): it keeps path and time",
+            hint="fly the setpoint stream (--format setpoints): it keeps path and time; --untimed writes missions with "
+            "the plan's own speeds, to look at in other ground stations",
         )
     sampled = _Samples.of(plan, rows)
     stops = _gate_samples(sampled.t_s, gates)

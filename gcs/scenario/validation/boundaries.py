@@ -1,7 +1,8 @@
 """Rules about both ends of the flight: box, ground clearance, no-fly zones, pads, run-up, take-off and landing.
 
-The formation at the end is known where it keeps its shape or returns to it. Otherwise these rules check the leader
-alone, and the verification of the plan checks the others.
+The formation at the end is known where it keeps its shape. Where it ends in a named shape, its places are known, but
+not which vehicle takes which. Otherwise these rules check the leader alone, and the verification of the plan checks the
+others.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 from gcs.scenario.environment.no_fly import outside_m
@@ -25,6 +27,7 @@ from gcs.scenario.si import (
     offsets_ned_m,
     pads_ned_m,
     quadrotor,
+    shape_offsets_ned_m,
     sysids,
 )
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
@@ -80,6 +83,42 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
                 own = end.boundary.position_m[axis]
                 step = _into_the_box(end.table, axis, key, own, along, (low, high))
                 yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
+
+
+@RULES.needs("end", "formation", "limits")
+def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
+    name, limits, end = _last_shape(scenario), scenario.limits, scenario.end
+    if name is None:
+        return
+    places_m = _last_places_up_m(scenario, name)
+    for axis, (key, (low, high)) in enumerate(
+        (("north_m", limits.north_m), ("east_m", limits.east_m), ("height_m", limits.height_m))
+    ):
+        along, own = places_m[:, axis], end.position_m[axis]
+        outside = int(np.count_nonzero((along < low - SLACK) | (along > high + SLACK)))
+        if outside and low <= own <= high:  # else the rule about the leader reports it
+            text = (
+                f"puts {counted(outside, 'place')} of the last shape, {name}, outside limits.{key}, {plain(low)} to "
+                f"{plain(high)}; the shape would reach from {plain(along.min())} to {plain(along.max())}"
+            )
+            step = _into_the_box("end", axis, key, own, along, (low, high))
+            yield Mistake(("end", "position_m", axis), text, own, remedy=step)
+
+
+@RULES.needs("end", "formation", "no_fly", "time")
+def _last_shape_is_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
+    name = _last_shape(scenario)
+    if name is None:
+        return
+    places_m, leader = _last_places_up_m(scenario, name), leader_index(scenario)
+    for index, zone in enumerate(scenario.no_fly):
+        outside = outside_m(zone, np.array(scenario.time.flight_s), places_m[:, 0], places_m[:, 1])
+        if outside.min() < -SLACK <= outside[leader]:  # else the rule about the leader reports it
+            key = "radius_m" if zone.polygon_m is None else "polygon_m"
+            inside, deep_m = int(np.count_nonzero(outside < -SLACK)), -float(outside.min())
+            text = f"contains {counted(inside, 'place')} of the last shape, {name}, at the end, {deep_m:.2f} m inside"
+            step = f"move the zone or [end] apart by more than {_up(deep_m, 0.1):.1f} m"
+            yield Mistake(("no_fly", index, key), text, zone.radius_m, remedy=step)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain")
@@ -227,6 +266,21 @@ def _rows_known_at_end(scenario: Scenario) -> list[int]:
     if scenario.formation.ends_in_start_shape:
         return list(range(len(sysids(scenario))))
     return [leader_index(scenario)]
+
+
+def _last_shape(scenario: Scenario) -> str | None:
+    """The name of the shape in which the formation ends, where changes at their times make it so."""
+    formation = scenario.formation
+    scheduled = [change for change in formation.change if not change.auto]
+    if formation.frame != "inertial" or not scheduled:
+        return None
+    if len(scheduled) > 1 and any(change.at_s is None for change in scheduled):
+        return None  # which one is the last is known when the leader's track is
+    return scheduled[-1].to
+
+
+def _last_places_up_m(scenario: Scenario, name: str) -> Array:
+    return np.asarray(np.array(scenario.end.position_m) + shape_offsets_ned_m(scenario, name) * NED_FROM_UP)
 
 
 def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:

@@ -116,6 +116,7 @@ def test_another_autopilot(exported: Path, capsys: pytest.CaptureFixture[str]) -
         (["export", "x", "--to", "y", "--autopilot", "inav"], 2, "give one of ardupilot, px4"),
         (["export", "x", "--to", "y", "--altitude", "up"], 2, "give one of relative, amsl, terrain"),
         (["export", "x", "--to", "y", "--format", "skyc"], 2, "there is no format 'skyc'"),
+        (["export", "x", "--to", "y", "--format", "plan, kml,skyc"], 2, "there is no format 'skyc'"),
     ],
 )
 def test_what_cannot_be_meant(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.cli import main
-from gcs.errors import UsageError
+from gcs.errors import ScenarioError, UsageError
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.reading.bounded_file import POSITION_SHEET
 from gcs.scenario import si
@@ -154,3 +154,9 @@ def test_options_that_say_the_same_are_refused(capsys: pytest.CaptureFixture[str
         assert "exclude each other" in capsys.readouterr().err
     assert gcs("new show --shapes star.csv") == UsageError.exit_code
     assert "--shapes needs --positions" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["show", "plan"])
+def test_a_sheet_in_place_of_a_scenario_is_told(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs(f"{command} grid.csv") == ScenarioError.exit_code
+    assert "gcs new NAME --positions FILE.csv" in capsys.readouterr().err

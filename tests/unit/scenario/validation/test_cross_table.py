@@ -61,6 +61,30 @@ def test_one_rule_broken(data: dict[str, Any], path: tuple[Any, ...], value: Any
     assert says in found[key]
 
 
+SQUARE = [[0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [8.0, 0.0, 0.0], [8.0, 4.0, 0.0]]
+
+
+def ending_in_a_square(data: dict[str, Any], east_m: list[float], no_fly: list[dict[str, float]]) -> list[str]:
+    formation = data["formation"] | {
+        "shape": [{"name": "square", "offsets_m": SQUARE}],
+        "change": [{"kind": "reshape", "to": "square", "at_s": 60.0}],
+    }
+    changed = data | {"formation": formation, "limits": data["limits"] | {"east_m": east_m}, "no_fly": no_fly}
+    found = check(Scenario.model_validate(changed))
+    return [str(one) for one in found if "last shape" in str(one)]
+
+
+def test_a_last_shape_beyond_the_box_is_seen_before_anything_is_planned(data: dict[str, Any]) -> None:
+    north_m, east_m = data["end"]["position_m"][:2]
+    low = data["limits"]["east_m"][0]
+    assert ending_in_a_square(data, [low, east_m + 4.0], []) == []
+    (told,) = ending_in_a_square(data, [low, east_m + 3.0], [])
+    assert "puts 3 places of the last shape, square, outside limits.east_m" in told
+    zone = {"north_m": north_m + 8.0, "east_m": east_m + 4.0, "radius_m": 1.0}
+    (told,) = ending_in_a_square(data, [low, east_m + 4.0], [zone])
+    assert "contains 1 place of the last shape, square, at the end, 1.00 m inside" in told
+
+
 def test_a_mountain_in_the_run_up_is_seen(data: dict[str, Any]) -> None:
     for name, value in (("north_m", -8.0), ("east_m", -9.0), ("height_m", 6.0), ("spread_north_m", 3.0)):
         data["terrain"]["mountains"][name].append(value)
