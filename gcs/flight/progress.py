@@ -67,6 +67,7 @@ class Snapshot:
     unix_s: float | None = None  # the vehicles' common GNSS time
     nearest: NearestPair | None = None  # the pair of `separation_m`
     separation_min_m: float = math.nan  # the limit of `[judge]`
+    lacks: Mapping[int, str] = field(default_factory=dict)  # what a vehicle is not ready for want of; empty: ready
 
 
 @dataclass(frozen=True)

@@ -119,9 +119,19 @@ async def _say_progress(screen: Screen, flight: InFlight) -> None:
         snapshot = flight.snapshot()
         now_s = asyncio.get_running_loop().time()
         if snapshot.phase != last_line or now_s >= due_s:
+            waiting = _waiting(snapshot) if snapshot.phase == last_line else ""
             last_line, due_s = snapshot.phase, now_s + _LINE_EVERY_S
-            screen.say(_line(snapshot))
+            screen.say(_line(snapshot) + waiting)
         await asyncio.sleep(_REFRESH_S)
+
+
+def _waiting(snapshot: Snapshot) -> str:
+    """What the vehicles are not ready for want of: ": vehicles 1, 3: no position estimate"; empty if all are ready."""
+    by_lack: dict[str, list[str]] = {}
+    for sysid, lack in sorted(snapshot.lacks.items()):
+        by_lack.setdefault(lack, []).append(str(sysid))
+    words = [f"vehicle{'s' * (len(ids) > 1)} {', '.join(ids)}: {lack}" for lack, ids in by_lack.items() if lack]
+    return f": {'; '.join(words)}" if words else ""
 
 
 def _line(snapshot: Snapshot) -> str:

@@ -33,6 +33,7 @@ from gcs.flight.sequence.reported_now import ReportedNow
 from gcs.flight.sequence.takeoff_landing import (
     FlightVehicle,
     expected_landings,
+    lacks,
     request_telemetry,
     start_mission,
     take_off,
@@ -150,6 +151,7 @@ class FlightSequence:
             self.time.now_s(),
             nearest,
             judged_separation_m(self.plan.scenario),
+            {sysid: lacks(session) for sysid, session in self.sessions.items()} if self.step is Step.READY else {},
         )
 
     def vehicles_now(self) -> tuple[VehicleNow, ...]:

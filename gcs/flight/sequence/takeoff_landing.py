@@ -88,6 +88,13 @@ async def until_ready(vehicle: FlightVehicle) -> None:
         await asyncio.sleep(LOOK_S)
 
 
+def lacks(session: VehicleSession) -> str:
+    """What `until_ready` still waits for on this vehicle, in words; empty if it is ready."""
+    if not any(session.estimator.is_ready(message.name, message.fields) for message in session.latest.values()):
+        return "no position estimate"
+    return "" if session.clock.ready else "no GNSS time"
+
+
 async def expected_landings(vehicles: Iterable[FlightVehicle]) -> dict[int, LandingProfile]:
     """Return how each vehicle will land, from the parameters it reports, or else from its autopilot's defaults."""
     known: dict[int, dict[str, float]] = {}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from gcs.cli.flights.fly_view import _line, _skew_text
+from gcs.cli.flights.fly_view import _line, _skew_text, _waiting
 from gcs.flight.progress import Snapshot
 from gcs.flight.run import _skew
 
@@ -21,6 +22,14 @@ def test_a_line_has_the_known_figures_and_no_others() -> None:
     assert _line(snapshot(error_m=0.034)) == "landing: t = 280 s (96%), position error at most 0.03 m"
     whole = _line(snapshot(error_m=0.034, formation_error_m=0.02, separation_m=0.49))
     assert whole.endswith("0.03 m, formation error 0.02 m, separation 0.49 m")
+
+
+def test_whoever_waits_for_readiness_is_told_which_vehicle_lacks_what() -> None:
+    lacking = {3: "no position estimate", 1: "no position estimate", 2: "", 4: "no GNSS time"}
+    waiting = replace(snapshot(), phase="waiting for readiness", plan_time_s=None, lacks=lacking)
+    told = ": vehicles 1, 3: no position estimate; vehicle 4: no GNSS time"
+    assert _line(waiting) + _waiting(waiting) == f"waiting for readiness{told}"
+    assert _waiting(replace(waiting, lacks={1: "", 2: ""})) == _waiting(snapshot()) == ""
 
 
 def test_time_skew_between_vehicles() -> None:

@@ -19,7 +19,7 @@ from gcs.cli.flights.vehicles import health
 from gcs.errors import PeerTimeout
 from gcs.flight.monitor import VehicleView
 from gcs.flight.options import FlightOptions
-from gcs.flight.sequence.takeoff_landing import FlightVehicle, until_ready
+from gcs.flight.sequence.takeoff_landing import FlightVehicle, lacks, until_ready
 from gcs.link.session.newest_message import FRESH_S, newest_message
 from gcs.link.session.status_report import VehicleReport, status_report
 from gcs.link.session.vehicle_session import VehicleSession
@@ -196,7 +196,9 @@ def test_waiting_and_reporting_have_one_definition_of_ready(flags: int, autopilo
             await until_ready(crew)
         except PeerTimeout as late:
             assert "a position estimate" in late.message
+            assert lacks(session) == "no position estimate"
             return (await status_report(session)).estimate_ok, False
+        assert lacks(session) == ""
         return (await status_report(session)).estimate_ok, True
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
