@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from gcs.mission.setpoints.setpoint_stream import build_stream as build_stream
     from gcs.mission.waypoints.mission_items import build_missions as build_missions
     from gcs.physics.named_states import NamedStates as NamedStates
+    from gcs.plan.cost_terms import CostTerm as CostTerm
+    from gcs.plan.cost_terms import cost_terms as cost_terms
     from gcs.plan.planner import make_plan as make_plan
     from gcs.plan.replanning.replanner import Replanner as Replanner
     from gcs.plan.trajectory.plan import Plan as Plan
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Connection": "gcs.link.connection",
+    "CostTerm": "gcs.plan.cost_terms",
     "Emulated": "gcs.flight.run",
     "FlightReports": "gcs.flight.recording.named_record",
     "Flown": "gcs.flight.run",
@@ -57,6 +60,7 @@ _HOME = {
     "Watcher": "gcs.flight.progress",
     "build_missions": "gcs.mission.waypoints.mission_items",
     "build_stream": "gcs.mission.setpoints.setpoint_stream",
+    "cost_terms": "gcs.plan.cost_terms",
     "export": "gcs.mission.export.export",
     "fly": "gcs.flight.run",
     "load_plan": "gcs.plan.trajectory.plan_file",

@@ -36,7 +36,9 @@ BUG = 70
 AUTOPILOTS = (*(known.key for known in Autopilot), "ardupilot-4.7")
 NAVIGATORS = ("own", "ideal")
 
-app = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
+app = typer.Typer(
+    add_completion=False, context_settings={"help_option_names": ["-h", "--help"]}, rich_markup_mode="markdown"
+)
 
 
 @app.command()
@@ -71,7 +73,11 @@ def fly(
         ),
     ] = "",
     gusts: Annotated[
-        str, typer.Option(help="light, moderate, severe, or a standard deviation in m/s.", show_default="none")
+        str,
+        typer.Option(
+            help="light (0.5 m/s), moderate (1 m/s), severe (2 m/s), or another standard deviation in m/s.",
+            show_default="none",
+        ),
     ] = "",
     fault: Annotated[
         list[str] | None,

@@ -22,7 +22,7 @@ ten lines; [scenario.md](scenario.md) has the keys of a scenario.
 """
 CHAPTERS = {
     "Scenario": ("load_scenario", "Scenario"),
-    "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "Replanner", "NamedStates"),
+    "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "cost_terms", "CostTerm", "Replanner", "NamedStates"),
     "Verify": ("verify", "Report"),
     "Export": ("export", "build_missions", "build_stream"),
     "Fleet": ("Connection",),

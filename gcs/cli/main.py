@@ -79,6 +79,7 @@ app = typer.Typer(
     help="Plan, verify and fly formations of quadrotors over MAVLink.",
     epilog=EXAMPLES,
     context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode="markdown",  # typer's default takes `[judge]` for markup, and leaves it out
 )
 for _command in (
     new,

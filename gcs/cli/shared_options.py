@@ -143,9 +143,11 @@ def within(option: str, value: float, least: float, most: float, unit: str = "")
     return value
 
 
-def unknown_choice(option: str, value: str, known: Sequence[str]) -> UsageError:
-    """The error for an option's value that is not one of `known`."""
-    return UsageError(f"{option} {value}: unknown value", hint=f"give one of {', '.join(known)}")
+def unknown_choice(option: str, value: str, known: Sequence[str], *, meant: str | None = None) -> UsageError:
+    """The error for an option's value that is not one of `known`; `meant` is the known one of that meaning."""
+    every = f"one of {', '.join(known)}"
+    hint = f"give {every}" if meant is None else f"give {option} {meant}, or {every}"
+    return UsageError(f"{option} {value}: unknown value", hint=hint)
 
 
 def parse_map(text: str | None) -> dict[int, int]:

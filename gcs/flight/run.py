@@ -30,10 +30,10 @@ from gcs.flight.recording.flight_folder import (
     nearest_data,
     new_folder,
     report_data,
-    write_report,
 )
 from gcs.flight.recording.flight_state import FlightState, held_folder
 from gcs.flight.recording.writing.flight_record import FlightRecord
+from gcs.flight.recording.writing.flight_report import emulation_data, repeat_command, write_report
 from gcs.flight.recording.writing.record_gaps import RecordGaps
 from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.fleet_time import FleetTime
@@ -182,6 +182,16 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
     flew = navigator if order.keeping.mode is FlightMode.MISSION else None  # a stream needs none
     extra: dict[str, object] = {"mode": order.keeping.mode.value, "navigator": flew, "folder": str(folder)}
     extra["time_s"] = watcher.laps_s
+    emulated = order.emulated
+    emulation = emulation_data(
+        plan.scenario,
+        wind=emulated.wind,
+        gusts=emulated.gusts,
+        seed=emulated.seed,
+        speedup=emulated.speedup,
+        faults=emulated.faults,
+    )
+    extra |= {"emulation": emulation, "repeat": repeat_command(order.keeping, order.options, emulation)}
     extra |= {"missions": missions, "incomplete": gaps.data(), **_skew(late_s), **nearest_data(nearest, times)}
     data = report_data(plan.scenario.name, plan.hash, times, verdict, extra)
     with gaps.kept("report.md"):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+GUSTS_MPS = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 2.0}  # horizontal standard deviation, by name
 _FLOOR_M = 1.0  # below it the power law is smoothed: its slope at the ground is infinite
 
 

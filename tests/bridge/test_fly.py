@@ -92,6 +92,11 @@ def test_a_flight_leaves_a_folder_that_others_can_read(
     names = {p.name for p in folder.iterdir()}
     wanted = {"plan.skein", "export", "telemetry.tlog", "truth.npz", "report.json", "report.md"}
     assert wanted | {"tracks.png", "map.png", "formation.png"} <= names
+    report = (folder / "report.md").read_text()
+    assert "| gusts | none |" in report
+    assert "To fly it again, in this folder: `gcs fly plan.skein --sim --mode stream --seed " in report
+    data = json.loads((folder / "report.json").read_text())
+    assert all(f"- **{criterion['name']}**: " in report for criterion in data["criteria"])
     assert all((folder / name).stat().st_size > 10_000 for name in ("tracks.png", "map.png", "formation.png"))
     log = mavutil.mavlink_connection(str(folder / "telemetry.tlog"))
     seen: dict[str, int] = {}

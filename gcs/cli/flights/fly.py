@@ -57,7 +57,9 @@ def fly(
     speedup: Annotated[
         str, typer.Option("--speedup", help="With --sim: speed in multiples of real time, or max.")
     ] = "10",
-    seed: Annotated[int, typer.Option("--seed", help="With --sim: seed of the sensor noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="With --sim: seed of the noise of sensors, and of the gusts.")
+    ] = 0,
     fault: Annotated[
         list[str] | None,
         typer.Option("--fault", help="With --sim: inject a fault, e.g. 3:die@60; see sim-bridge --help."),
@@ -72,7 +74,8 @@ def fly(
         str | None,
         typer.Option(
             "--gusts",
-            help="With --sim: gusts: light, moderate, severe, or the standard deviation in m/s.",
+            help="With --sim: gusts: light (0.5 m/s), moderate (1 m/s), severe (2 m/s), "
+            "or another standard deviation in m/s.",
             autocompletion=one_of("light", "moderate", "severe"),
         ),
     ] = None,

@@ -169,7 +169,7 @@ def _show(screen: Screen, flown: Flown) -> None:
     screen.show(table)
     planned = [f"{c.name} {planned_text(c)}" for c in verdict.criteria if planned_text(c)]
     screen.say(f"limits of the plan, by the scenario: {', '.join(planned)}")
-    screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1)")
+    screen.say(f"formation error: at most {verdict.formation_error_m:.3f} m (Definition 1, from the true states)")
     _show_nearest(screen, flown)
     where = f" Report and pictures: {flown.folder}" if (flown.folder / "report.md").is_file() else ""
     screen.say(f"flight {'ok' if verdict.ok else 'FAILED'}.{where}")

@@ -15,6 +15,7 @@ from gcs.errors import UsageError
 
 _ORIGIN = (-35.363262, 149.165237, 584.0)  # the default home of ArduPilot's simulators
 SHAPES = ("triangle", "line", "column", "vee", "grid", "circle", "sphere")
+OTHER_NAMES = {"wedge": "vee", "v": "vee", "abreast": "line", "row": "line", "ring": "circle", "square": "grid"}
 
 
 def new(
@@ -162,7 +163,7 @@ def _check(
 ) -> None:
     """Refuse wrong options before heavy imports. Raises `UsageError`."""
     if shape is not None and shape not in SHAPES:
-        raise unknown_choice("--shape", shape, SHAPES)
+        raise unknown_choice("--shape", shape, SHAPES, meant=OTHER_NAMES.get(shape.lower()))
     for option, value, least, most, unit in (
         ("--count", count, 1, 10_000, ""),
         ("--spacing", spacing, 0.1, 1000.0, "m"),

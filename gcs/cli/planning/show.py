@@ -98,9 +98,17 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         + _margin(scenario),
         "navigation error": navigation_in_words(scenario),
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
-        "changes": ", ".join(changes) or "none: the formation is rigid",
+        "changes": ", ".join(changes) or _unchanged(scenario),
         "autopilot": _autopilots(scenario),
     }
+
+
+def _unchanged(scenario: Scenario) -> str:
+    """How a formation without changes moves."""
+    formation = scenario.formation
+    if formation.frame == "course":
+        return f"none, but it turns with the leader's course, within {formation.course_tolerance_deg:g} degrees"
+    return "none: the formation is rigid"
 
 
 def _margin(scenario: Scenario) -> str:
@@ -126,6 +134,7 @@ def _autopilots(scenario: Scenario) -> str:
 
 def _plan(plan: Plan, report: Report) -> dict[str, Any]:
     """The figures of a plan, and of its verification when it was loaded."""
+    from gcs.plan.cost_terms import cost_terms
     from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
 
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
@@ -135,8 +144,10 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
         battery = f"at most {most_Wh:.1f} of {power.battery_Wh:g} Wh ({most_Wh / power.battery_Wh:.0%})"
     separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
     zones = "" if report.nearest_zone is None else f", no-fly zones {report.nearest_zone.distance_m:.2f} m away"
+    terms = " + ".join(f"{term.weight:g} x {term.value:.4f} {term.name}" for term in cost_terms(plan))
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",
+        **({"terms of the cost": f"{terms} (Eq. 35)"} if terms else {}),
         "battery": battery,
         "energy against drag": f"{float(drag_energy_J(plan).sum()):.0f} J for all vehicles (Eqs. 30-32)",
         "verified": f"{'yes' if report.ok else 'NO'}: clearance {report.clearance_min_m:.2f} m{separation}{zones}",

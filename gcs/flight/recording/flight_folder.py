@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -12,7 +11,6 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from gcs.files import atomic_write
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.judge import Verdict
 from gcs.flight.progress import Event, FlightTimes, NearestPair
@@ -96,38 +94,6 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def write_report(folder: Path, data: dict[str, Any], verdict: Verdict) -> None:
-    """Write `report.json` for programs and `report.md` for readers."""
-    atomic_write(folder / "report.json", json.dumps(data, indent=2) + "\n")
-    navigator = f" with the {data['navigator']} navigator" if data.get("navigator") else ""
-    lines = [
-        f"# Flight of {data['mission']}",
-        "",
-        f"{OK_TEXT if verdict.ok else FAILED_TEXT} Plan `{data['plan_hash'][:12]}`, mode {data['mode']}{navigator}.",
-        "",
-        "| criterion | measured | limit | verdict |",
-        "| --- | --- | --- | --- |",
-        *(
-            f"| {c.name} | {c.value:.3f} {c.unit}{_where(c)} | {limit_text(c)} | {'ok' if c.ok else 'FAILED'} |"
-            for c in verdict.criteria
-        ),
-        "",
-        "| vehicle | position error RMS, m | maximum, m |",
-        "| --- | --- | --- |",
-        *(f"| {sysid} | {rms:.3f} | {verdict.max_m[sysid]:.3f} |" for sysid, rms in verdict.rms_m.items()),
-        "",
-    ]
-    if rows := data.get("separation_reported"):
-        lines += ["| least separation, from telemetry | m |", "| --- | --- |"]
-        lines += [
-            f"| {row['part']} (vehicles {row['vehicles'][0]}, {row['vehicles'][1]}) at t = {row['t_s']:.1f} s "
-            f"| {row['distance_m']:.3f} |"
-            for row in rows
-        ]
-        lines.append("")
-    atomic_write(folder / "report.md", "\n".join(lines))
-
-
 def limit_text(criterion: Criterion) -> str:
     """Return a limit in words, and what the plan keeps where that is another: "at least 1.3 m (plan: 5 m)"."""
     plan = f" (plan: {planned})" if (planned := planned_text(criterion)) else ""
@@ -143,8 +109,3 @@ def planned_text(criterion: Criterion) -> str:
     """Return what the plan keeps, "5 m"; empty where it is the limit of the flight, or nothing."""
     planned = criterion.planned
     return "" if planned is None or planned == criterion.limit else f"{planned:g} {criterion.unit}"
-
-
-def _where(criterion: Criterion) -> str:
-    vehicle = f" ({criterion.vehicles})" if criterion.vehicles else ""
-    return vehicle if criterion.t_s is None else f"{vehicle} at t = {criterion.t_s:.1f} s"

@@ -1,4 +1,4 @@
-"""Limits of all vehicles at an instant, as bounds of the leader's state and control (Eqs. 22-29, Eq. 51).
+"""Limits of all vehicles at an instant, as bounds of the leader's state and control (Eqs. 22-25, Eq. 51).
 
 A scheduled shape is a function of time. Then the followers' limits are bounds of the leader that change with time, and
 add no constraint. Limits that depend on coordinates of the shape, and the turning limit (Eq. 18, Eq. 25), are

@@ -154,18 +154,18 @@ def energy_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_m
     """
     sample = problem.representatives
     if sample is None:
-        return _drag_power(problem, x[3:6], x[2], speed_ref_mps)
+        return drag_power(problem, x[3:6], x[2], speed_ref_mps)
     first = NX + 4 * len(problem.coordinates)
     total: Any = 0.0
     for i, (weight, target) in enumerate(zip(sample.weights.tolist(), sample.target_ned_m, strict=True)):
         numbers = x[first + NUMBERS * i : first + NUMBERS * (i + 1)]
         place, speed = motion(problem.coordinates, x[NX:first], numbers, target)
         velocity = [x[3 + axis] + speed[axis] for axis in range(3)]
-        total += weight * _drag_power(problem, velocity, x[2] + place[2], speed_ref_mps)
+        total += weight * drag_power(problem, velocity, x[2] + place[2], speed_ref_mps)
     return total
 
 
-def _drag_power(problem: Inputs, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
+def drag_power(problem: Inputs, velocity: Sequence[Any], down: Any, speed_ref_mps: float) -> Any:
     """Eq. 32 for one vehicle, as a share of that at the reference speed."""
     wind_north, wind_east, _ = problem.quadrotor.wind.at(-down, ca)
     vx, vy, vz = velocity

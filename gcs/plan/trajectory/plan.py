@@ -167,8 +167,8 @@ class Plan:
         return self.motion(t_s)[1]
 
     def motion(self, t_s: Array, rows: slice | Rows = EVERYONE) -> tuple[Array, Array]:
-        """States and controls of the vehicles in `rows`: (V, N, 12) and (V, N, 4)."""
-        leader = self.leader_trajectory
+        """States and controls of the vehicles in `rows`: (V, N, 12) and (V, N, 4); one instant is N = 1."""
+        leader, t_s = self.leader_trajectory, np.atleast_1d(t_s)
         return formation_motion(leader.state, leader.control, self.shape, self.quadrotor, t_s, rows)
 
     def accelerations(self, t_s: Array) -> Array:

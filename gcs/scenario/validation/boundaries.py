@@ -215,7 +215,8 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         ("landing_s", float(descent_m.max()), phases.landing_s),
     )
     for key, step_m, time in steps:
-        needed = max(fastest * step_m / most_mps, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
+        by_speed = fastest * step_m / most_mps
+        needed = max(by_speed, float(np.sqrt(hardest * max(step_m, 0.0) / spare_mps2)))
         if limits.jerk_max_mps3 is not None:
             jerky = ground_step_jerk_peak(scenario) * max(step_m, 0.0) / limits.jerk_max_mps3
             if jerky ** (1 / 3) > needed:
@@ -225,6 +226,9 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
                 f"too short for {step_m:.1f} m from rest to rest; {plain(most_mps)} m/s (limits.speed_ned_mps[2]) and "
                 f"{spare} take {needed:.1f} s"
             )
+            if needed == by_speed:
+                air = "" if quadrotor(scenario).wind.is_still else " in wind"
+                text += f", because a smooth step{air} is {fastest:.2f} times as fast in its middle as on average"
             yield Mistake(
                 ("ground_phases", key), text, time, remedy=f"set ground_phases.{key} to {np.ceil(needed):.0f}"
             )

@@ -18,12 +18,11 @@ from scipy.spatial.distance import cdist
 
 from gcs.errors import UsageError
 from gcs.physics.quadrotor import Array
-from gcs.physics.wind import STILL, SteadyWind
+from gcs.physics.wind import GUSTS_MPS, STILL, SteadyWind
 
 GUST_PERIOD_S = 0.04
 PASSING_MPS = 3.0
 HEIGHT_M = 10.0  # for which the lengths and the ratio of the spectra hold
-INTENSITIES_MPS = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 2.0}  # horizontal standard deviation
 STRONGEST_MPS = 30.0
 
 _FOOT_M = 0.3048
@@ -70,12 +69,12 @@ def parse_wind(wind: str = "", gusts: str = "") -> Wind:
             )
         to_rad = math.radians(from_deg) + math.pi
         mean_ned_mps = (speed_mps * math.cos(to_rad), speed_mps * math.sin(to_rad), 0.0)
-    gust_mps = INTENSITIES_MPS.get(gusts, math.nan) if gusts else 0.0
+    gust_mps = GUSTS_MPS.get(gusts, math.nan) if gusts else 0.0
     if math.isnan(gust_mps):
         gust_mps = _number(gusts)
     if not 0.0 <= gust_mps <= STRONGEST_MPS:
         raise UsageError(
-            f"--gusts {gusts!r} must be {', '.join(INTENSITIES_MPS)}, or a deviation of 0 to {STRONGEST_MPS:g} m/s.",
+            f"--gusts {gusts!r} must be {', '.join(GUSTS_MPS)}, or a deviation of 0 to {STRONGEST_MPS:g} m/s.",
             hint="write e.g. --gusts light, or --gusts 0.8",
         )
     return Wind(mean_ned_mps, gust_mps)

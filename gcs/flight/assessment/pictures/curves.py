@@ -29,10 +29,16 @@ def draw_speeds(axes: Any, sysids: tuple[int, ...], t_s: Array, rates_mps: Array
 
 
 def draw_clearance(axes: Any, scenario: Scenario, t_s: Array, places_ned_m: Array) -> None:
-    """Draw the least height of any vehicle above the ground."""
+    """Draw the least height of any vehicle above the ground, and what is required of its distance to the ground.
+
+    Beside a slope the distance is less than the height.
+    """
     ground_m = ground_height_m(scenario.terrain, places_ned_m[..., 0], places_ned_m[..., 1])
     axes.plot(t_s, (-places_ned_m[..., 2] - ground_m).min(axis=0), lw=1.2)
-    axes.axhline(scenario.limits.clearance_min_m, **LIMIT, label="required in flight")
+    terrain = scenario.terrain
+    level = terrain.dem is None and terrain.ripple is None and not terrain.mountains.height_m
+    required = "required in flight" if level else "required in flight, in any direction"
+    axes.axhline(scenario.limits.clearance_min_m, **LIMIT, label=required)
     axes.set(ylabel="least height\nabove ground, m", ylim=(0.0, None))
     axes.legend(**_LEGEND)
 

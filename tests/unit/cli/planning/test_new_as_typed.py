@@ -84,7 +84,7 @@ def test_short_and_full_are_the_same_flight(capsys: pytest.CaptureFixture[str]) 
     [
         ("--at 47.39", "--at 47.39: not a place"),
         ("--at here", "--at here: not a place"),
-        ("--shape wedge", "give one of triangle, line, column, vee, grid, circle, sphere"),
+        ("--shape star", "give one of triangle, line, column, vee, grid, circle, sphere"),
         ("--course sideways", "--course sideways: not a course"),
         ("--spacing 0", "--spacing 0: not from 0.1 to 1000 m"),
         ("--count 0", "--count 0: not from 1 to 10000"),
@@ -110,3 +110,30 @@ def test_every_shape_plans_and_exports(shape: str, count: int, course: str) -> N
     assert gcs(f"new x --count {count} --shape {shape} --spacing 6 --course {course} --distance 80") == 0
     assert gcs("plan x --to .") == 0
     assert gcs("export x.skein --to out") == 0
+
+
+def test_a_wedge_is_a_vee(capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new plans/mine --count 5 --shape wedge") == 2
+    assert "next: give --shape vee, or one of triangle, line, " in capsys.readouterr().err
+    assert gcs("new plans/mine --count 5 --shape star") == 2
+    assert "next: give one of triangle, line, " in capsys.readouterr().err
+
+
+def test_show_says_that_a_formation_turns_with_its_course(capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new plans/mine --count 5 --shape vee") == 0
+    path = Path("plans/mine/scenario.toml")
+    path.write_text(path.read_text().replace("[formation] ", '[formation]\nframe = "course"\n#'))
+    capsys.readouterr()
+    assert gcs("show plans/mine") == 0
+    assert "none, but it turns with the leader's course, within 5 degrees" in capsys.readouterr().out
+
+
+def test_a_climb_that_wind_makes_too_quick_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    assert gcs("new plans/mine --count 5") == 0
+    with Path("plans/mine/scenario.toml").open("a") as file:
+        file.write("\n[wind]\nspeed_mps = 3\nfrom_deg = 240\n")
+    capsys.readouterr()
+    assert gcs("show plans/mine") == 3
+    told = capsys.readouterr().err
+    assert "because a smooth step in wind is 2.19 times as fast in its middle as on average" in told
+    assert "next: set ground_phases.takeoff_s to 22" in told
