@@ -40,6 +40,8 @@ WARM_OPTIONS = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.mu_init": 1e-6,
 }
+# A guess near a solution: a larger barrier would push the flight away from it, and back over many iterations.
+_NEAR_OPTIONS = {"ipopt.mu_init": 1e-3}
 # CasADi ends a solve at Ctrl-C, suppresses the exception and reports this status; nothing else causes it.
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
 _IN_WORDS = {
@@ -62,8 +64,10 @@ class Solution:
     seconds: float
 
 
-def solve(program: Program, start: Array, before: Solution | None = None) -> Solution:
+def solve(program: Program, start: Array, before: Solution | None = None, *, near: bool = False) -> Solution:
     """The solution from `start`; a warm start where there is a solution `before`, on the previous mesh.
+
+    `near`: the start is the solution of a similar problem.
 
     Raises Infeasible or PlanningError with the solver's status, the worst constraint and the limits that oppose it;
     KeyboardInterrupt at Ctrl-C.
@@ -74,6 +78,8 @@ def solve(program: Program, start: Array, before: Solution | None = None) -> Sol
         options |= _SHAPE_OPTIONS
     if len(program.y_low) > program.layout.size:
         options |= _TIME_OPTIONS
+    if near:
+        options |= _NEAR_OPTIONS
     guess: dict[str, Any] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS

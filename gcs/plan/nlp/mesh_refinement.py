@@ -50,17 +50,22 @@ class Optimum:
     moves: tuple[Move, ...] = ()
 
 
-def optimise(problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None) -> Optimum:
-    """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes."""
+def optimise(
+    problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None, *, near: bool = False
+) -> Optimum:
+    """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes.
+
+    `near`: the guess is the solution of a similar problem.
+    """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
-    longest_s = LONGEST_MOVING_S if problem.coordinates else LONGEST_S
+    longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
     mesh = end_refined(problem.start_s, problem.end_s, longest_s, SHORTEST_S, DEGREE)
     trajectory = guess
     solution: Solution | None = None
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
         program = transcribe(problem, mesh, trajectory)
-        solution = solve(program, program.scaled(trajectory), solution)
+        solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None)
         trajectory = program.trajectory(solution.y)
         stretch = program.stretch(solution.y)
         mesh = mesh.stretched(stretch)

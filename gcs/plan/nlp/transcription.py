@@ -12,7 +12,9 @@ Eq. 41 is available for comparison.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -117,6 +119,11 @@ def transcribe(
     shares = cost_shares(problem, node_times, quadrature / problem.mean_s, quadrature * weight / (quadrature @ weight))
     counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
     parts = stage_functions.functions(problem, *counts)
+    used = None
+    if problem.follows_course:
+        at = np.hstack([last.state(times), last.control(times)])
+        values = np.asarray(parts.path.map(len(times))(at.T, chosen.parameters.T)).T
+        used = stage_functions.path_may_bind(problem, chosen, values)
     functions = assemble(
         parts,
         Constants(
@@ -133,9 +140,10 @@ def transcribe(
             thrust_steps=(steps := thrust_steps(problem, layout, unit)),
             interval_s=None if steps is None else np.diff(mesh.joints_s),
             time_cost=None if problem.free_time is None else duration_cost(problem),
+            path_rows=None if used is None else np.flatnonzero(used).tolist(),
         ),
     )
-    return bounded_program(problem, layout, chosen, functions)
+    return bounded_program(problem, layout, chosen, functions, used=used)
 
 
 def bounded_program(
@@ -146,10 +154,11 @@ def bounded_program(
     *,
     parameters: Array | None = None,
     unused: NDArray[np.bool_] | None = None,
+    used: NDArray[np.bool_] | None = None,
 ) -> Program:
     """The program made of `functions` (nlp, derivatives), the bounds of this problem and the names of all rows.
 
-    `unused` (T, P): mask of rows of the path without effect.
+    `unused` (T, P): mask of rows of the path without effect. `used` (T, P): mask of those in the program; else all.
     """
     nlp, derivatives = functions
     mesh, (unit, shift) = layout.mesh, scales(problem, layout)
@@ -160,13 +169,14 @@ def bounded_program(
     free = stage_functions.path_is_free(problem, chosen)
     if unused is not None:
         free = free | unused
+    used = np.ones_like(free) if used is None else used
     words = layout.state_words
     times = np.concatenate([layout.node_times_s(), mesh.extra_s])
     names = [(f"Eq. 1 for {name}", float(t)) for t in layout.collocation_times_s() for name in words]
     names += [
         (name, float(t))
-        for t, row in zip(times, stage_functions.path_names(problem, chosen), strict=True)
-        for name in row
+        for t, row, kept in zip(times, stage_functions.path_names(problem, chosen), used, strict=True)
+        for name in itertools.compress(row, kept)
     ]
     names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
     steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
@@ -186,12 +196,12 @@ def bounded_program(
         np.concatenate(
             [
                 dynamics,
-                np.where(free, -np.inf, 0.0).ravel(),
+                np.where(free, -np.inf, 0.0)[used],
                 (box_low / state_unit).ravel(),
                 np.full(2 * steps, -np.inf),
             ]
         ),
-        np.concatenate([dynamics, np.full(free.size, np.inf), (box_high / state_unit).ravel(), np.zeros(2 * steps)]),
+        np.concatenate([dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), np.zeros(2 * steps)]),
         y_names,
         tuple(names),
         nlp,
@@ -220,6 +230,7 @@ class Constants:
     thrust_steps: ca.DM | None = None  # (M, n): steps of U1 over the intervals, in seconds at the largest rate
     interval_s: Array | None = None  # (M,) lengths of the intervals; with `lengths`, the first node (M,) of each
     time_cost: float | None = None  # cost of the time of flight, where its stretch is the last unknown
+    path_rows: list[int] | None = None  # those of the path that the program has, instant by instant; None: all
 
 
 def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
@@ -242,11 +253,15 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.extra else ca.DM(0, sampling.size2())
     box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.extra else ca.DM(0, 1)
 
+    path_count = parts.path.size1_out(0)
+    path_rows: Any = slice(None) if k.path_rows is None else k.path_rows
+    path_size = path_count * points if k.path_rows is None else len(k.path_rows)
+
     f = ca.sum2(parts.cost.map(nodes)(zn, shares))
     moved = parts.motion.map(nodes)(zn)
     g = ca.vertcat(
         ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_times_lengths(moved, lengths))),
-        ca.vec(parts.path.map(points)(z, k.slots)),
+        ca.vec(parts.path.map(points)(z, k.slots))[path_rows],
         ca.mtimes(box, y) + box_shift,
     )
     steps, spans = _thrust_steps(k, stretch)
@@ -257,7 +272,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     motion_blocks = _block_diagonal(parts.motion_jacobian, nodes, zn)
     jacobian = ca.vertcat(
         a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
-        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots), sampling),
+        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots)[path_rows, :], sampling),
         ca.MX(box),
         ca.MX(steps),
         ca.MX(-steps),
@@ -265,8 +280,11 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
     pull = ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes)
     costate = _times_lengths(pull, lengths)
-    path_count = parts.path.size1_out(0)
-    lam_path = ca.reshape(lam[a.size1() : a.size1() + path_count * points], path_count, points)
+    lam_path = lam[a.size1() : a.size1() + path_size]
+    if k.path_rows is not None:
+        lam_path = ca.MX.zeros(path_count * points, 1)
+        lam_path[path_rows] = lam[a.size1() : a.size1() + path_size]
+    lam_path = ca.reshape(lam_path, path_count, points)
     curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])

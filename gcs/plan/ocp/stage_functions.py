@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.physics.quadrotor import equations_of_motion
+from gcs.physics.quadrotor import Array, equations_of_motion
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.formation.follower_equations import jerk
 from gcs.plan.nlp.margins import REST_SPEED_MPS
@@ -37,6 +37,10 @@ CORNER_M = 0.3
 # Limits that vehicles reach before the leader where the wind at their height is another.
 _LEAN = ("roll", "pitch", "least thrust", "largest thrust")
 _STEEPEST_DEG = 89.0
+# Of the leader these are bounds of its state.
+_BOUNDED = ("north", "east", "north speed", "east speed", "vertical speed", "height")
+# A row is left out of the program where a vehicle is farther from ground or zone, or its size is below 0.7 limits.
+_NEAR_GROUND_M, _NEAR_ZONE_M, _NEAR_LIMIT = 8.0, 25.0, 0.5
 # The jerk that a turning thrust takes, and the one that its size takes, across and along the thrust: both together
 # take less than the whole limit.
 TURN_SHARE, THRUST_SHARE = 0.9, 0.3
@@ -149,6 +153,27 @@ def path_is_free(problem: Problem, chosen: ActiveVehicles) -> NDArray[np.bool_]:
     masks = [~(chosen.leaning if name in _LEAN else chosen.moving_used) for name in names]
     spare = np.stack(masks, axis=2).reshape(len(chosen.moving), -1)
     return np.pad(spare, ((0, 0), (before, 2 * problem.follows_course + (problem.jerk_left_mps3 is not None))))
+
+
+def path_may_bind(problem: Problem, chosen: ActiveVehicles, values: Array) -> NDArray[np.bool_]:
+    """Mask (T, P) of the rows of the path that can bind near the last known states, where they have `values` (T, P).
+
+    Every row of a limit is 1 - (size / limit)^2. The leader's own place and speed are bounds. What is left out here is
+    checked after each solve like all else (`violations`), and then has a value that brings it in.
+    """
+    names, ground = _moving_names(problem), chosen.ground.shape[1]
+    near = sum(zone.shape[1] for zone in chosen.zones)
+    used = np.ones(values.shape, dtype=bool)
+    used[:, :ground] = values[:, :ground] < _NEAR_GROUND_M
+    slots = chosen.parameters.reshape(len(values), -1, SLOT)[:, :ground, FOOT.start :]
+    used[:, 1:ground:FEET] &= np.any(slots[:, 1::FEET] != slots[:, ::FEET], axis=2)  # both feet on flat ground
+    used[:, ground : ground + near] = values[:, ground : ground + near] < _NEAR_ZONE_M
+    moving = slice(ground + near, ground + near + chosen.moving.shape[1] * len(names))
+    leaders = chosen.moving == problem.leader
+    rows = (values[:, moving] < _NEAR_LIMIT).reshape(*leaders.shape, len(names))
+    bounded = np.array([name in _BOUNDED for name in names])
+    used[:, moving] = np.where(leaders[..., None], ~bounded, rows).reshape(len(values), -1)
+    return used
 
 
 def _path(

@@ -38,14 +38,22 @@ def best_class(
     tried: list[Alternative] = []
     ahead: dict[int, Optimum | PlanningError] = {}
     first_s = 0.0
+    passed: set[tuple[int, ...]] = set()
     for number, route in enumerate(routes):
         bound = least_objective(problem, route)
         if best is not None and bound >= best.objective and not all_routes:
             tried.append(Alternative(route.length_m, None, f"cannot win: costs at least {bound:.3f}"))
             continue
+        if route.sides in passed and not all_routes:
+            tried.append(Alternative(route.length_m, None, "passes on the same sides as a shorter route"))
+            continue
         if number == 1:
             limit = np.inf if best is None or all_routes else best.objective
-            worth = [n for n in range(1, len(routes)) if least_objective(problem, routes[n]) < limit]
+            worth = [
+                n
+                for n in range(1, len(routes))
+                if least_objective(problem, routes[n]) < limit and (all_routes or not is_spare(problem, routes, n))
+            ]
             if is_faster(len(worth), workers, first_s):
                 ahead = dict(zip(worth, run_all(_flight, [(problem, routes[n]) for n in worth], workers), strict=True))
         began = time.perf_counter()
@@ -59,6 +67,8 @@ def best_class(
         first_s = max(first_s, time.perf_counter() - began)
         refuse_false_bounds(problem, found.trajectory)
         tried.append(Alternative(route.length_m, found.objective, "verified between nodes"))
+        if only_turns(problem):
+            passed.add(route.sides)
         if best is None or found.objective < best.objective:
             best = found
     if all_routes and problem.coordinates and not problem.follows_course:
@@ -70,6 +80,19 @@ def best_class(
         except PlanningError as failure:
             raise explain_infeasible(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)
+
+
+def only_turns(problem: Problem) -> bool:
+    """Whether the formation turns with its course and changes in no other way of its own.
+
+    Then a route with room for every heading and one with room for some lead to the same flight.
+    """
+    return bool(problem.coordinates) and all(c.free_end for c in problem.coordinates)
+
+
+def is_spare(problem: Problem, routes: tuple[Route, ...], number: int) -> bool:
+    """Whether a route is needed only where a shorter one on the same sides fails."""
+    return only_turns(problem) and any(routes[n].sides == routes[number].sides for n in range(number))
 
 
 def _optimised(problem: Problem, route: Route, on_round: Callable[[MeshRound], None]) -> Optimum:

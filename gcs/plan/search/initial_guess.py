@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from scipy import sparse
 from scipy.interpolate import PPoly
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.sparse.linalg import spsolve
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.ocp.active_vehicles import offsets_at
@@ -19,6 +21,8 @@ from gcs.scenario.environment.clearance_floor import coarse_floor_m
 
 _POINTS = 201
 _IMPASSABLE_M = 1e3  # excess height of a place that is infeasible at every height
+_CALM_S = 4.0  # turns of the course that are shorter than this are rounded off
+_CREEPS_MPS = 0.3  # below this a course means nothing
 _SMOOTHING = 4.0  # points: rounds the corners of a route and the slopes of its heights
 
 
@@ -62,6 +66,46 @@ def _chains(problem: Problem, times: Array, states: Array) -> Array:
         most = np.array(problem.coordinates[c].most[:3])
         columns += [chain[0], *(np.clip(part, -limit, limit) for part, limit in zip(chain[1:], most, strict=True))]
     return np.column_stack(columns)
+
+
+def facing_along(problem: Problem, flown: Trajectory, guess: Trajectory) -> Trajectory:
+    """A flight of the leader (12 states, 4 controls) with the heading along its course; other coordinates as guessed.
+
+    The heading minimises the squares of its distance to the course, by speed, and of its third derivative, and rests
+    at both ends. So it is as calm as the formation can turn.
+    """
+    times = np.linspace(problem.start_s, problem.end_s, 2 * _POINTS)
+    states, chains = flown.state(times)[:, :12], guess.state(times)[:, 12:]
+    controls = np.hstack([flown.control(times)[:, :4], np.zeros((len(times), len(problem.coordinates)))])
+    number = [c.free_end for c in problem.coordinates].index(True)
+    chain = [_calmest(*_course(problem, states), float(times[1] - times[0]))]
+    for _ in range(3):
+        chain.append(np.gradient(chain[-1], times))
+    chains[:, 4 * number : 4 * number + 4] = np.column_stack(chain)
+    return Trajectory(piecewise_linear(times, np.hstack([states, chains])), piecewise_linear(times, controls))
+
+
+def _course(problem: Problem, states: Array) -> tuple[Array, Array]:
+    """The leader's course (N,) from the formation's zero, without jumps, and the weight (N,) of each instant."""
+    north, east = states[:, 3], states[:, 4]
+    squared = north**2 + east**2
+    turned = np.unwrap(np.arctan2(east, north) - problem.course_at_start_rad)
+    first = int(np.argmax(squared > _CREEPS_MPS**2))
+    turned -= 2.0 * np.pi * np.round(turned[first] / (2.0 * np.pi))
+    return turned, squared / max(float(squared.max()), _CREEPS_MPS**2)
+
+
+def _calmest(values: Array, weights: Array, step_s: float) -> Array:
+    """The calmest curve (N,) near values (N,) with weights (N,): from 0, at rest at both ends."""
+    count = len(values)
+    third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
+    # Three equal values at each end: neither rate nor acceleration.
+    free = sparse.lil_matrix((count, count - 5))
+    free[np.arange(3, count - 3), np.arange(count - 6)] = 1.0
+    free[np.arange(count - 3, count), count - 6] = 1.0
+    near = sparse.diags(weights) + (_CALM_S / step_s) ** 6 * third.T @ third
+    inner = free.tocsc()
+    return np.asarray(inner @ spsolve((inner.T @ near @ inner).tocsc(), inner.T @ (weights * values)))
 
 
 def _headings(problem: Problem, states: Array) -> Array:

@@ -6,7 +6,7 @@ finds paths below the ceiling. The optimiser starts from these routes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,13 +111,16 @@ def every_route(problem: Problem) -> tuple[Route, ...]:
 
     Raises Infeasible when there is none.
     """
-    routes = list(find_routes(problem, survey(problem)))
+    area = survey(problem)
+    routes = list(find_routes(problem, area))
     if problem.coordinates:
         try:
             rigid = find_routes(problem, survey(problem, at_rest=True))
         except Infeasible:
             rigid = ()
         share = np.linspace(0.0, 1.0, _INSTANTS)
+        obstacles = _centres(area, ~area.free)
+        rigid = tuple(replace(route, sides=_sides(route.points_m, obstacles)) for route in rigid)
         for route in rigid:
             apart = [np.linalg.norm(route.place(share) - known.place(share), axis=1).max() for known in routes]
             if min(apart) > _SAME_ROUTE * route.length_m:

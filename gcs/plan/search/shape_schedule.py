@@ -14,8 +14,12 @@ import numpy as np
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.changes.automatic import automatic_moves
 from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
-from gcs.plan.nlp.mesh_refinement import Optimum, optimise, with_end
+from gcs.plan.nlp.ipopt import solve
+from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, Optimum, flown_shape, optimise, with_end
+from gcs.plan.nlp.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
+from gcs.plan.search.initial_guess import facing_along
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import ChangeTable
@@ -41,9 +45,13 @@ def optimise_on_schedule(
     apart = in_turn(scenario, starts, problem.end_s)
     if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
         starts = apart
+    near = False
     for _ in range(_TRIES):
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
-        found = optimise(replace(problem, shape=timeline.shape), guess, on_round)
+        laid = replace(problem, shape=timeline.shape)
+        if problem.follows_course and not near:
+            guess, near = _with_fixed_turns(laid, guess)
+        found = optimise(laid, guess, on_round, near=near)
         history += found.history
         crossed = _starts_s(problem, changes, found.trajectory)
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
@@ -63,6 +71,22 @@ def optimise_on_schedule(
         f"the limit is {_LATE_S:g} s",
         hint="trigger the change by a time (at_s), or move its gate to where the leader flies straight",
     )
+
+
+def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Trajectory, bool]:
+    """A better guess for a formation that turns with its course, and whether one was found.
+
+    The leader's best flight while the shape turns as in the guess: its program has no coordinates, so it takes a
+    fraction of the time. Then the heading is laid along the course of that flight.
+    """
+    fixed = replace(problem, coordinates=(), shape=flown_shape(problem, guess), free_time=None)
+    mesh = end_refined(problem.start_s, problem.end_s, LONGEST_S, SHORTEST_S, DEGREE)
+    try:
+        program = transcribe(fixed, mesh, guess.vehicle)
+        flown = program.trajectory(solve(program, program.scaled(guess.vehicle)).y)
+    except PlanningError:
+        return guess, False
+    return facing_along(problem, flown, guess), True
 
 
 def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Trajectory) -> tuple[float, ...]:

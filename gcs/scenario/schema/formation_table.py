@@ -164,7 +164,8 @@ class Formation(Part):
 
     frame: Literal["inertial", "course"] = Field(
         default="inertial",
-        description="inertial: the shape keeps its direction (Eq. 22); course: it turns with the leader's course",
+        description="inertial: the shape keeps its direction (Eq. 22); course: it turns with the leader's course, "
+        "and scheduled changes have half of change_speed_mps and change_accel_mps2",
     )
     leader: VehicleId = Field(default=1, description="sysid of the leader, whose trajectory is planned")
     vehicle: tuple[FormationVehicle, ...] = Field(

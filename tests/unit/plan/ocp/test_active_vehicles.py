@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -153,6 +154,47 @@ def test_the_highest_and_the_lowest_are_watched_where_the_shape_bends_by_itself(
     for rows in chosen.moving:
         assert {height[rows].max(), height[rows].min()} == {height.max(), height.min()}
     assert not flight_problem(block(simulation1, BEND)).has_heights
+
+
+def rows_left(problem: Problem, times: Array, states: Array) -> list[set[str]]:
+    """Names of the rows of the path that may bind at each instant."""
+    chosen = active_vehicles(problem, times, states)
+    counts = (chosen.ground.shape[1], max((d.shape[1] for d in chosen.zones), default=0), chosen.moving.shape[1])
+    path = stage_functions.functions(problem, *counts).path.map(len(times))
+    controls = np.zeros((len(times), 4 + len(problem.coordinates)))
+    controls[:, 0] = problem.quadrotor.weight_N
+    values = np.asarray(path(np.hstack([states, controls]).T, chosen.parameters.T)).T
+    used = stage_functions.path_may_bind(problem, chosen, values)
+    names = stage_functions.path_names(problem, chosen)
+    return [set(itertools.compress(row, kept)) for row, kept in zip(names, used, strict=True)]
+
+
+def test_with_the_course_only_rows_that_can_bind_are_in_the_program(simulation1: Scenario) -> None:
+    zone = {"north_m": 30.0, "east_m": 30.0, "radius_m": 5.0}
+    problem = flight_problem(fleet(simulation1, 5, "row", formation={"frame": "course"}, no_fly=[zone]))
+    limits, most_mps = problem.scenario.limits, problem.scenario.limits.speed_ned_mps[0]
+    low, high = limits.north_m
+    states = np.zeros((5, 16))
+    states[:, :3] = [0.5 * (low + high), 0.5 * sum(limits.east_m), -limits.clearance_min_m - 20.0]
+    states[:, 3] = 1.0
+    states[1, 3] = 0.9 * most_mps
+    states[2, 2] = -limits.clearance_min_m - 1.0
+    states[3, 0] = high - 1.0
+    states[4, :2] = [30.0, 20.0]
+    calm, fast, lowly, aside, near = rows_left(problem, TIMES[:5], states)
+    leaders = {f"{name} of vehicle 1" for name in ("turning radius", "acceleration")}
+    ways = {
+        "jerk of the formation",
+        "heading of the formation along its course",
+        "flight towards the formation's front",
+    }
+    assert leaders | ways >= {name for name in calm if "zone" not in name}
+    assert ways - {"jerk of the formation"} <= calm
+    assert {f"north speed of vehicle {v}" for v in range(2, 6)} <= fast
+    assert "north speed of vehicle 1" not in fast  # the leader's is a bound
+    assert {f"clearance of vehicle {v}" for v in range(1, 6)} <= lowly
+    assert any(name.startswith("north of vehicle") for name in aside)
+    assert any(name.startswith("no-fly zone 1") for name in near)
 
 
 def test_slots_hold_the_watched_vehicles_motion(simulation1: Scenario) -> None:
