@@ -64,6 +64,7 @@ class Program:
     derivatives: dict[str, ca.Function]  # grad_f, jac_g, hess_lag
     parameters: Array  # (p,) second argument of nlp and derivatives
     step_rows: int = 0  # so many last rows of g limit the steps of the thrust
+    moving_shape: bool = False  # on a schedule
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y sampled from an existing trajectory: the warm start."""
@@ -208,6 +209,7 @@ def bounded_program(
         derivatives,
         np.zeros(0) if parameters is None else parameters,
         2 * steps,
+        bool(problem.shape.moving_s),
     )
 
 

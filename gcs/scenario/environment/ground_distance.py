@@ -19,7 +19,7 @@ from gcs.scenario.schema.scenario import Mountains, Ripple, Terrain
 Highest = Callable[[Array, Array, Array], Array]  # north, east, distance
 Surface = Callable[[Array, Array], tuple[Array, Array, Array]]  # north, east -> height and its slopes north and east
 
-_STEPS = 30  # of Newton's method, at most
+_STEPS = 120  # of the Gauss-Newton method, at most: beside a sharp top it converges slowly
 _SETTLED_M = 1e-5  # a foot so near to the true one leaves an error far below 0.1 mm
 _STARTS = 3
 _RINGS = (2, 12)  # least and most rings of trial places around a place
