@@ -29,8 +29,8 @@ OPTIONS = {
 }
 # With coordinates of the shape, blocks are larger, and approximate minimum degree takes two thirds of the time.
 _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
-# While the shape moves on a schedule the optimum is flat: within IPOPT's own tolerance, costs differ by 0.3 % and heights
-# by 1 m, from processor to processor.
+# While the shape moves on a schedule the optimum is flat: within IPOPT's own tolerance, costs differ by 0.3 % and
+# heights by 1 m, from processor to processor.
 _MOVING_OPTIONS = {"ipopt.dual_inf_tol": 1e-8}
 # With a free time, the active limits change often; a barrier parameter that may grow again converges sooner.
 _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
