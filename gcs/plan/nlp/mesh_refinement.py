@@ -95,7 +95,10 @@ def optimise(
             accel_reserve_mps2=problem.accel_reserve_mps2 + accel_reserve_mps2(missed),
             jerk_reserve_mps3=problem.jerk_reserve_mps3 + jerk_reserve_mps3(missed),
         )
-        mesh = mesh.split(drifting).enforcing_at(np.unique([miss.t_s for miss in missed]))
+        worst_s = [miss.t_s for miss in missed]
+        if problem.follows_course:  # past a corner of a zone the violation moves along its period while it shrinks
+            worst_s += [0.5 * (miss.t_s + end_s) for miss in missed for end_s in miss.period_s]
+        mesh = mesh.split(drifting).enforcing_at(np.unique(worst_s))
     raise PlanningError(
         f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}",
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
