@@ -51,11 +51,12 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
     begin_m, end_m = (at_edges[:, part].reshape(-1, 3) for part in (slice(None, -1), slice(1, None)))
     begins_s, ends_s = (np.tile(part, len(at_edges)) for part in (begin_s, end_s))
     slack, lasts_s = bent_m.ravel(), ends_s - begins_s
+    margin_m = plan.scenario.limits.zone_margin_m or 0.0
     for number, zone in enumerate(plan.scenario.no_fly, start=1):
         parts = parts_beside(zone, begin_m, end_m, begins_s, ends_s)
-        outside = outside_along(zone, parts, -LENGTH_TOLERANCE_M, slack=slack[parts.piece])
+        outside = outside_along(zone, parts, margin_m - LENGTH_TOLERANCE_M, slack=slack[parts.piece])
         if outside.verdict != "proved":
-            violated.append(f"no-fly zone {number} violated by {-outside.proved:.3g} m")
+            violated.append(f"no-fly zone {number} violated by {margin_m - outside.proved:.3g} m")
     required_m = plan.scenario.limits.clearance_min_m
     highest = highest_ground(plan.scenario.terrain)
     above = clearance_along(highest, begin_m, end_m, required_m - LENGTH_TOLERANCE_M, slack=slack, duration_s=lasts_s)

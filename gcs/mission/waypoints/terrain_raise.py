@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -42,7 +43,7 @@ class TerrainRaise:
     ) -> float:
         """Raise waypoints (W,) for one vehicle (row), or for all that fly the leader's legs (None).
 
-        Return how far inside a no-fly zone any of them would be, m.
+        Return how much nearer to a no-fly zone than they may any of them would be, m.
         """
         flown = found.flown
         for _ in range(_ROUNDS):
@@ -64,8 +65,9 @@ class TerrainRaise:
     def _inside_m(self, flown: Prediction, row: int | None) -> float:
         places, scenario = self._places(flown, row), self._plan.scenario
         t_s = np.broadcast_to(float(self._t_s[0]) + flown.t_s[::_EVERY], places.shape[:2])
-        deep_m = [-float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in scenario.no_fly]
-        return max(deep_m, default=0.0) - scenario.mission.tolerance_m
+        away_m = [float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in scenario.no_fly]
+        required_m = (scenario.limits.zone_margin_m or 0.0) - scenario.mission.tolerance_m
+        return required_m - min(away_m, default=math.inf)
 
     def _short_m(self, flown: Prediction, row: int | None) -> Array:
         """The largest shortfall of the clearance of any vehicle at each step (M,)."""
