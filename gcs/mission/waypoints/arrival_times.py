@@ -46,7 +46,7 @@ _GOOD_S, _GOOD_OWN_S = (
     2.0,
 )  # good enough to try no other placement; the second for vehicles with legs of their own, which take long
 _BETTER_S = 0.05  # a later placement must be better by this much
-_NO_FLY_COST_SPM = 100.0  # cost of a metre inside a no-fly zone, in s of lateness
+_NO_FLY_COST_SPM = 100.0  # cost of a metre too near to a no-fly zone, in s of lateness
 _CACHE: dict[tuple[str, Autopilot, int], TimedLegs] = {}  # a correction takes seconds
 _CACHED_MAX = 16
 
@@ -148,8 +148,8 @@ def _attempt(
         for row in (leader, *(r for r in range(rows) if r != leader)):
             profile, legs = _profile(plan, firmware, sampled, row, kept, early_s)
             found = correct(navigator, profile, lead_s)
-            inside_m = terrain.raise_over_ground(navigator, profile, legs, found, row if rows > 1 else None)
-            off_s = max(off_s, _worst_s(found, gate) + _NO_FLY_COST_SPM * inside_m)
+            too_near_m = terrain.raise_over_ground(navigator, profile, legs, found, row if rows > 1 else None)
+            off_s = max(off_s, _worst_s(found, gate) + _NO_FLY_COST_SPM * too_near_m)
             part_speeds[row, legs] = found.speeds_mps
             if row == leader:
                 lead_s = (found.lead_s, found.lead_s)

@@ -60,9 +60,9 @@ class TerrainRaise:
             raised = profile.points_ned_m.copy()
             raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
             flown = predict(navigator, replace(profile, points_ned_m=raised).orders(found.speeds_mps))
-        return max(self._inside_m(flown, row), 0.0)
+        return max(self._too_near_m(flown, row), 0.0)
 
-    def _inside_m(self, flown: Prediction, row: int | None) -> float:
+    def _too_near_m(self, flown: Prediction, row: int | None) -> float:
         places, scenario = self._places(flown, row), self._plan.scenario
         t_s = np.broadcast_to(float(self._t_s[0]) + flown.t_s[::_EVERY], places.shape[:2])
         away_m = [float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in scenario.no_fly]
