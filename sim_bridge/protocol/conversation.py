@@ -130,10 +130,14 @@ class Conversation:
         """Return the signature for the next frame; None while signing is off."""
         return self._signing_state.signature(now_s)
 
+    @property
+    def speaks(self) -> bool:
+        """Whether the vehicle is on, and sends."""
+        return self._heard and not self._dead and self._instruments.t_s >= self.on_from_s
+
     def time_message(self) -> Message | None:
-        """Return SYSTEM_TIME as of now; None if the vehicle is off, silent or cannot send it."""
-        off = self._dead or not self._heard or self._instruments.t_s < self.on_from_s
-        return None if off else self._telemetry.build(MessageId.SYSTEM_TIME)
+        """Return SYSTEM_TIME as of now; None if it cannot send it."""
+        return self._telemetry.build(MessageId.SYSTEM_TIME)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message. Messages for other vehicles, unknown ones and badly signed ones get no answer."""

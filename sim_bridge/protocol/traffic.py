@@ -19,6 +19,7 @@ from sim_bridge.faults.fault_commands import answer, is_fault_command, read_orde
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.protocol.conversation import Conversation
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
+from sim_bridge.protocol.ground_echo import GroundEcho
 from sim_bridge.protocol.missions.ftp_files import items_in
 from sim_bridge.protocol.position_targets import is_stamp
 
@@ -39,6 +40,8 @@ class Traffic:
         self._decoders = [Codec(0, 0) for _ in board.rows]
         self._after: dict[int, Codec] = {}  # decoders behind impaired links
         self._stamp_s: dict[int, float] = {}  # newest stamp of a setpoint that arrived here, lost afterwards or not
+        self._echo = GroundEcho()
+        self._asked = 0  # the row of the vehicle that asked last
         self._watched = -1
         self.sent = 0  # messages
 
@@ -91,13 +94,35 @@ class Traffic:
         """Restart the frame sequence numbers of this row at 0."""
         self._encoders[row] = Codec(*self._vehicles[row].station)
 
-    def send_time(self) -> None:
-        """Send SYSTEM_TIME again; not over impaired links, where it would change the fate of later frames."""
-        for row, vehicle in enumerate(self._vehicles):
-            if row not in self._injector.radios and (message := vehicle.time_message()) is not None:
-                signature = vehicle.signature(time.monotonic())
-                self._board.put(row, [self._encoders[row].encode(message, signature)])
+    def remind(self, t_s: float) -> None:
+        """Send SYSTEM_TIME and PING again."""
+        for row in self._unimpaired():
+            message = self._vehicles[row].time_message()
+            if message is not None:
+                self._put(row, message)
+        self._ask(self._echo.again(t_s))
         self._board.flush(time.monotonic())
+
+    def unread_after_s(self, t_s: float) -> float | None:
+        """Return the time up to which the ground station has read, if it is too far behind; None to go on."""
+        request = self._echo.due(t_s)
+        if request is not None:
+            self._ask(request)
+        return self._echo.awaits_after_s(t_s)
+
+    def _ask(self, request: Message) -> None:
+        """Have the next vehicle send PING. They take turns: each may have a socket of its own in the station."""
+        rows = self._unimpaired()
+        if rows:
+            self._asked = next((row for row in rows if row > self._asked), rows[0])
+            self._put(self._asked, request)
+
+    def _unimpaired(self) -> list[int]:
+        """The rows that may send more than a real vehicle does: on impaired links it would change what is lost."""
+        return [row for row, v in enumerate(self._vehicles) if v.speaks and row not in self._injector.radios]
+
+    def _put(self, row: int, message: Message) -> None:
+        self._board.put(row, [self._encoders[row].encode(message, self._vehicles[row].signature(time.monotonic()))])
 
     def departed_s(self, row: int, t_s: float) -> float | None:
         """Return the stamp of the newest setpoint that arrived for an impaired link; None if there is none."""
@@ -115,6 +140,9 @@ class Traffic:
         return (row,) if row in rows else ()
 
     def _hand_on(self, row: int, message: Message, t_s: float, now_s: float) -> None:
+        if message.name == "PING":
+            self._echo.receive(message)
+            return
         if is_fault_command(message):
             order = read_order(message)
             self._injector.end(row, order.ends, t_s)

@@ -1,7 +1,7 @@
-"""Lockstep: how long simulated time waits for setpoints that the ground station has not sent yet.
+"""Lockstep: how long simulated time waits for what the ground station has not sent yet.
 
-Wall time is an argument. After the timeout a vehicle flies on without them. It is waited for again as soon as a newer
-setpoint arrives. So a ground station that paused catches up, and is not late for the rest of the flight.
+Wall time is an argument. After the timeout vehicles fly on without it. They wait again as soon as anything newer
+arrives. So a ground station that paused catches up, and is not late for the rest of the flight.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Lockstep:
         self._remind_s = math.inf
 
     def wait_s(self, awaiting: Mapping[int, float], now_s: float) -> float:
-        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of each waiting vehicle."""
+        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of whoever waits for a newer one."""
         self._given_up = {row: stamp for row, stamp in self._given_up.items() if awaiting.get(row) == stamp}
         if awaiting.keys() <= self._given_up.keys():
             self._until_s = self._remind_s = math.inf

@@ -3,8 +3,8 @@
 A step is 20 ms of simulated time. `speedup` sets how fast steps follow one another. Three things slow them down:
 - commands: while an armed vehicle is idle, or no vehicle is armed, time runs at most at `WAITING_RATE` times real
   time. Ground stations answer in real time, and 10 s until disarming would be 0.2 s;
-- the setpoint stream: above real time a vehicle that follows stamped setpoints waits for the next one (`Lockstep`),
-  so that a flight is the same at any speed-up;
+- the ground station: above real time a vehicle that follows stamped setpoints waits for the next one, and all wait
+  until the station has read what they sent (`Lockstep`, `GroundEcho`), so that a flight is the same at any speed-up;
 - the machine: a step it cannot do in time is made up for later, up to a limit (`Pace`).
 """
 
@@ -39,6 +39,7 @@ from sim_bridge.sim.vehicle_factory import VehicleFactory
 
 WAITING_RATE = 10.0
 OFF_S = 1.0  # duration of a restart
+_READING = -1  # beside the rows that wait for setpoints: all wait until the ground station has read
 _STEPS_PER_S = round(1.0 / CONTROL_PERIOD_S)
 
 
@@ -131,7 +132,7 @@ class World:
             now_s = time.monotonic()
             wait_s = self._pace.wait_s(self.t_s, now_s, self._rate())
             if not wait_s and self.options.speedup > 1.0:
-                wait_s = self._stream_wait_s(now_s)
+                wait_s = self._ground_wait_s(now_s)
             if wait_s > 0.0:
                 self._listen(wait_s)
             else:
@@ -178,12 +179,13 @@ class World:
         )
         return self.options.speedup if under_way else min(self.options.speedup, WAITING_RATE)
 
-    def _stream_wait_s(self, now_s: float) -> float:
+    def _ground_wait_s(self, now_s: float) -> float:
         t_s = self.t_s
         newest_s = {row: self._awaits_after_s(row, t_s) for row in range(len(self.vehicles))}
+        newest_s[_READING] = self.traffic.unread_after_s(t_s)
         wait_s = self._lockstep.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
         if self._lockstep.reminds(now_s):
-            self.traffic.send_time()
+            self.traffic.remind(t_s)
         return wait_s
 
     def _awaits_after_s(self, row: int, t_s: float) -> float | None:

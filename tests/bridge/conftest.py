@@ -20,9 +20,14 @@ __all__ = ["fleet", "make_fleet"]
 
 
 @pytest.fixture(scope="session")
-def hop(repo_root: Path) -> Plan:
+def field(repo_root: Path) -> Scenario:
+    return load_scenario(repo_root / "missions" / "field")
+
+
+@pytest.fixture(scope="session")
+def hop(field: Scenario) -> Plan:
     """Three vehicles, half a minute, a plan."""
-    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
+    return make_plan(hop_scenario(field))
 
 
 @pytest.fixture(scope="session")

@@ -21,6 +21,7 @@ from gcs.link.microservices.command import CommandRefused, CommandSender, Positi
 from gcs.link.microservices.machine import Machine
 from gcs.link.microservices.parameter import Parameter
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
+from gcs.link.microservices.ping import ping_answers
 from gcs.link.microservices.rtt import RttEstimator
 from gcs.link.mission_protocol.file_upload import FileUpload
 from gcs.link.mission_protocol.item_messages import with_home
@@ -147,6 +148,8 @@ class VehicleSession:
         self.clock.receive(message, host_s)
         if message.name == "STATUSTEXT":
             self.texts.receive(message, now_s)
+        elif message.name == "PING":
+            self._send_all(ping_answers(message))
         elif message.name == self.estimator.message.name:
             ready = self.estimator.is_ready(message.name, message.fields)
             self.ready_since_s = (self.ready_since_s or now_s) if ready else None
