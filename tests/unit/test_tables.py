@@ -27,7 +27,8 @@ REJOIN = "tests/unit/flight/contingency/standstill/test_common_rejoin.py"
 HOSTILE = "tests/hostile/test_"
 RECORDS = "tests/unit/flight/recording/writing/test_flight_record.py"
 STALLS = "tests/hostile/test_stalls.py"
-YIELDING = (NEAR, "test_others_give_way_to_one_that_a_pilot_stops_in_their_way")
+HOLDING = (NEAR, "test_a_vehicle_with_time_to_brake_holds_and_returns")
+CLIMBING = (NEAR, "test_a_vehicle_without_time_to_brake_climbs")
 
 # Each rule of the contingency policy, and the flight or test that proves it.
 POLICY_PROOFS = {
@@ -86,15 +87,15 @@ POLICY_PROOFS = {
         (RULES, "test_a_vehicle_is_taken_over_from_its_failsafe_twice_and_then_lands"),
         (RULES, "test_a_failsafe_without_a_position_lands"),
     ],
-    "A vehicle in a mode that was not ordered, and no failsafe's, is left to its pilot": [YIELDING],
+    "A vehicle in a mode that was not ordered, and no failsafe's, is left to its pilot": [HOLDING, CLIMBING],
     "A vehicle that disobeys an order to stop or to return is ordered to land": [
         (RULES, "test_a_return_that_is_not_obeyed_becomes_a_landing")
     ],
-    "The yielding vehicle brakes and holds": [YIELDING],
-    "The upper vehicle climbs by 2 m": [YIELDING],
-    "The yielding vehicle lands": [YIELDING],
+    "The yielding vehicle brakes and holds": [HOLDING],
+    "The upper vehicle climbs by 2 m": [CLIMBING],
+    "The yielding vehicle lands": [CLIMBING, (RULES, "test_conflicts_escalate_hold_spread_land")],
     "An earlier order gets time to act, or no vehicle can yield": [(RULES, "test_conflicts_escalate_hold_spread_land")],
-    "A vehicle that yielded returns after 5 s without a conflict": [YIELDING],
+    "A vehicle that yielded returns after 5 s without a conflict": [HOLDING],
     "A vehicle was lost: all others land": [(MISHAPS, "test_a_vehicle_is_lost_the_others_land")],
     "A vehicle was lost: all others return": [(MISHAPS, "test_a_vehicle_is_lost_the_others_return_staggered")],
     "All others continue": [(MISHAPS, "test_a_vehicle_is_lost_the_others_go_on")],
