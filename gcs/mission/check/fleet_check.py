@@ -21,6 +21,7 @@ from gcs.mission.check.flight_checks import (
 )
 from gcs.mission.check.flight_limits import FlightLimits
 from gcs.mission.check.item_checks import check_items, found
+from gcs.mission.check.pads.beside_pads import check_pads
 from gcs.mission.check.questions.far_places import check_places
 from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.model import MissionItem
@@ -84,6 +85,7 @@ def check_fleet(
         low, grounded = check_ground(mission, flight, around, limits)
         lowest.append(low)
         findings += grounded
+        findings += check_pads(mission, flight, around, limits)
         findings += check_limits(mission, flight, limits)
         near_zone, entered = check_zones(mission, flight, limits)
         zones.append(near_zone)

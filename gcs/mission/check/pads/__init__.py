@@ -1,0 +1,1 @@
+"""The ground at pads and landing points."""
