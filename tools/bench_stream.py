@@ -38,12 +38,12 @@ from gcs.autopilots.traits import Autopilot
 from gcs.flight.offboard.deadlines import Grid, Scheduler
 from gcs.flight.offboard.reference_trajectory import PlanReference
 from gcs.flight.offboard.setpoint_messages import Streamed, send_due, wait_s
+from gcs.flight.setup.own_process import in_own_process
 from gcs.link.session.linked_fleet import LinkedFleet
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import plan_returns
 from gcs.mission.model import SetpointStream
-from gcs.own_process import in_own_process
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario

@@ -38,7 +38,7 @@ from gcs.flight.recording.writing.record_gaps import RecordGaps
 from gcs.flight.recording.writing.room_check import needed_bytes, refuse_without_room, unwritable_is_told
 from gcs.flight.sequence.fleet_time import FleetTime
 from gcs.flight.sequence.flight import FlightSequence
-from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_other_autopilots
+from gcs.flight.setup.build_loads import loads_built_aside, missions_only, refuse_no_hour, refuse_other_autopilots
 from gcs.flight.setup.go_no_go import go_or_no_go, restore_parameters
 from gcs.flight.setup.mission_choice import TimeKeeping, export_for_flight
 from gcs.flight.setup.preflight_check import PreflightCheck, checks_data
@@ -201,15 +201,7 @@ def fly_run(order: FlightRun, watcher: Watcher) -> Flown:
 
 def refuse_late_starts(scenario: Scenario) -> None:
     """Raise `UsageError` for missions on board that cannot start together: known before anything is planned."""
-    rows = zip(si.sysids(scenario), si.autopilots(scenario), strict=True)
-    late = [
-        f"vehicle {sysid} ({known.title})" for sysid, known in rows if not known.traits.flight.waits_for_time_of_day
-    ]
-    if late:
-        raise UsageError(
-            f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
-            hint="fly with --mode stream, which keeps all vehicles on time",
-        )
+    refuse_no_hour(zip(si.sysids(scenario), si.autopilots(scenario), strict=True))
 
 
 async def _fly(
@@ -317,7 +309,9 @@ async def _flight(
     else:
         autopilots = {sysid: session.autopilot for sysid, session in sessions.items()}
         if order.keeping.mode is FlightMode.MISSION:
-            refuse_other_autopilots(plan, (autopilots[sysid] for sysid in plan.sysids))
+            rows = [(sysid, autopilots[sysid]) for sysid in plan.sysids]
+            refuse_no_hour(rows)  # first: the scenario may name no autopilot, and has the default then
+            refuse_other_autopilots(plan, (number for _, number in rows))
         loads = await loads_built_aside(
             plan, autopilots, timed=False, safety=order.safety, warn=watcher.warn, exported=exported
         )

@@ -43,6 +43,14 @@ def mixed(repo_root: Path) -> Plan:
     return make_plan(mixed_scenario(load_scenario(repo_root / "missions" / "field")))
 
 
+def unnamed(plan: Plan) -> Plan:
+    """The plan of a scenario that names no autopilot."""
+    data = plan.scenario.model_dump(mode="json")
+    for vehicle in data["formation"]["vehicle"]:
+        vehicle.pop("autopilot", None)
+    return replace(plan, scenario=type(plan.scenario).model_validate(data))
+
+
 def test_returns_hold_for_what_each_vehicle_does(mixed: Plan) -> None:
     safety = build_safety(mixed, mixed.autopilots)
     for row, known in enumerate(MIXED):
@@ -117,11 +125,7 @@ def test_who_answers_is_compared_with_the_scenario(mixed: Plan) -> None:
         "vehicle 1 runs PX4, the scenario says ArduCopter; vehicle 4 runs ArduCopter, the scenario says PX4."
     )
     assert "[[formation.vehicle]]" in caught.value.hint
-    data = mixed.scenario.model_dump(mode="json")
-    for vehicle in data["formation"]["vehicle"]:
-        vehicle.pop("autopilot", None)
-    unnamed = replace(mixed, scenario=type(mixed.scenario).model_validate(data))
-    loads = build_loads(unnamed, NUMBERS, timed=False)
+    loads = build_loads(unnamed(mixed), NUMBERS, timed=False)
     assert [dict(load.parameters).keys() >= {"RTL_ALT"} for load in loads] == [True, False, True, False]
 
 
@@ -199,6 +203,22 @@ def test_a_flight_of_missions_is_refused_before_anything_is_computed(
     assert gcs(["fly", str(skein), "--sim", "--mode", "mission", "--to", str(flights)]) == UsageError.exit_code
     assert "until a time of day on vehicle 2 (PX4), vehicle 4 (PX4)" in capsys.readouterr().err
     assert not flights.exists()
+
+
+def test_missions_are_refused_as_soon_as_vehicles_say_that_they_cannot_wait(
+    mixed: Plan, make_fleet: Callable[..., Fleet], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scenario names no autopilot, as those of `gcs new`: the heartbeats tell it."""
+    plan, skein = unnamed(mixed), tmp_path / "mixed.skein"
+    save_plan(plan, verify(plan), skein)
+    fleet = make_fleet(plan.scenario, one_port=True, autopilot="px4")
+    link = f"udpout:{fleet.places[1][0].address}"
+    flights = ["--to", str(tmp_path / "flights")]
+    assert gcs(["fly", str(skein), "--link", link, "--mode", "mission", "--yes-arm", *flights]) == UsageError.exit_code
+    said = capsys.readouterr().err
+    assert "a mission cannot wait until a time of day on vehicle 1 (PX4), vehicle 2 (PX4)" in said
+    assert "next: fly with --mode stream" in said
+    assert all(vehicle._store.items(0) == () for vehicle in fleet._world.vehicles)
 
 
 def test_another_fleet_than_the_scenarios_is_refused_before_anything_is_sent(

@@ -131,10 +131,22 @@ def warn_of_position_errors(screen: Screen, made: Plan, report: Report) -> None:
 
 
 def _show_greatest_motion(screen: Screen, made: Plan) -> None:
-    """Print the greatest acceleration and jerk of any vehicle; `gcs show` has those of each."""
+    """Print the greatest speed, acceleration and jerk of any vehicle; `gcs show` has those of each."""
     from gcs.plan.trajectory.greatest_motion import greatest_motion
 
     found, limits = greatest_motion(made), made.scenario.limits
+    north_mps, east_mps, vertical_mps = limits.speed_ned_mps
+    sideways = f"{north_mps:g} north, {east_mps:g} east"
+    told = []
+    for way, speeds, times, allowed in (
+        ("horizontal speed", found.speed_horizontal_mps, found.speed_horizontal_t_s, sideways),
+        ("vertical", found.speed_vertical_mps, found.speed_vertical_t_s, f"{vertical_mps:g}"),
+    ):
+        row = int(speeds.argmax())
+        told.append(
+            f"{way} {speeds[row]:.2f} m/s (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; limit {allowed})"
+        )
+    screen.say(f"greatest speed: {', '.join(told)}")
     told = []
     for name, unit, sizes, times, most in (
         ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),

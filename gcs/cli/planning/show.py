@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.cli.console import Screen
+from gcs.cli.planning.pads_table import pads_of, refuse_no_csv, say_pads, say_rest, shown, write_pads
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2
-_SHOWN = 20  # vehicles
 _LABELS = {"way": "leader", "closed": "no-fly zones"}  # of keys of `--json` that text names otherwise
 
 
@@ -28,14 +28,24 @@ def show(
             "--picture", "-p", metavar="FILE", help="Draw a map of ground, no-fly zones, tracks and clearances."
         ),
     ] = None,
+    pads: Annotated[
+        Path | None,
+        typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew."),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Show the content of a scenario or plan: vehicles, start, end, limits, pads.
 
-    Example: gcs show plans/simulation1.skein --picture map.png
+    A terminal shows 20 vehicles; a pipe or a file gets all.
+
+    Examples: gcs show plans/simulation1.skein --picture map.png
+
+    gcs show plans/simulation1.skein --pads pads.csv
     """
     screen = Screen(json=json)
+    if pads is not None:
+        refuse_no_csv(pads)
     from gcs.plan.trajectory.plan_file import is_plan_file, load_plan
     from gcs.plan.verification.navigation_margins import thin_margins
     from gcs.scenario.load import load_scenario
@@ -53,18 +63,22 @@ def show(
     width = max(len(_LABELS.get(name, name)) for name in found)
     for name, text in found.items():
         screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
-    pads = _pads(scenario)
-    _say_pads(screen, pads)
+    places = pads_of(scenario)
+    say_pads(screen, places)
     motion = [] if plan is None else _greatest_motion(screen, plan)
     if picture is not None:
         from gcs.flight.assessment.overview_plot import save_overview
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
+    if pads is not None:
+        write_pads(places, pads)
+        screen.say(f"pads: {pads}")
     ends = _ends(scenario)
+    files = {"picture": picture, "pads_file": pads}
     screen.result(
-        {"name": scenario.name, **found, **ends, "pads": pads, "greatest_motion": motion}
-        | ({"picture": picture} if picture else {})
+        {"name": scenario.name, **found, **ends, "pads": places, "greatest_motion": motion}
+        | {name: file for name, file in files.items() if file is not None}
     )
 
 
@@ -175,62 +189,32 @@ def _ends(scenario: Scenario) -> dict[str, dict[str, float]]:
 
 
 def _greatest_motion(screen: Screen, plan: Plan) -> list[dict[str, float]]:
-    """Print the greatest acceleration and jerk of each vehicle, and return them."""
+    """Print the greatest speed, acceleration and jerk of each vehicle, and return them."""
     from rich.table import Table
 
     from gcs.plan.trajectory.greatest_motion import greatest_motion
 
     limits = plan.scenario.limits
     rows = greatest_motion(plan).by_vehicle(plan.sysids)
-    table = Table("vehicle", "acceleration", "at", "jerk", "at", title="greatest acceleration and jerk")
-    for row in rows[:_SHOWN]:
-        table.add_row(
-            f"{row['sysid']:g}",
-            f"{row['accel_max_mps2']:.2f} m/s²",
-            f"{row['accel_max_t_s']:.1f} s",
-            f"{row['jerk_max_mps3']:.2f} m/s³",
-            f"{row['jerk_max_t_s']:.1f} s",
-        )
-    screen.show(table)
+    kinds = (
+        ("speed", (("horizontal", "speed_horizontal_max_mps", "m/s"), ("vertical", "speed_vertical_max_mps", "m/s"))),
+        ("acceleration and jerk", (("acceleration", "accel_max_mps2", "m/s²"), ("jerk", "jerk_max_mps3", "m/s³"))),
+    )
+    for title, columns in kinds:
+        heads = (head for name, _, _ in columns for head in (name, "at"))
+        table = Table("vehicle", *heads, title=f"greatest {title}")
+        for row in rows[: shown(screen)]:
+            cells = [
+                cell
+                for _, key, unit in columns
+                for cell in (f"{row[key]:.2f} {unit}", f"{row[key.rpartition('_')[0] + '_t_s']:.1f} s")
+            ]
+            table.add_row(f"{row['sysid']:g}", *cells)
+        screen.show(table)
     most = (
         "no limit" if limit is None else f"at most {limit:g} {unit}"
         for limit, unit in ((limits.accel_max_mps2, "m/s²"), (limits.jerk_max_mps3, "m/s³"))
     )
     screen.say("limits: acceleration {}, jerk {}".format(*most))
-    if len(rows) > _SHOWN:
-        screen.say(f"and {len(rows) - _SHOWN} more; --json prints all")
+    say_rest(screen, len(rows), "--json has all")
     return rows
-
-
-def _pads(scenario: Scenario) -> list[dict[str, Any]]:
-    """The take-off point of every vehicle."""
-    from gcs.frames import ned_to_geodetic
-    from gcs.scenario.si import local_origin, pads_ned_m, sysids
-
-    pads = pads_ned_m(scenario)
-    lat_deg, lon_deg, alt_m = ned_to_geodetic(pads, local_origin(scenario))
-    return [
-        {
-            "sysid": sysid,
-            "lat_deg": round(float(lat_deg[row]), 7),
-            "lon_deg": round(float(lon_deg[row]), 7),
-            "alt_amsl_m": round(float(alt_m[row]), 3),
-            "north_m": round(float(pads[row, 0]), 3),
-            "east_m": round(float(pads[row, 1]), 3),
-        }
-        for row, sysid in enumerate(sysids(scenario))
-    ]
-
-
-def _say_pads(screen: Screen, pads: list[dict[str, Any]]) -> None:
-    from rich.table import Table
-
-    table = Table("vehicle", "latitude", "longitude", "altitude AMSL", "north, east", title="pads")
-    for pad in pads[:_SHOWN]:
-        place = f"{pad['north_m']:.2f}, {pad['east_m']:.2f} m"
-        table.add_row(
-            str(pad["sysid"]), f"{pad['lat_deg']:.7f}", f"{pad['lon_deg']:.7f}", f"{pad['alt_amsl_m']:.2f} m", place
-        )
-    screen.show(table)
-    if len(pads) > _SHOWN:
-        screen.say(f"and {len(pads) - _SHOWN} more; --json prints all")

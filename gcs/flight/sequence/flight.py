@@ -41,6 +41,7 @@ from gcs.flight.sequence.takeoff_landing import (
     until_ready,
 )
 from gcs.flight.sequence.text_watch import TextWatch
+from gcs.flight.setup.own_process import in_own_process
 from gcs.flight.setup.preflight_check import CLOCK, MESSAGES
 from gcs.link.fleet_upload.upload_fleet import Holdings, upload_fleet
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
@@ -48,7 +49,6 @@ from gcs.link.session.vehicle_session import VehicleSession
 from gcs.link.wire.message import Message
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.model import SetpointStream
-from gcs.own_process import in_own_process
 from gcs.plan.trajectory.energy import BatteryModel, battery_model
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.navigation_error import judged_separation_m

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from gcs.autopilots.flight_modes import autopilot_name
 from gcs.autopilots.traits import Autopilot, titles
-from gcs.errors import PeerError
+from gcs.errors import PeerError, UsageError
+from gcs.flight.setup.own_process import in_own_process
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.mission.export.index import ExportIndex
 from gcs.mission.export.mission_files import MissionOrder, make_missions
@@ -15,7 +16,6 @@ from gcs.mission.failsafe.rtl_altitudes import return_warnings
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.geofence import fence_items, rally_items
 from gcs.mission.model import VehicleMission
-from gcs.own_process import in_own_process
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.si import names_autopilots
 
@@ -79,6 +79,21 @@ def refuse_other_autopilots(plan: Plan, autopilots: Iterable[int]) -> None:
             f"{'; '.join(other)}.",
             hint="set mission.autopilot, or autopilot in [[formation.vehicle]], to what each vehicle runs. If the "
             "scenario is right, check the vehicles' system ids (--map)",
+        )
+
+
+def refuse_no_hour(vehicles: Iterable[tuple[int, int]]) -> None:
+    """Raises `UsageError` where a mission cannot wait until a time of day, by system id and MAV_AUTOPILOT."""
+    known = {int(one): one for one in Autopilot}
+    late = [
+        f"vehicle {sysid} ({known[number].title})"
+        for sysid, number in vehicles
+        if number in known and not known[number].traits.flight.waits_for_time_of_day
+    ]
+    if late:
+        raise UsageError(
+            f"missions cannot start together: a mission cannot wait until a time of day on {', '.join(late)}.",
+            hint="fly with --mode stream, which keeps all vehicles on time",
         )
 
 

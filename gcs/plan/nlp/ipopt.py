@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import sys
 import time
 from collections import defaultdict
+from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
@@ -104,11 +107,14 @@ def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solutio
     """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
-    result = solver(p=program.parameters, **bounds, **guess)
+    said = io.StringIO()
+    with redirect_stderr(said):
+        result = solver(p=program.parameters, **bounds, **guess)
     stats = solver.stats()
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt  # CasADi prints of it what you know: you pressed Ctrl-C
+    print(said.getvalue(), end="", file=sys.stderr)
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
     return Solution(

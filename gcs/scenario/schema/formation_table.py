@@ -34,6 +34,7 @@ Generator = Literal["triangle", "line", "column", "vee", "grid", "circle", "sphe
 
 START_SHAPE = "start"  # name of the shape at t = 0 in changes
 _AXIS_LEAST = 1e-3
+_HOLES = 10  # missing vehicles that one sentence names
 _NEEDED = ("angle_deg", "scale", "to")
 _KIND_OF_KEY = {"angle_deg": "rotate", "axis": "rotate", "scale": "shrink", "to": "reshape", "assignment": "reshape"}
 
@@ -233,8 +234,20 @@ class Formation(Part):
         count = len(self.sysids)
         for index, shape in enumerate(self.shape):
             if shape.offsets_m and len(shape.offsets_m) != count:
-                text = f"has {len(shape.offsets_m)} places for {count} vehicles. Give one for each, leader included"
+                missing = self._missing_sysids(len(shape.offsets_m) - count)
+                text = f"has {len(shape.offsets_m)} places for {count} vehicles{missing}"
+                text += ". Give one for each, leader included"
                 yield ("shape", index, "offsets_m"), text
+
+    def _missing_sysids(self, places: int) -> str:
+        """The vehicles that are missing in a row of numbers, where they are as many as the places too many."""
+        ids = self.sysids
+        holes = sorted(set(range(1, max(ids, default=0))) - set(ids))
+        if not holes or len(holes) != places:
+            return ""
+        more = f" and {len(holes) - _HOLES} more" if len(holes) > _HOLES else ""
+        are = "vehicle {} is" if len(holes) == 1 else "vehicles {} are"
+        return f"; {are.format(', '.join(map(str, holes[:_HOLES])) + more)} missing in formation.vehicle"
 
     def _names(self) -> Findings:
         names = [shape.name for shape in self.shape]

@@ -7,6 +7,7 @@ others.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
 from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.schema.scenario import Boundary, Scenario
+from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,
     ground_step_jerk_peak,
@@ -33,12 +34,14 @@ from gcs.scenario.si import (
 from gcs.scenario.validation.formation_rules import pairs_in_start_shape
 from gcs.scenario.validation.mistakes import Mistake
 from gcs.scenario.validation.rule_set import Mistakes, Rules
-from gcs.scenario.validation.slips.shown_values import plain
+from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.spacing import SLACK, close_pairs
+from gcs.scenario.validation.toml_lines import Key
 
 _RUN_UP_SAMPLE_M = 1.0
 _SAME_M = 0.01  # a place in degrees is known to a centimetre
 _FOOT_M, _HEIGHT = 0.3048, 2
+_BOX = ("north_m", "east_m", "height_m")
 _NAMED = 8  # vehicles one sentence names
 
 RULES = Rules()
@@ -63,17 +66,23 @@ def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
     if max(abs(a - b) for a, b in zip(place, start, strict=True)) > _SAME_M:
         at = ", ".join(plain(value) for value in place)
         text = f"differs from [{at}], the position of the leader, vehicle {formation.leader}. Make them equal"
+        if len(formation.vehicle) > 1:
+            way = _way(np.subtract(start, place))
+            text += f": move [start] back, or every vehicle by {way}"
         yield Mistake(("start", "position_m"), text, start)
 
 
 @RULES.needs("start", "end", "formation", "limits")
 def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
-    limits = scenario.limits
-    boxes = (("north_m", limits.north_m), ("east_m", limits.east_m), ("height_m", limits.height_m))
-    for end in _ends(scenario):
-        for axis, (key, (low, high)) in enumerate(boxes):
+    for axis, key in enumerate(_BOX):
+        low, high = getattr(scenario.limits, key)
+        stray = {sysids(scenario)[row] for row in _strays(scenario, axis)}
+        if stray:
+            yield _stray_vehicle(scenario, axis)
+        for end in _ends(scenario):
             along = end.places_up_m[:, axis]
             beyond = np.maximum(low - along, along - high)
+            beyond[[sysid in stray for sysid in end.sysids]] = 0.0
             worst = int(beyond.argmax())
             if beyond[worst] > SLACK:
                 text = (
@@ -82,6 +91,8 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
                 )
                 own = end.boundary.position_m[axis]
                 step = _into_the_box(end.table, axis, key, own, along, (low, high))
+                if end.table == "start" and scenario.formation.count is None:
+                    step = _with_vehicles(scenario, axis, step)
                 yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
 
 
@@ -91,10 +102,10 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
     if name is None:
         return
     places_m = _last_places_up_m(scenario, name)
-    for axis, (key, (low, high)) in enumerate(
-        (("north_m", limits.north_m), ("east_m", limits.east_m), ("height_m", limits.height_m))
-    ):
-        along, own = places_m[:, axis], end.position_m[axis]
+    for axis, key in enumerate(_BOX):
+        low, high = getattr(limits, key)
+        stray = _strays(scenario, axis) if name == START_SHAPE else []
+        along, own = np.delete(places_m[:, axis], stray), end.position_m[axis]
         outside = int(np.count_nonzero((along < low - SLACK) | (along > high + SLACK)))
         if outside and low <= own <= high:  # else the rule about the leader reports it
             text = (
@@ -123,13 +134,20 @@ def _last_shape_is_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "formation", "limits", "terrain")
 def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
+    low: set[int] = set()
     for end in _ends(scenario):
-        worst, missing = _lowest(scenario, end.places_up_m)
-        if missing > SLACK:
-            text = f"vehicle {end.sysids[worst]} would be {_below(missing, scenario)}"
-            own = end.boundary.position_m[2]
-            step = f"set {end.table}.position_m[2] to {plain(_up(own + missing, 0.1))} or more"
-            yield Mistake((end.table, "position_m", 2), text, own, remedy=step)
+        missing = _missing_m(scenario, end.places_up_m)
+        if end.table == "start":
+            low = {end.sysids[row] for row in _own_mistakes(scenario, missing > SLACK)}
+        elif low:
+            missing[[sysid in low for sysid in end.sysids]] = 0.0
+        worst = int(missing.argmax())
+        if missing[worst] > SLACK:
+            text = f"vehicle {end.sysids[worst]} would be {_below(float(missing[worst]), scenario)}"
+            key: Key = ("formation", "vehicle", worst) if end.table == "start" and low else (end.table,)
+            own = float(end.places_up_m[worst, 2]) if len(key) > 1 else end.boundary.position_m[2]
+            step = f"set {dotted(key)}.position_m[2] to {plain(_up(own + float(missing[worst]), 0.1))} or more"
+            yield Mistake((*key, "position_m", 2), text, own, remedy=step)
 
 
 @RULES.needs("start", "formation", "limits", "terrain", "ground_phases")
@@ -208,7 +226,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         spare_mps2 = limits.accel_max_mps2
         spare = f"{spare_mps2:g} m/s² (limits.accel_max_mps2)"
     end_ned_m = np.array(scenario.end.position_m) * NED_FROM_UP + offsets_ned_m(scenario)
-    climb_m = pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2]
+    climb_m = np.delete(pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2], _strays(scenario, _HEIGHT))
     descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_at_end(scenario)]
     steps = (
         ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
@@ -232,6 +250,60 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
             yield Mistake(
                 ("ground_phases", key), text, time, remedy=f"set ground_phases.{key} to {np.ceil(needed):.0f}"
             )
+
+
+def _own_mistakes(scenario: Scenario, wrong: NDArray[np.bool_]) -> list[int]:
+    """The rows of vehicles that are wrong (V,) at the start by their own positions; none where the leader is wrong."""
+    formation, start = scenario.formation, scenario.start.position_m
+    if formation.count is not None or wrong[row := leader_index(scenario)]:
+        return []
+    moved_m = np.subtract(formation.vehicle[row].position_m, start)
+    return np.flatnonzero(wrong).tolist() if np.abs(moved_m).max() <= _SAME_M else []
+
+
+def _strays(scenario: Scenario, axis: int) -> list[int]:
+    """The rows of vehicles outside the box along an axis at the start, while the leader is inside."""
+    low, high = getattr(scenario.limits, _BOX[axis])
+    along = _at_start(scenario).places_up_m[:, axis]
+    return _own_mistakes(scenario, (along < low - SLACK) | (along > high + SLACK))
+
+
+def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
+    """The mistake of vehicles outside the box along an axis, at the key of the one that is the farthest outside."""
+    key, rows = _BOX[axis], _strays(scenario, axis)
+    low, high = getattr(scenario.limits, key)
+    start = _at_start(scenario)
+    along = start.places_up_m[:, axis]
+    worst = max(rows, key=lambda row: float(max(low - along[row], along[row] - high)))
+    own, others = float(along[worst]), np.delete(along, worst)
+    table: Key = ("formation", "vehicle", worst, "position_m", axis)
+    text = f"puts vehicle {start.sysids[worst]} outside limits.{key}, {plain(low)} to {plain(high)}"
+    wider = f"limits.{key} to [{plain(min(low, np.floor(along.min())))}, {plain(max(high, np.ceil(along.max())))}]"
+    if len(rows) > 1:
+        text += f"; in all, {_vehicles(start, np.isin(np.arange(len(along)), rows))} are outside"
+        return Mistake(table, text, own, remedy=f"set {wider}, or move these vehicles")
+    if axis == _HEIGHT and np.ptp(others) <= SLACK:
+        to = f"{plain(float(others[0]))}, as the others have"
+    else:
+        to = plain(min(max(own, low), high))
+    return Mistake(table, text, own, remedy=f"set {dotted(table)} to {to}, or {wider}")
+
+
+def _with_vehicles(scenario: Scenario, axis: int, step: str) -> str:
+    """A step that moves the start, for a formation whose vehicles have positions of their own."""
+    found = re.match(rf"set start\.position_m\[{axis}\] to (-?[\d.]+)", step)
+    if found is None:
+        return step
+    way = np.zeros(3)
+    way[axis] = float(found[1]) - scenario.formation.vehicle[leader_index(scenario)].position_m[axis]
+    every = "every vehicle" if len(scenario.formation.vehicle) > 1 else "the vehicle"
+    return step.replace(found[0], f"{found[0]} and move {every} by {_way(way)}", 1) if way.any() else step
+
+
+def _way(north_east_up_m: Array) -> str:
+    """A displacement (3,) in words."""
+    along = zip(north_east_up_m, (("north", "south"), ("east", "west"), ("up", "down")), strict=True)
+    return ", ".join(f"{plain(abs(size))} m {words[int(size < 0)]}" for size, words in along if abs(size) > _SAME_M)
 
 
 def _into_the_box(table: str, axis: int, key: str, own: float, along_m: Array, box_m: tuple[float, float]) -> str:
@@ -294,10 +366,15 @@ def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:
     return f"vehicle {ids[0]}" if len(ids) == 1 else f"vehicles {', '.join(ids)}"
 
 
+def _missing_m(scenario: Scenario, places_up_m: Array) -> Array:
+    """The height that each vehicle lacks above the ground, negative where it has more than that, m."""
+    least_m = clearance_floor_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1], scenario.limits.clearance_min_m)
+    return np.asarray(least_m - places_up_m[:, 2])
+
+
 def _lowest(scenario: Scenario, places_up_m: Array) -> tuple[int, float]:
     """The row of the vehicle with the least clearance, and the height in m that it lacks."""
-    least_m = clearance_floor_m(scenario.terrain, places_up_m[:, 0], places_up_m[:, 1], scenario.limits.clearance_min_m)
-    missing = least_m - places_up_m[:, 2]
+    missing = _missing_m(scenario, places_up_m)
     worst = int(missing.argmax())
     return worst, float(missing[worst])
 

@@ -189,6 +189,12 @@ def test_usage_errors_are_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert err == ""
 
 
+def test_python_m_gcs_is_gcs() -> None:
+    done = subprocess.run([sys.executable, "-m", "gcs", "plam"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "error: gcs has no command plam\nnext: write gcs plan\n"
+
+
 def test_a_reader_that_leaves_early_ends_it_quietly() -> None:
     """`gcs schema | head -1`: the pipe's end is closed before anything is written."""
     read, write = os.pipe()

@@ -43,6 +43,8 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     for row in shown["greatest_motion"]:
         assert 0.0 < row["accel_max_mps2"] <= 1.001 * comfort.accel_max_mps2
         assert 0.0 < row["jerk_max_mps3"] <= 1.001 * comfort.jerk_max_mps3
+        assert 2.0 < row["speed_horizontal_max_mps"] <= 1.001 * float(np.hypot(*comfort.speed_ned_mps[:2]))
+        assert 0.5 < row["speed_vertical_max_mps"] <= 1.001 * comfort.speed_ned_mps[2]
     clearance = re.match(r"yes: clearance ([0-9.]+) m, ", shown["verified"])
     assert clearance is not None
     assert 0.98 * 14.99 < float(clearance[1]) <= 14.99  # a bound, 2 % below the height over flat ground at most

@@ -80,7 +80,9 @@ def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monke
     assert "the iteration limit was reached (IPOPT: Maximum_Iterations_Exceeded)" in failure.message
 
 
-def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(simulation1: Scenario) -> None:
+def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(
+    simulation1: Scenario, capfd: pytest.CaptureFixture[str]
+) -> None:
     """In 242 s the way is too long by a little, and the solver tries for many seconds."""
     problem = flight_problem(changed(simulation1, time={"flight_s": 242.0}))
     made = transcribe(problem, end_refined(0.0, 242.0, 9.0, 1.0, 5), straight(problem))
@@ -90,6 +92,7 @@ def test_ctrl_c_stops_a_solve_and_is_not_taken_for_its_failure(simulation1: Scen
     with pytest.raises(KeyboardInterrupt):
         solve(made, start)
     timer.join()
+    assert capfd.readouterr() == ("", ""), "the solver's own words for Ctrl-C"
 
 
 def test_functions_without_a_value_are_a_failure_and_do_not_hide_the_rest(simulation1: Scenario) -> None:

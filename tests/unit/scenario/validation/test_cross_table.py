@@ -28,7 +28,7 @@ def test_simulation1_is_clean(simulation1: Scenario) -> None:
     ("path", "value", "key", "says"),
     [
         (("start", "position_m"), [2.5, 1.0, 3.0], "start.position_m", "vehicle 1"),
-        (("limits", "north_m"), [0.5, 1500.0], "start.position_m[0]", "puts vehicles 2, 3, 5 outside limits.north_m"),
+        (("limits", "north_m"), [0.5, 1500.0], "formation.vehicle[1].position_m[0]", "vehicles 2, 3, 5 are outside"),
         (("limits", "east_m"), [0.0, 1000.5], "end.position_m[1]", "vehicle 3 would be at 1001"),
         (("limits", "height_m"), [0.0, 2.9], "start.position_m[2]", "limits.height_m, 0 to 2.9"),
         (("limits", "clearance_min_m"), 0.9, "end.position_m[2]", "limits.clearance_min_m requires 0.9 m"),

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from gcs.errors import ScenarioError
-from gcs.own_process import OwnProcessEnded, in_own_process
+from gcs.flight.setup.own_process import OwnProcessEnded, in_own_process
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[4]
 # Functions that compute for longer than a setpoint may be late. Coroutines hand them over.
 HEAVY = {
     *("build_loads", "build_missions", "build_safety", "build_stream", "export", "make_missions", "make_plan"),
@@ -88,8 +88,8 @@ def test_the_process_ends_with_a_cancelled_caller(tmp_path: Path) -> None:
 def test_the_process_ends_with_a_killed_caller(tmp_path: Path) -> None:
     note = tmp_path / "pid"
     code = (
-        "import asyncio; from tests.unit.test_own_process import write_pid_and_stay;"
-        "from gcs.own_process import in_own_process;"
+        "import asyncio; from tests.unit.flight.setup.test_own_process import write_pid_and_stay;"
+        "from gcs.flight.setup.own_process import in_own_process;"
         f"asyncio.run(in_own_process(write_pid_and_stay, {str(note)!r}))"
     )
     caller = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
