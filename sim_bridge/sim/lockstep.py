@@ -22,7 +22,7 @@ class Lockstep:
         self._remind_s = math.inf
 
     def wait_s(self, awaiting: Mapping[int, float], now_s: float) -> float:
-        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of whoever waits for a newer one."""
+        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of each peer that waits for a newer one."""
         self._given_up = {row: stamp for row, stamp in self._given_up.items() if awaiting.get(row) == stamp}
         if awaiting.keys() <= self._given_up.keys():
             self._until_s = self._remind_s = math.inf

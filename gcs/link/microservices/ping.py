@@ -6,7 +6,7 @@ from gcs.link.wire.message import Message
 
 
 def ping_answers(message: Message) -> list[Message]:
-    """Return the answer to a request, which is addressed to nobody; none to an answer."""
+    """Return the answer to a request, which has no address; none to an answer."""
     fields = message.fields
     if fields["target_system"] or fields["target_component"]:
         return []
