@@ -27,6 +27,7 @@ from gcs.flight.assessment.pictures.map_layers import (
     layer_entries,
     map_size_in,
 )
+from gcs.flight.assessment.pictures.shape_panels import draw_shapes, label_shapes, row_height_in, shapes_of
 from gcs.physics.quadrotor import POSITION, VELOCITY
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -87,7 +88,7 @@ def draw_scenario(scenario: Scenario) -> Any:
 
 
 def draw_plan(plan: Plan) -> Any:
-    """Return the map of a plan, and its curves."""
+    """Return the map of a plan, its curves, and its shapes where they change."""
     scenario, mission = plan.scenario, plan.phase("mission")
     several, zones = len(plan.sysids) > 1, bool(scenario.no_fly)
     t_s = np.append(np.arange(plan.t_start_s, plan.t_end_s, _STEP_S), np.nextafter(plan.t_end_s, plan.t_start_s))
@@ -96,8 +97,11 @@ def draw_plan(plan: Plan) -> Any:
     chart = FlightMap(scenario, plan.sysids, t_s, places)
     width_in, height_in = map_size_in(scenario, chart.area)
     sides = (width_in, _CURVES_IN)
-    figure = plt.figure(figsize=(sum(sides), max(height_in, _LEAST_IN)), layout="constrained")
-    grid = figure.add_gridspec(1, 2, width_ratios=sides)
+    shapes = shapes_of(plan)
+    heights = [max(height_in, _LEAST_IN)] + ([row_height_in(shapes, sum(sides))] if shapes else [])
+    figure = plt.figure(figsize=(sum(sides), sum(heights)), layout="constrained")
+    rows = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    grid = rows[0].subgridspec(1, 2, width_ratios=sides)
     over = figure.add_subplot(grid[0])
     panels: Any = grid[1].subgridspec(2 + several + zones, 1).subplots(sharex=True)
     chart.draw(over)
@@ -113,7 +117,13 @@ def draw_plan(plan: Plan) -> Any:
         axes.set(xlim=(t_s[0], t_s[-1]))
         axes.grid(alpha=0.3)
     panels[-1].set_xlabel("plan time, s (shaded: the mission)")
+    beneath: Any = []
+    if shapes:
+        beneath = rows[1].subgridspec(1, len(shapes)).subplots(squeeze=False)[0]
+        draw_shapes(beneath, plan.sysids, shapes, sum(sides) / len(shapes))
     head_figure(figure, f"{scenario.name}: planned")
     settle(figure)
-    chart.label(over, Labels(figure))
+    labels = Labels(figure)
+    chart.label(over, labels)
+    label_shapes(beneath, plan.sysids, shapes, labels)
     return figure

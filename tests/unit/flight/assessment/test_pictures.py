@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -16,6 +17,7 @@ from gcs.flight.assessment.flight_plot import draw_map
 from gcs.flight.assessment.overview_plot import draw_plan, draw_scenario
 from gcs.flight.assessment.pictures.close_ups import close_ups
 from gcs.flight.assessment.pictures.formation_view import draw_formation
+from gcs.flight.assessment.pictures.shape_panels import seen, shapes_of
 from gcs.flight.assessment.pictures.tracks_view import draw_tracks
 from gcs.flight.assessment.replay_plot import draw_recording
 from gcs.flight.progress import Event
@@ -58,6 +60,7 @@ def drawn(plan: Plan) -> Iterator[dict[str, Any]]:
     figures = {
         "scenario": draw_scenario(scenario),
         "plan": draw_plan(plan),
+        "changing": draw_plan(replace(plan, moves=(CHANGE,))),
         "map": draw_map(scenario, sysids, t_s, flown, places),
         "tracks": draw_tracks(scenario, sysids, t_s, flown, (CHANGE,)),
         "formation": draw_formation(scenario, sysids, t_s, flown),
@@ -98,7 +101,7 @@ def words(figure: Any) -> str:
     return "\n".join(text for text, _ in boxes(figure))
 
 
-KINDS = ("scenario", "plan", "map", "tracks", "formation", "replay")
+KINDS = ("scenario", "plan", "changing", "map", "tracks", "formation", "replay")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -184,3 +187,28 @@ def test_the_formation_fills_its_panels_and_shows_its_course(plan: Plan, drawn: 
         places = np.array([line.get_xydata()[0] for line in axes.lines])
         spans = np.ptp(places, axis=0) / (np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
         assert spans.max() > 0.6
+
+
+def test_each_shape_of_a_plan_has_a_panel_beneath_the_map(plan: Plan, drawn: dict[str, Any]) -> None:
+    assert shapes_of(plan) == ()
+    assert "from above" not in words(drawn["plan"])
+    told = words(drawn["changing"])
+    assert "start\nt = 0 s, from above" in told
+    assert "shrink to 0.5\nt = 70 s, from above" in told
+    panels = [axes for axes in drawn["changing"].axes if "from above" in axes.get_title()]
+    places = np.array([line.get_xydata()[0] for line in panels[1].lines])  # east and north
+    offsets = plan.offsets(np.array([70.0]))[:, 0, 1::-1]
+    assert places - places[0] == pytest.approx(offsets - offsets[0])
+    assert panels[0].get_xlim() == panels[1].get_xlim() == panels[1].get_ylim()
+
+
+@pytest.mark.parametrize(("bearing_deg", "to_the_right"), [(90.0, "east"), (0.0, "north"), (240.0, "60°")])
+def test_a_ring_that_stands_upright_is_seen_from_the_side(bearing_deg: float, to_the_right: str) -> None:
+    turns = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    along, bearing = 20.0 * np.cos(turns), np.radians(bearing_deg)
+    ring = np.stack([along * np.cos(bearing), along * np.sin(bearing), -20.0 * np.sin(turns)], axis=1)
+    shape = seen("ring", 60.0, ring + 7.0)
+    assert shape.labels == (to_the_right, "up")
+    assert np.linalg.norm(shape.right_up_m, axis=1) == pytest.approx(np.full(40, 20.0))
+    low = seen("stairs", 60.0, ring * [1.0, 1.0, 0.1])
+    assert low.labels == ("east", "north")
