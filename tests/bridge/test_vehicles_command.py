@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Callable
 
 import pytest
 
 from gcs.cli.main import run
+from gcs.link.wire.codec import Codec
+from gcs.link.wire.message import Message
 from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 
@@ -39,6 +42,29 @@ def test_vehicles_are_listed(
     assert 0.05 < second["loss"] < 0.6
     assert first["uid"] != second["uid"]
     assert told.err == ""
+
+
+def test_the_reasons_of_a_vehicle_that_is_not_ready_are_told(
+    make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In AUTO without a mission; a terminal of 80 columns breaks no word."""
+    monkeypatch.setenv("COLUMNS", "80")
+    fleet = make_fleet(vehicles=2, one_port=True, autopilot="ardupilot", speedup=20)
+    fleet.wait_until(lambda: fleet.t_s > 6.0)
+    host, port = fleet.places[1][0].address.split(":")
+    auto = {"target_system": 2, "target_component": 1, "command": 176, "confirmation": 0}
+    auto |= {f"param{n}": 0.0 for n in range(4, 8)} | {"param1": 1.0, "param2": 3.0, "param3": 0.0}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(Codec(255, 190).encode(Message("COMMAND_LONG", auto, 255, 190)), (host, int(port)))
+        other.settimeout(30.0)
+        other.recv(1000)
+    fleet.wait_until(lambda: fleet.t_s > 12.0)
+    assert run(["vehicles", "--link", f"udpout:{host}:{port}", "--listen", "3"]) == 0
+    told = capsys.readouterr().out
+    assert max(len(line) for line in told.splitlines()) <= 80
+    cells = [line.split("│") for line in told.splitlines() if line.startswith("│")]
+    health = " ".join(row[4].strip() for row in cells)
+    assert "ready not ready to arm in AUTO, reports: PreArm: Mode requires mission" in " ".join(health.split())
 
 
 def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from gcs.link.session.status_report import VehicleReport
     from gcs.mission.model import Home
 
+_REPEATED_S = 35.0
+_WIDE = 120  # columns of a terminal that shows everything without breaking words
+
 
 def vehicles(
     link: LinkOption = None,
@@ -51,6 +54,7 @@ def vehicles(
     screen.say(f"listening at {known} for {listen:g} s")
     reports = Stoppable().run(_ask_all(known, listen, backend))
     _show(screen, reports)
+    _tell_silent(screen, reports, listen)
     screen.result({"vehicles": [_data(report) for report in reports]})
     return 0
 
@@ -80,22 +84,37 @@ async def _ask_all(known: Connection, listen_s: float, backend: str) -> list[Veh
 
 
 def _show(screen: Screen, reports: list[VehicleReport]) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
+    wide = screen.console.width >= _WIDE
     table = Table(title=f"{len(reports)} vehicle{'s' * (len(reports) != 1)}")
     for column in ("system", "autopilot", "mode", "health", "home", "battery", "link"):
-        table.add_column(column, no_wrap=column not in ("health", "link"), overflow="fold")
+        if wide or column != "home":
+            table.add_column(column, no_wrap=column not in ("health", "link"), overflow="fold")
     for r in reports:
-        table.add_row(
-            str(r.system),
-            f"{r.autopilot}\n{r.version or '?'}",
-            r.mode + (" (armed)" if r.armed else ""),
-            health(r),
-            _place(r.home),
-            battery(r),
-            f"{quality(r)}\n{r.where}",
-        )
+        cells = [str(r.system), f"{r.autopilot}\n{r.version or '?'}", r.mode, health(r), battery(r), quality(r)]
+        if wide:
+            cells[2] += " (armed)" if r.armed else ""
+            cells.insert(4, _place(r.home))
+            cells[-1] += f"\n{r.where}"
+        else:
+            cells[2] += "\n(armed)" if r.armed else ""
+            cells[-2:] = battery(r).replace(" ", "\n", 1), quality(r).replace(", ", "\n")
+        table.add_row(*(escape(cell) for cell in cells))
     screen.show(table)
+    if not wide:
+        screen.say(f"home and address: in a terminal of {_WIDE} columns, or with --json")
+
+
+def _tell_silent(screen: Screen, reports: list[VehicleReport], listen_s: float) -> None:
+    """Say what to do about vehicles that are not ready and told no reason."""
+    silent = [str(r.system) for r in reports if r.prearm_ok is False and not (r.not_ready_texts or r.critical_texts)]
+    if silent and listen_s < _REPEATED_S:
+        screen.say(
+            f"vehicle{'s' * (len(silent) > 1)} {', '.join(silent)} told no reason; some autopilots repeat theirs "
+            f"every 30 s: --listen {_REPEATED_S:g} hears them"
+        )
 
 
 def health(report: VehicleReport) -> str:
@@ -108,7 +127,8 @@ def health(report: VehicleReport) -> str:
         wrong.append(f"not ready to arm in {report.mode}")
     if report.estimate_ok is None and report.prearm_ok is None:
         wrong.append("no health reported")
-    wrong += [f"reports: {text}" for text in report.critical_texts]
+    texts = dict.fromkeys((*report.not_ready_texts, *report.critical_texts))
+    wrong += [f"reports: {text}" for text in texts]
     mentioned = [f"{name} not healthy" for name in ailing if name in report.mentioned_sensors]
     return ", ".join((*(wrong or ["ready"]), *mentioned))
 

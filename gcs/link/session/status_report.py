@@ -24,6 +24,7 @@ from gcs.mission.model import Home
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
+_REPEATED_S = 35.0  # within which an autopilot repeats its reasons
 _UNKNOWN_mV = 0xFFFF
 _VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
 
@@ -59,6 +60,7 @@ class VehicleReport:
     capacity_parameter: str | None = None  # the name of its battery's capacity
     capacity_mAh: float | None = None  # 0 or less: unknown on board
     critical_texts: tuple[str, ...] = ()  # STATUSTEXTs of severity CRITICAL or worse since it was found
+    not_ready_texts: tuple[str, ...] = ()  # the reasons it has told lately for not being ready; none if it is
     gnss_off_s: float = 0.0  # its GNSS time minus that of the other vehicles
 
 
@@ -78,6 +80,9 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
     reported = {message_id: await newest_message(session, message_id, _fresh_s(message_id)) for message_id in wanted}
     version, status, receiver = (reported[i] for i in (wanted[0], wanted[1], wanted[3]))
     estimate = reported[filter_id]
+    prearm_ok = None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK)
+    estimate_ok = None if estimate is None else session.estimator.is_ready(estimate.name, estimate.fields)
+    ready = prearm_ok is not False and estimate_ok is not False
     return VehicleReport(
         sysid=session.sysid,
         system=session.station.sysid,
@@ -88,8 +93,8 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         mode=mode_name(session.autopilot, session.custom_mode),
         armed=session.armed,
         state=_state(session.latest["HEARTBEAT"].fields["system_status"]),
-        prearm_ok=None if status is None else bool(status.fields["onboard_control_sensors_health"] & PREARM_CHECK),
-        estimate_ok=None if estimate is None else session.estimator.is_ready(estimate.name, estimate.fields),
+        prearm_ok=prearm_ok,
+        estimate_ok=estimate_ok,
         ailing=None if status is None else _sensors(status, healthy=False),
         home=_position(reported[MessageId.HOME_POSITION], "latitude", "longitude", "altitude"),
         position=_position(reported[MessageId.GLOBAL_POSITION_INT], "lat", "lon", "alt"),
@@ -104,6 +109,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         working=None if status is None else _sensors(status, healthy=True),
         mentioned_sensors=tuple(sorted(link_behaviour(session.autopilot).mentioned_sensors)),
         critical_texts=session.texts.critical(session.ready_since_s),
+        not_ready_texts=() if ready else session.texts.startup(asyncio.get_running_loop().time() - _REPEATED_S),
     )
 
 

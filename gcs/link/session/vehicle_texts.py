@@ -42,6 +42,11 @@ class VehicleTexts:
         counted = [said for at_s, said in self._critical.values() if self._counts(at_s, said, ready_since_s)]
         return tuple(said.text.strip() for said in counted)
 
+    def startup(self, since_s: float) -> tuple[str, ...]:
+        """Return the texts of the start-up since then, each once: the reasons for which a vehicle is not ready."""
+        said = (text for at_s, text in self.kept if at_s >= since_s and text.text.startswith(self._startup_texts))
+        return tuple(dict.fromkeys(text.text.strip() for text in said)) if self._startup_texts else ()
+
     def _counts(self, at_s: float, said: StatusText, ready_since_s: float | None) -> bool:
         if not said.text.startswith(self._startup_texts):
             return True

@@ -35,6 +35,17 @@ def test_sensors_and_waypoints_add_as_squares(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("grade", ["gnss", "rtk"])
+def test_a_declared_wind_adds_nothing(grade: str, tmp_path: Path) -> None:
+    """As measured: docs/verification.md has the figures."""
+    sensors = f'\n[sensors]\ngrade = "{grade}"\n\n[ground_phases]\ntakeoff_s = 22.0\n'
+    (tmp_path / "calm").mkdir()
+    calm = first(tmp_path / "calm", sensors)
+    windy = first(tmp_path, f"{sensors}\n[wind]\nspeed_mps = 8.0\nfrom_deg = 240.0\n")
+    assert windy.wind is not None and windy.wind.speed_mps == 8.0
+    assert navigation_error(windy) == navigation_error(calm)
+
+
+@pytest.mark.parametrize("grade", ["gnss", "rtk"])
 def test_a_flight_is_judged_by_the_planned_separation_less_the_error_of_two(grade: str, tmp_path: Path) -> None:
     scenario = first(tmp_path, f'\n[sensors]\ngrade = "{grade}"\n', separation_m=9.0)
     error_m = math.sqrt(2.0) * math.hypot({"gnss": 2.4, "rtk": 0.05}[grade], 0.5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import json
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from gcs.cli.console import Screen, to_json
-from gcs.cli.flights.vehicles import _data, _show
+from gcs.cli.flights.vehicles import _data, _show, _tell_silent
 from gcs.cli.prompts import checks_table, show_checks
 from gcs.errors import FlightError
 from gcs.flight.setup.preflight import preflight
@@ -164,3 +165,56 @@ def test_a_warning_of_several_vehicles_is_told_once(simulation1_plan: Plan, caps
     said = capsys.readouterr()
     assert (said.out + said.err).count("set it") == 1
     assert "vehicles 1, 2, 3, 4, 5, 6: set it" in said.out + said.err
+
+
+def on_screen(show: Callable[[Screen], None], columns: int) -> str:
+    """What a terminal of this width gets."""
+    out, screen = io.StringIO(), Screen()
+    screen.console = Console(file=out, width=columns, highlight=False)
+    show(screen)
+    return out.getvalue()
+
+
+def words(texts: Iterable[str]) -> set[str]:
+    return {word for text in texts for word in text.split()}
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_no_word_of_the_go_no_go_table_is_broken(field: Plan, columns: int) -> None:
+    """Six vehicles, one of them without a position: at 80 columns vehicles stand in the cells."""
+    reports = {sysid: full(field, row) for row, sysid in enumerate(field.sysids)}
+    reports[field.sysids[1]] = replace(reports[field.sysids[1]], position=None)
+    checks = preflight(field, reports)
+    told = on_screen(lambda screen: show_checks(screen, checks), columns)
+    assert max(len(line) for line in told.splitlines() if line[:1] in "│┃┏└") <= columns
+    for text in words(text for c in checks for text in (c.name, c.measured, c.required)):
+        assert text in told, text
+    heading = next(line for line in told.splitlines() if "check" in line)
+    assert ("measured" in heading) == (columns == 80)
+    if columns == 80:
+        assert told.count("2: FAILED: not reported") == 2 and "all: disarmed" in told
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_no_word_of_the_table_of_vehicles_is_broken(field: Plan, columns: int) -> None:
+    said = ("PreArm: AHRS: waiting for home", "PreArm: Accelerometers inconsistent")
+    reports = [full(field, 0), full(field, 1)]
+    reports[0] = replace(
+        reports[0], prearm_ok=False, not_ready_texts=said, mode="AUTO_LOITER", where="udpin:127.0.0.1:14550"
+    )
+    told = on_screen(lambda screen: _show(screen, reports), columns)
+    assert max(map(len, told.splitlines())) <= columns
+    for text in words((*said, "AUTO_LOITER", "1.17.0", "radio control not healthy", "100%", "12.4 V", "loss", "20 ms")):
+        assert text in told, text
+    assert (f"{reports[0].home.lat_deg:.6f}" in told if reports[0].home else False) == (columns == 160)
+    assert ("udpin:127.0.0.1:14550" in told) == (columns == 160)
+    assert list(_data(reports[0])["not_ready_texts"]) == list(said)
+
+
+def test_a_vehicle_that_told_no_reason_is_named(field: Plan, capsys: pytest.CaptureFixture[str]) -> None:
+    silent = [replace(full(field, row), prearm_ok=False) for row in (0, 1)]
+    _tell_silent(Screen(), silent, 3.0)
+    assert capsys.readouterr().out.startswith("vehicles 1, 2 told no reason; some autopilots repeat theirs every 30 s")
+    _tell_silent(Screen(), silent, 40.0)
+    _tell_silent(Screen(), [full(field, 0), replace(silent[1], not_ready_texts=("PreArm: x",))], 3.0)
+    assert capsys.readouterr().out == ""
