@@ -13,6 +13,7 @@ from pathlib import Path
 from gcs.errors import FileFormatError, GcsError
 
 MIB = 1024 * 1024
+SHEETS = (".csv", ".xlsx", ".xls", ".ods")  # suffixes of spreadsheets, which people give in place of other files
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from gcs.errors import ScenarioError
-from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, read_file
+from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_file
 from gcs.reading.bounded_json import read_json
 from gcs.scenario.degrees.to_metres import in_metres
 from gcs.scenario.degrees.told_in_degrees import told_in_degrees
@@ -27,7 +27,6 @@ from gcs.scenario.validation.vehicle_rules import RULES
 from gcs.scenario.vehicle_types import KEY, VehicleFile, preset_file, presets, vehicle_file, with_vehicle
 
 FILE_NAME = "scenario.toml"
-_SHEETS = (".csv", ".xlsx", ".xls", ".ods")
 _PARTS_MAX = 64  # of a dotted key: tomllib takes the square of their number
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS_MAX}}}""")
 
@@ -200,7 +199,7 @@ def _missions_near(path: Path) -> str:
 
 def _read(file: Path) -> str:
     kind = SCENARIO_JSON if file.suffix == ".json" else SCENARIO_TOML
-    if file.suffix.lower() in _SHEETS:
+    if file.suffix.lower() in SHEETS:
         raise ScenarioError(
             f"{file}: is a sheet, not a scenario",
             hint="save it as CSV, and make a scenario of it: gcs new NAME --positions FILE.csv",

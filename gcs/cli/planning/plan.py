@@ -143,10 +143,9 @@ def _show_greatest_motion(screen: Screen, made: Plan) -> None:
         ("vertical", found.speed_vertical_mps, found.speed_vertical_t_s, f"{vertical_mps:g}"),
     ):
         row = int(speeds.argmax())
-        told.append(
-            f"{way} {speeds[row]:.2f} m/s (vehicle {made.sysids[row]}, t = {times[row]:.1f} s; limit {allowed})"
-        )
-    screen.say(f"greatest speed: {', '.join(told)}")
+        where = f"vehicle {made.sysids[row]}, t = {times[row]:.1f} s"
+        told.append(f"{way} {speeds[row]:.2f} m/s ({where}; limit {allowed})")
+    screen.say(f"greatest {', '.join(told)}")
     told = []
     for name, unit, sizes, times, most in (
         ("acceleration", "m/s²", found.accel_mps2, found.accel_t_s, limits.accel_max_mps2),

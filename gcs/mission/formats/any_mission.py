@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs.autopilots.traits import Autopilot
-from gcs.errors import UsageError
+from gcs.errors import FileFormatError, UsageError
 from gcs.mavlink import FENCE_COMMANDS, FenceCommand
 from gcs.mission.formats.foreign.mission_json import is_mission_json, read_mission_json
 from gcs.mission.formats.foreign.oddities import Oddity
@@ -22,8 +22,9 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.formats.qgc_wpl import fence_in, rally_in, read_waypoints
 from gcs.mission.formats.registry import FORMATS, Content, suffixes_of
 from gcs.mission.geofence import Geofence, RallyPoint
-from gcs.reading.bounded_file import MISSION_FILE, read_file
+from gcs.reading.bounded_file import MISSION_FILE, SHEETS, read_file
 
+_BEGINNINGS = tuple(row.begins for row in FORMATS if row.content is Content.MISSION and row.begins)
 _Extra = tuple[Geofence | tuple[RallyPoint, ...], tuple[Oddity, ...]]  # a fence or rally points, and their oddities
 
 
@@ -59,6 +60,11 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
     if is_mission_json(data):
         return read_mission_json(data, source, firmware)
     start = first_line(data).encode()
+    if Path(source).suffix.lower() in SHEETS and not start.startswith((b"{", *_BEGINNINGS)):
+        raise FileFormatError(
+            f"{source}: is a sheet, not a mission; missions are {suffixes_of(Content.MISSION)} files",
+            hint="`gcs new NAME --positions FILE.csv` makes a scenario of a sheet, and `gcs export` its missions",
+        )
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission

@@ -29,7 +29,7 @@ from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import Check, Report, verify
 from gcs.reading.archives import ArrayKind, BadArchive, read_arrays
-from gcs.reading.bounded_file import MIB, PLAN_FILE, open_regular, refuse_size
+from gcs.reading.bounded_file import MIB, PLAN_FILE, SHEETS, open_regular, refuse_size
 from gcs.reading.bounded_json import read_json
 from gcs.scenario.schema.scenario import Scenario
 
@@ -111,7 +111,7 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
 def is_plan_file(path: Path) -> bool:
     """Whether a path is to be read as a plan: its content begins as an archive does, else its suffix is `.skein`."""
     try:
-        if path.is_dir():
+        if path.is_dir() or path.suffix.lower() in SHEETS:  # some sheets are archives too
             return False
         with os.fdopen(open_regular(path), "rb") as file:
             return file.read(len(_MAGIC)) == _MAGIC or path.suffix == SUFFIX

@@ -13,6 +13,9 @@ import pytest
 from matplotlib import image
 
 from gcs.cli import main
+from gcs.cli.console import Screen
+from gcs.cli.planning.plan import show_plan
+from gcs.plan.trajectory.plan_file import load_plan
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 
@@ -55,7 +58,16 @@ def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytes
     assert north == pytest.approx([p["north_m"] for p in shown["pads"]], abs=0.02)
     assert east == pytest.approx([p["east_m"] for p in shown["pads"]], abs=0.02)
     assert gcs("show", tmp_path / "first.skein") == 0
-    assert f"{shown['pads'][5]['lat_deg']:.7f}" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert f"{shown['pads'][5]['lat_deg']:.7f}" in text
+    fastest_mps, climb_mps = (
+        max(row[f"speed_{way}_max_mps"] for row in shown["greatest_motion"]) for way in ("horizontal", "vertical")
+    )
+    assert f"│ {fastest_mps:.2f} m/s" in text
+    show_plan(Screen(), *load_plan(tmp_path / "first.skein"))
+    text = capsys.readouterr().out
+    assert f"greatest horizontal speed {fastest_mps:.2f} m/s (vehicle " in text
+    assert f"s; limit 5 north, 5 east), vertical {climb_mps:.2f} m/s (vehicle " in text
     assert is_drawn(tmp_path / "scenario.png")
     assert is_drawn(tmp_path / "plan.png")
 

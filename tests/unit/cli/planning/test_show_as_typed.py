@@ -92,3 +92,16 @@ def test_a_start_that_is_moved_says_at_once_what_moves_with_it(capsys: pytest.Ca
     assert "move [start] back, or every vehicle by 500 m south, 5 m up" in told[1]
     assert "and move every vehicle by " in told[2]
     assert "limits.north_m" in told[2]
+
+
+@pytest.mark.parametrize("name", ["grid.csv", "grid.xlsx"])
+def test_a_sheet_in_place_of_a_mission_or_scenario_is_told_where_it_goes(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if name.endswith("xlsx"):
+        Path(name).write_bytes(b"PK\x03\x04\x14\x00\x06\x00\xff\xfe")
+    for line, code, kind in ((f"check {name}", 6, "mission"), (f"show {name}", 3, "scenario")):
+        assert gcs(line) == code
+        error, step = capsys.readouterr().err.splitlines()
+        assert error.startswith(f"error: {name}: is a sheet, not a {kind}")
+        assert "gcs new NAME --positions FILE.csv" in step
