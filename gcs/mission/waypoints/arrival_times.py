@@ -28,7 +28,7 @@ from gcs.scenario.vehicle_ability import ability_of
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-VEHICLES_MAX = 20  # with legs of their own: each takes some seconds
+VEHICLES_MAX = 20  # with legs of their own: each takes 3 s for each of up to three placements
 SLACK_S = 5.0  # a stop takes up to 2 s, and lateness up to 2 s more
 LEAD_MAX_S = 3.0
 _GATE_LEAD_S = 1.0  # before the start and every gate, which must be whole seconds apart

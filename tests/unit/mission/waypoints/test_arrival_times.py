@@ -147,8 +147,10 @@ def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
 ) -> None:
     changes = plan_of("changes/scenario.toml")
     monkeypatch.setattr("gcs.mission.waypoints.arrival_times.VEHICLES_MAX", 3)
-    with pytest.raises(VerificationError, match="7 vehicles need legs of their own"):
+    with pytest.raises(VerificationError, match="7 vehicles need legs of their own") as caught:
         corrected_legs(changes, Autopilot.ARDUPILOT)
+    assert "--format setpoints" in caught.value.hint
+    assert "--untimed" in caught.value.hint
 
 
 def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
