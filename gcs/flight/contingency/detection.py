@@ -118,10 +118,14 @@ class VehicleWatch:
         self._silent = self._lost = True
         self._heard_s = self._placed_s = -math.inf
 
-    def excuse(self, seconds: float) -> None:
-        """Do not count these seconds of vehicle time as silence: this program did not listen."""
+    def excuse(self, seconds: float, unix_s: float) -> None:
+        """Count these seconds of vehicle time before `unix_s` neither as silence nor as age of what was heard.
+
+        This program did not listen.
+        """
         self._heard_s += seconds
         self._placed_s += seconds
+        self._signs.excuse(seconds, unix_s)
 
     def order(self, *modes: int) -> None:
         """Count these modes as ordered too. The mode shown now is no incident until the vehicle has left it."""

@@ -205,7 +205,7 @@ class ContingencyExecutor:
     def _check(self, now_s: float, t_s: float) -> None:
         excused_s = self._standstill.end_reading(now_s)
         for sysid, watch in self._watches.items():
-            watch.excuse(excused_s)
+            watch.excuse(excused_s, now_s)
             watch.ours = self._standstill.ours(now_s)
             if not self._vehicles[sysid].session.armed:
                 continue  # no incidents on the ground

@@ -57,6 +57,13 @@ class ModeSigns:
                     self._sticks_s = unix_s
                 self._channels = now
 
+    def excuse(self, seconds: float, unix_s: float) -> None:
+        """Let no sign become old in these seconds before `unix_s`: this program did not listen."""
+        self._text_s, self._critical_s, self._pilot_s, self._sticks_s, self._cause_s = (
+            min(sign_s + seconds, unix_s)
+            for sign_s in (self._text_s, self._critical_s, self._pilot_s, self._sticks_s, self._cause_s)
+        )
+
     def settle(self) -> None:
         """The mode is an ordered one, or about to be: the next change is a new one."""
         self._reported = None

@@ -16,12 +16,16 @@ from gcs.physics.quadrotor import Array
 
 @dataclass
 class Streamed:
-    """One vehicle that setpoints are streamed to. Its `reference` may be exchanged at any time."""
+    """One vehicle that setpoints are streamed to. Its `reference` may be exchanged at any time.
+
+    `unheard_s`: for how long of its own time the stream goes on while nothing is heard of it.
+    """
 
     station: Station
     clock: VehicleClock
     pad_ned_m: Array  # (3,) origin of its own local frame
     reference: ReferenceTrajectory
+    unheard_s: float = 0.0
     sent: SentSetpoints = field(default_factory=SentSetpoints)
 
     @property
@@ -29,10 +33,16 @@ class Streamed:
         """Its MAVLink system id."""
         return self.station.sysid
 
+    def now_unix_s(self, now_s: float) -> float | None:
+        """The vehicle's time, by which its setpoints are due, at local time `now_s`."""
+        known_s = self.clock.now_unix_s(now_s)
+        unheard_s = self.clock.unheard_unix_s(now_s, self.unheard_s) if self.unheard_s > 0.0 else None
+        return known_s if known_s is None or unheard_s is None else max(known_s, unheard_s)
+
 
 def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[Message]:
     """Return the messages due to this vehicle at local time `now_s`."""
-    vehicle_unix_s = vehicle.clock.now_unix_s(now_s)
+    vehicle_unix_s = vehicle.now_unix_s(now_s)
     if vehicle_unix_s is None:
         return []
     messages = (numbered_message(scheduler, vehicle, k) for k in scheduler.due(vehicle.sysid, vehicle_unix_s))
@@ -63,7 +73,7 @@ def wait_s(scheduler: Scheduler, vehicles: Iterable[Streamed], now_s: float, lon
     """Return the local seconds until the next deadline of any vehicle, `longest_s` at most."""
     least_s = longest_s
     for vehicle in vehicles:
-        unix_s = vehicle.clock.now_unix_s(now_s)
+        unix_s = vehicle.now_unix_s(now_s)
         if unix_s is not None:
             due_s = (scheduler.next_unix_s(vehicle.sysid) - unix_s) / max(vehicle.clock.rate, 1e-3)
             least_s = min(least_s, due_s)

@@ -46,8 +46,12 @@ class Streamer:
         time: FleetTime,
         options: FlightOptions,
     ) -> None:
+        # Emulated vehicles wait for setpoints; the time of others goes on while nothing is heard of them.
+        unheard_s = 0.0 if options.lead_s > 0.0 else options.limits.vehicle_lost_s
         self.streamed: dict[int, Streamed] = {
-            v.sysid: Streamed(v.session.station, v.session.clock, plan.pads_ned_m[v.row], PlanReference(stream, v.row))
+            v.sysid: Streamed(
+                v.session.station, v.session.clock, plan.pads_ned_m[v.row], PlanReference(stream, v.row), unheard_s
+            )
             for v in fleet.values()
         }
         self.scheduler: Scheduler | None = None

@@ -70,9 +70,27 @@ def test_a_standstill_of_this_program_is_no_silence() -> None:
     ours = watch()
     ours.receive(PLACE, 100.0)
     assert kinds(ours.look(100.0)) == []
-    ours.excuse(20.0)
+    ours.excuse(20.0, 120.0)
     assert kinds(ours.look(122.9)) == []
     assert kinds(ours.look(123.1)) == [IncidentKind.LINK_LOST]
+
+
+def test_a_failsafes_text_does_not_become_old_in_a_standstill_of_this_program() -> None:
+    """The texts are read first, at the time of the last check: then it is known for how long nothing was read."""
+
+    def left(mode_s: float) -> list[Incident]:
+        ours = watch()
+        ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.guided}), 100.0)
+        ours.look(100.0)
+        ours.receive(Message("STATUSTEXT", {"text": "GCS Failsafe"}), 100.0)
+        ours.excuse(15.0, 115.0)
+        ours.receive(Message("HEARTBEAT", {"custom_mode": ARDUPILOT.returning}), mode_s)
+        found = ours.look(mode_s)
+        return found + ours.look(mode_s + 1.6)
+
+    assert kinds(left(115.0)) == [IncidentKind.FAILSAFE]
+    assert kinds(left(117.9)) == [IncidentKind.FAILSAFE]
+    assert kinds(left(118.2)) == [IncidentKind.MODE_LEFT], "the text is 3 s old"
 
 
 def test_a_vehicle_that_was_lost_before_the_watch_is_back_with_its_first_position() -> None:

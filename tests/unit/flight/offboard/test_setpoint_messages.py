@@ -82,3 +82,17 @@ def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     scheduler.start(3, 0, None)
     vehicle = Streamed(Station(3, 1), VehicleClock(), np.zeros(3), AT_REST)
     assert due_messages(scheduler, vehicle, 1e9) == []
+
+
+def test_while_a_vehicle_is_not_heard_its_setpoints_go_on_for_as_long_as_told() -> None:
+    """At 10 Hz from its last report on; the clock alone would stop after 0.5 s."""
+
+    def sent(unheard_s: float, silent_s: float) -> int:
+        vehicle = Streamed(Station(3, 1), clock_at(7.0, 100.0), np.zeros(3), AT_REST, unheard_s)
+        scheduler = Scheduler(Grid.of(np.arange(0.0, 60.0, 0.1), 10.0), T0)
+        scheduler.start(3, 0, None)
+        return sum(len(due_messages(scheduler, vehicle, 7.0 + 0.05 * n)) for n in range(round(silent_s / 0.05)))
+
+    assert sent(0.0, 8.0) <= 7
+    assert 78 <= sent(10.0, 8.0) <= 82
+    assert 98 <= sent(10.0, 20.0) <= 102
