@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import sys
 import time
 from collections import defaultdict
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import Any
+from typing import Any, TextIO, cast
 
 import casadi as ca
 import numpy as np
@@ -50,6 +49,7 @@ WARM_OPTIONS = {
 _NEAR_OPTIONS = {"ipopt.mu_init": 1e-3}
 # CasADi ends a solve at Ctrl-C, suppresses the exception and reports this status; nothing else causes it.
 _INTERRUPTED = "NonIpopt_Exception_Thrown"
+_CASADI = "CasADi - "  # begins its messages
 _IN_WORDS = {
     "Infeasible_Problem_Detected": "no flight near the initial guess satisfies all constraints",
     "Maximum_Iterations_Exceeded": "the iteration limit was reached",
@@ -107,14 +107,12 @@ def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solutio
     """The solution from a guess (x0, and where known lam_x0, lam_g0). Raises as `solve` does."""
     began = time.perf_counter()
     bounds = {"lbx": program.y_low, "ubx": program.y_high, "lbg": program.g_low, "ubg": program.g_high}
-    said = io.StringIO()
-    with redirect_stderr(said):
+    with redirect_stderr(cast("TextIO", _WithoutInterrupts(sys.stderr))):
         result = solver(p=program.parameters, **bounds, **guess)
     stats = solver.stats()
     y, y_multipliers, g_multipliers = (np.asarray(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     if stats["return_status"] == _INTERRUPTED:
-        raise KeyboardInterrupt  # CasADi prints of it what you know: you pressed Ctrl-C
-    print(said.getvalue(), end="", file=sys.stderr)
+        raise KeyboardInterrupt
     if not stats["success"]:
         raise _failure(program, y, y_multipliers, g_multipliers, stats["return_status"])
     return Solution(
@@ -125,6 +123,28 @@ def run(solver: ca.Function, program: Program, guess: dict[str, Any]) -> Solutio
         int(stats["iter_count"]),
         time.perf_counter() - began,
     )
+
+
+class _WithoutInterrupts:
+    """A stream that passes all on, at once, but the lines that CasADi writes about Ctrl-C, piece by piece."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._line = ""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        if self._line or text.startswith(_CASADI):
+            self._line += text
+            if self._line.endswith("\n"):
+                line, self._line = self._line, ""
+                if "KeyboardInterruptException" not in line:
+                    self._stream.write(line)
+        else:
+            self._stream.write(text)
+        return len(text)
 
 
 def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Array, status: str) -> PlanningError:
