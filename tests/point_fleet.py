@@ -11,6 +11,7 @@ import math
 import selectors
 from collections.abc import Awaitable, Callable
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -240,5 +241,6 @@ def flown(
         await fleet.fly(story, starting=starting)
         return fleet
 
-    with asyncio.Runner(loop_factory=StandingLoop) as runner:
+    # The executor looks every 0.1 s of the vehicles' time; to wake up 200 times a second costs these tests most.
+    with patch("gcs.flight.contingency.executor._SLEEP_S", 0.025), asyncio.Runner(loop_factory=StandingLoop) as runner:
         return runner.run(run())

@@ -135,7 +135,11 @@ def test_after_a_loss_the_others_do_as_chosen(
 def test_a_return_leads_over_the_pad_at_its_own_altitude_and_then_lands(hop: Plan, hop_returns: ReturnPlan) -> None:
     """It climbs to the altitude of its return, and waits at rest 1 m above its pad until it is there."""
     fleet = flown(
-        hop, hop_returns, after(1.0, lambda f: f.points[3].say("FENCE_STATUS", breach_status=1), 60.0), options=CONTINUE
+        hop,
+        hop_returns,
+        after(1.0, lambda f: f.points[3].say("FENCE_STATUS", breach_status=1), 36.0),
+        options=CONTINUE,
+        t_s=3.0,
     )
     assert words(fleet, 3) == ["fence breached", "ordered to return"]
     point = fleet.points[3]
@@ -149,6 +153,7 @@ def test_a_return_leads_over_the_pad_at_its_own_altitude_and_then_lands(hop: Pla
     assert fleet.executor.policy.states[1] is State.FLYING
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_is_blown_off_its_way_back_gets_a_new_reference_from_where_it_is(
     hop: Plan, hop_returns: ReturnPlan
 ) -> None:

@@ -141,3 +141,28 @@ def test_rejoining_fades_what_is_off(open_routes: ReturnRoutes) -> None:
     )
     assert course.at(0, 108.0) == base.at(0, 108.0)
     assert place[399] == pytest.approx([10.0, 20.0, -5.0], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("up_m", "takes_s", "top_mps"), [(2.0, 2.0 + 1.0 / 0.75, 1.0), (0.5, 2.0 * (0.5 / 0.75) ** 0.5, 0.375**0.5)]
+)
+def test_spreading_climbs_at_a_metre_a_second_at_most(
+    open_routes: ReturnRoutes, up_m: float, takes_s: float, top_mps: float
+) -> None:
+    """From rest to rest at 0.75 m/s2: trapezoid for a long way, triangle for a short one."""
+    course = spread_reference(np.array([300.0, 0.0, -9.0]), np.zeros(3), 0.0, 5.0, open_routes, up_m)
+    assert course.end_s - course.begin_s == pytest.approx(takes_s)
+    path, rate, push = sampled(course, 5.0, course.end_s)
+    assert rate[:, 2].min() == pytest.approx(-top_mps, abs=0.02)
+    assert np.abs(push[:, 2]).max() == pytest.approx(0.75)
+    assert path[-1, 2] == pytest.approx(-9.0 - up_m, abs=0.01)
+
+
+def test_a_delayed_motion_is_the_same_one_later(open_routes: ReturnRoutes) -> None:
+    course = hold_reference(np.array([300.0, 0.0, -9.0]), np.array([3.0, 0.0, 0.0]), 0.3, 5.0, open_routes)
+    before, ends_s = course.at(0, 6.0), course.end_s
+    course.delay(3.0)
+    assert (course.begin_s, course.end_s) == (8.0, ends_s + 3.0)
+    assert course.at(0, 9.0) == before
+    assert course.end_ned_m == pytest.approx([303.0, 0.0, -9.0]), "3 m/s at 1.5 m/s2"
+    assert course.at(0, 0.0)[:3] == (300.0, 0.0, -9.0), "it waits to begin"

@@ -20,7 +20,8 @@ from gcs.mission.export.mission_files import MissionOrder, make_missions
 from gcs.mission.failsafe.fence_rally import build_safety
 from gcs.mission.formats.registry import select_formats
 from gcs.mission.model import Altitude, Command
-from gcs.mission.waypoints.arrival_times import corrected_legs
+from gcs.mission.waypoints.arrival_times import _Attempt, _gate_samples, _Samples, climb_s, corrected_legs
+from gcs.mission.waypoints.timed_legs import TimedLegs
 from gcs.plan.trajectory.plan import Plan
 
 Plans = Callable[[str], Plan]
@@ -160,3 +161,57 @@ def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1
     assert legs.raised_m is not None
     assert legs.raised_m[0] == legs.raised_m[-1] == 0.0
     assert 0.0 < legs.raised_m.max() < 5.0
+
+
+def test_the_longest_climb_counts_at_the_speed_of_the_autopilot(field: Plan) -> None:
+    """ArduCopter climbs at 2.5 m/s, PX4 at 3 m/s."""
+    hover_ned_m = field.states(np.array([field.airborne_s]))
+    climbs_m = [float(field.pads_ned_m[row, 2] - hover_ned_m[row, 0, 2]) for row in range(len(field.sysids))]
+    assert max(climbs_m) > min(climbs_m) + 1.0
+    assert climb_s(field, Autopilot.ARDUPILOT) == pytest.approx(sorted(climbs_m)[-1] / 2.5)
+    assert climb_s(field, Autopilot.PX4) == pytest.approx(sorted(climbs_m)[-1] / 3.0)
+
+
+def test_gates_are_whole_seconds_evenly_spread_and_20_s_apart() -> None:
+    t_s = np.linspace(7.0, 107.0, 1001)  # 100 s
+    assert _gate_samples(t_s, 0) == [0, 1000]
+    assert _gate_samples(t_s, 2) == [0, 330, 670, 1000]
+    assert _gate_samples(t_s, 4) == [0, 200, 400, 600, 800, 1000]
+    with pytest.raises(ScenarioError, match="5 gates do not fit a flight of 100 s; limit 4"):
+        _gate_samples(t_s, 5)
+    with pytest.raises(ScenarioError):
+        _gate_samples(t_s, -1)
+
+
+def test_the_samples_of_a_flight_are_tenths_of_a_second_from_its_start(field: Plan) -> None:
+    sampled = _Samples.of(field, slice(2, 3))
+    assert (sampled.t_s[0], sampled.t_s[-1]) == (0.0, 220.0)
+    np.testing.assert_allclose(np.diff(sampled.t_s), 0.1)
+    np.testing.assert_allclose(sampled.position_ned_m[0], field.states(sampled.t_s)[2, :, :3], atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("off_s", "tried", "chosen"),
+    [
+        ((1.0, 0.1, 0.1), 1, 0),  # good enough
+        ((1.2, 1.16, 1.18), 3, 0),  # no other is better by 0.05 s
+        ((1.2, 1.14, 1.1), 3, 1),
+        ((1.2, 0.9, 0.1), 2, 1),
+    ],
+)
+def test_other_placements_are_tried_until_one_is_good_and_count_if_clearly_better(
+    field: Plan, monkeypatch: pytest.MonkeyPatch, off_s: tuple[float, ...], tried: int, chosen: int
+) -> None:
+    made: list[_Attempt] = []
+
+    def attempt(*_: object) -> _Attempt:
+        made.append(_Attempt(TimedLegs(np.zeros(1), 0.0, None, 0.0), off_s[len(made)]))  # type: ignore[arg-type]
+        return made[-1]
+
+    monkeypatch.setattr("gcs.mission.waypoints.arrival_times._attempt", attempt)
+    monkeypatch.setattr("gcs.mission.waypoints.arrival_times._CACHE", {})
+    legs = corrected_legs(field, Autopilot.ARDUPILOT)
+    assert len(made) == tried
+    assert legs is made[chosen].legs
+    assert corrected_legs(field, Autopilot.ARDUPILOT) is legs
+    assert len(made) == tried, "once for each plan"

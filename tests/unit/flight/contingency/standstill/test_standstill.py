@@ -121,6 +121,7 @@ def test_a_vehicle_in_its_failsafe_follows_again_and_all_go_on_together(hop: Pla
     assert np.abs(between).max() < 0.01, "at rest"
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_does_not_follow_again_is_not_waited_for_longer_than_20_s(
     hop: Plan, hop_returns: ReturnPlan
 ) -> None:
