@@ -18,7 +18,7 @@ from gcs.physics.quadrotor import Array
 class Streamed:
     """One vehicle that setpoints are streamed to. Its `reference` may be exchanged at any time.
 
-    `unheard_s`: for how long of its own time the stream goes on while nothing is heard of it.
+    While nothing is heard of it, the stream goes on by `fleet_unix_s`, the time of others, for `unheard_s`.
     """
 
     station: Station
@@ -26,6 +26,7 @@ class Streamed:
     pad_ned_m: Array  # (3,) origin of its own local frame
     reference: ReferenceTrajectory
     unheard_s: float = 0.0
+    fleet_unix_s: Callable[[], float | None] = lambda: None
     sent: SentSetpoints = field(default_factory=SentSetpoints)
 
     @property
@@ -35,9 +36,12 @@ class Streamed:
 
     def now_unix_s(self, now_s: float) -> float | None:
         """The vehicle's time, by which its setpoints are due, at local time `now_s`."""
-        known_s = self.clock.now_unix_s(now_s)
-        unheard_s = self.clock.unheard_unix_s(now_s, self.unheard_s) if self.unheard_s > 0.0 else None
-        return known_s if known_s is None or unheard_s is None else max(known_s, unheard_s)
+        reading = self.clock.reading(now_s)
+        if reading is None:
+            return None
+        unix_s, stands = reading
+        fleet_s = self.fleet_unix_s() if stands and self.unheard_s > 0.0 else None
+        return unix_s if fleet_s is None else max(unix_s, min(fleet_s, self.clock.heard_unix_s + self.unheard_s))
 
 
 def due_messages(scheduler: Scheduler, vehicle: Streamed, now_s: float) -> list[Message]:

@@ -46,11 +46,16 @@ class Streamer:
         time: FleetTime,
         options: FlightOptions,
     ) -> None:
-        # Emulated vehicles wait for setpoints; the time of others goes on while nothing is heard of them.
+        # Emulated vehicles wait for setpoints.
         unheard_s = 0.0 if options.lead_s > 0.0 else options.limits.vehicle_lost_s
         self.streamed: dict[int, Streamed] = {
             v.sysid: Streamed(
-                v.session.station, v.session.clock, plan.pads_ned_m[v.row], PlanReference(stream, v.row), unheard_s
+                v.session.station,
+                v.session.clock,
+                plan.pads_ned_m[v.row],
+                PlanReference(stream, v.row),
+                unheard_s,
+                time.now_s,
             )
             for v in fleet.values()
         }

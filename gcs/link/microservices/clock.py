@@ -182,10 +182,10 @@ class VehicleClock:
         self._returned_boot_s = max(self._returned_boot_s, min(ahead_s, most_s))
         return self._returned_boot_s + self._offset_s, ahead_s >= most_s
 
-    def unheard_unix_s(self, now_s: float, for_s: float) -> float | None:
-        """Return the predicted unix time of a vehicle that may have been silent for `for_s`; None until `ready`."""
-        uncapped_s = self.uncapped_unix_s(now_s)
-        return None if uncapped_s is None else min(uncapped_s, self._newest_boot_s + for_s + (self._offset_s or 0.0))
+    @property
+    def heard_unix_s(self) -> float:
+        """The unix time on board of its newest report; -inf before SYSTEM_TIME."""
+        return -math.inf if self._offset_s is None else self._newest_boot_s + self._offset_s
 
     def uncapped_unix_s(self, now_s: float) -> float | None:
         """Return the predicted unix time, however long ago the vehicle reported; None until `ready`."""

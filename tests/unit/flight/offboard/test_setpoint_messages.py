@@ -84,15 +84,27 @@ def test_a_vehicle_whose_time_is_unknown_is_sent_nothing() -> None:
     assert due_messages(scheduler, vehicle, 1e9) == []
 
 
-def test_while_a_vehicle_is_not_heard_its_setpoints_go_on_for_as_long_as_told() -> None:
+def test_while_a_vehicle_is_not_heard_its_setpoints_go_on_by_the_time_of_the_others() -> None:
     """At 10 Hz from its last report on; the clock alone would stop after 0.5 s."""
 
-    def sent(unheard_s: float, silent_s: float) -> int:
-        vehicle = Streamed(Station(3, 1), clock_at(7.0, 100.0), np.zeros(3), AT_REST, unheard_s)
+    def sent(unheard_s: float, silent_s: float, others_last_s: float) -> int:
+        now_s = 7.0
+        vehicle = Streamed(
+            Station(3, 1),
+            clock_at(7.0, 100.0),
+            np.zeros(3),
+            AT_REST,
+            unheard_s,
+            lambda: T0 + min(now_s - 7.0, others_last_s),
+        )
         scheduler = Scheduler(Grid.of(np.arange(0.0, 60.0, 0.1), 10.0), T0)
         scheduler.start(3, 0, None)
-        return sum(len(due_messages(scheduler, vehicle, 7.0 + 0.05 * n)) for n in range(round(silent_s / 0.05)))
+        count = 0
+        for now_s in (7.0 + 0.05 * n for n in range(round(silent_s / 0.05))):
+            count += len(due_messages(scheduler, vehicle, now_s))
+        return count
 
-    assert sent(0.0, 8.0) <= 7
-    assert 78 <= sent(10.0, 8.0) <= 82
-    assert 98 <= sent(10.0, 20.0) <= 102
+    assert sent(0.0, 8.0, 60.0) <= 7
+    assert 78 <= sent(10.0, 8.0, 60.0) <= 82
+    assert 98 <= sent(10.0, 20.0, 60.0) <= 102, "then it counts as lost"
+    assert 38 <= sent(10.0, 8.0, 4.0) <= 42, "nobody is heard: the computer, or all vehicles, may stand still"
