@@ -135,9 +135,10 @@ class Conversation:
         """Whether the vehicle is on, and sends."""
         return self._heard and not self._dead and self._instruments.t_s >= self.on_from_s
 
-    def time_message(self) -> Message | None:
-        """Return SYSTEM_TIME as of now; None if it cannot send it."""
-        return self._telemetry.build(MessageId.SYSTEM_TIME)
+    def reminders(self) -> list[Message]:
+        """Return what a station needs that is waited for: a new one finds the vehicle, a late one knows its time."""
+        built = (self._telemetry.build(number) for number in (MessageId.HEARTBEAT, MessageId.SYSTEM_TIME))
+        return [message for message in built if message is not None]
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Answer one message. Messages for other vehicles, unknown ones and badly signed ones get no answer."""

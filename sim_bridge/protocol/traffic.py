@@ -95,10 +95,9 @@ class Traffic:
         self._encoders[row] = Codec(*self._vehicles[row].station)
 
     def remind(self, t_s: float) -> None:
-        """Send SYSTEM_TIME and PING again."""
+        """Send PING again, to a station that may have begun only now, or have lost it."""
         for row in self._unimpaired():
-            message = self._vehicles[row].time_message()
-            if message is not None:
+            for message in self._vehicles[row].reminders():
                 self._put(row, message)
         self._ask(self._echo.again(t_s))
         self._board.flush(time.monotonic())

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 
 TIMEOUT_S = 3.0
+ON_GROUND_TIMEOUT_S = 0.3  # nothing happens there; and the station may have ended, and another one begun
 REMIND_S = 0.03
 
 
@@ -21,14 +22,18 @@ class Lockstep:
         self._until_s = math.inf
         self._remind_s = math.inf
 
-    def wait_s(self, awaiting: Mapping[int, float], now_s: float) -> float:
-        """Return how long to wait; 0 to go on. `awaiting`: the newest stamp of each peer that waits for a newer one."""
+    def wait_s(self, awaiting: Mapping[int, float], now_s: float, timeout_s: float | None = None) -> float:
+        """Return how long to wait, `TIMEOUT_S` in all if not told; 0 to go on.
+
+        `awaiting`: the newest stamp of each peer that waits for a newer one.
+        """
         self._given_up = {row: stamp for row, stamp in self._given_up.items() if awaiting.get(row) == stamp}
         if awaiting.keys() <= self._given_up.keys():
             self._until_s = self._remind_s = math.inf
             return 0.0
         if math.isinf(self._until_s):
-            self._until_s, self._remind_s = now_s + TIMEOUT_S, now_s + REMIND_S
+            self._until_s = now_s + (TIMEOUT_S if timeout_s is None else timeout_s)
+            self._remind_s = now_s + REMIND_S
         if now_s < self._until_s:
             return min(self._until_s, max(self._remind_s, now_s + 1e-3)) - now_s
         self._given_up = dict(awaiting)

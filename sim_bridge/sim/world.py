@@ -32,7 +32,7 @@ from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec
 from sim_bridge.protocol.endpoints.line import PeerAddress
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
 from sim_bridge.protocol.traffic import LEAD_S, Traffic
-from sim_bridge.sim.lockstep import Lockstep
+from sim_bridge.sim.lockstep import ON_GROUND_TIMEOUT_S, Lockstep
 from sim_bridge.sim.pace import Pace
 from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
 from sim_bridge.sim.vehicle_factory import VehicleFactory
@@ -183,7 +183,8 @@ class World:
         t_s = self.t_s
         newest_s = {row: self._awaits_after_s(row, t_s) for row in range(len(self.vehicles))}
         newest_s[_READING] = self.traffic.unread_after_s(t_s)
-        wait_s = self._lockstep.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s)
+        timeout_s = None if any(vehicle.autopilot.armed for vehicle in self.vehicles) else ON_GROUND_TIMEOUT_S
+        wait_s = self._lockstep.wait_s({row: s for row, s in newest_s.items() if s is not None}, now_s, timeout_s)
         if self._lockstep.reminds(now_s):
             self.traffic.remind(t_s)
         return wait_s

@@ -30,7 +30,7 @@ from tests.hostile.conftest import SPEEDUP, MakeVehicles, all_down
 from tests.hostile.ground import PATIENCE_S, Ground, fly_arguments
 
 GROUND_STATION = 255
-READS = {"HEARTBEAT", "TIMESYNC", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST"}
+READS = {"HEARTBEAT", "PING", "TIMESYNC", "PARAM_REQUEST_READ", "PARAM_REQUEST_LIST"}
 ASKS = {MavCommand.SET_MESSAGE_INTERVAL, MavCommand.REQUEST_MESSAGE}
 GUIDED = 4
 WAIVED = [f"--waive={name}" for name in ("disarmed", "pad", "height", "home", "local frame", "messages", "sensors")]
