@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from gcs.link.session.status_report import VehicleReport
     from gcs.mission.model import Home
 
-_REPEATED_S = 35.0
 _WIDE = 120  # columns of a terminal that shows everything without breaking words
 
 
@@ -109,11 +108,13 @@ def _show(screen: Screen, reports: list[VehicleReport]) -> None:
 
 def _tell_silent(screen: Screen, reports: list[VehicleReport], listen_s: float) -> None:
     """Say what to do about vehicles that are not ready and told no reason."""
+    from gcs.link.session.status_report import REPEATED_S
+
     silent = [str(r.system) for r in reports if r.prearm_ok is False and not (r.not_ready_texts or r.critical_texts)]
-    if silent and listen_s < _REPEATED_S:
+    if silent and listen_s < REPEATED_S:
         screen.say(
             f"vehicle{'s' * (len(silent) > 1)} {', '.join(silent)} told no reason; some autopilots repeat theirs "
-            f"every 30 s: --listen {_REPEATED_S:g} hears them"
+            f"every 30 s: --listen {REPEATED_S:g} hears them"
         )
 
 

@@ -24,7 +24,7 @@ from gcs.mission.model import Home
 _ANSWER_S = 1.0
 _EXCHANGES = 5
 _EXCHANGE_S = 0.05
-_REPEATED_S = 35.0  # within which an autopilot repeats its reasons
+REPEATED_S = 35.0  # within which an autopilot repeats its reasons
 _UNKNOWN_mV = 0xFFFF
 _VERSION_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
 
@@ -109,7 +109,7 @@ async def status_report(session: VehicleSession, where: str = "") -> VehicleRepo
         working=None if status is None else _sensors(status, healthy=True),
         mentioned_sensors=tuple(sorted(link_behaviour(session.autopilot).mentioned_sensors)),
         critical_texts=session.texts.critical(session.ready_since_s),
-        not_ready_texts=() if ready else session.texts.startup(asyncio.get_running_loop().time() - _REPEATED_S),
+        not_ready_texts=() if ready else session.texts.startup(asyncio.get_running_loop().time() - REPEATED_S),
     )
 
 

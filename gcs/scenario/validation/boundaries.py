@@ -7,8 +7,9 @@ others.
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,9 +91,8 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
                     f"vehicle {end.sysids[worst]} would be at {plain(along[worst])}"
                 )
                 own = end.boundary.position_m[axis]
-                step = _into_the_box(end.table, axis, key, own, along, (low, high))
-                if end.table == "start" and scenario.formation.count is None:
-                    step = _with_vehicles(scenario, axis, step)
+                moves_with = (lambda _: "") if end.table == "end" else partial(_vehicles_move_with, scenario, axis)
+                step = _into_the_box(end.table, axis, key, own, along, (low, high), moves_with)
                 yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
 
 
@@ -289,15 +289,15 @@ def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
     return Mistake(table, text, own, remedy=f"set {dotted(table)} to {to}, or {wider}")
 
 
-def _with_vehicles(scenario: Scenario, axis: int, step: str) -> str:
-    """A step that moves the start, for a formation whose vehicles have positions of their own."""
-    found = re.match(rf"set start\.position_m\[{axis}\] to (-?[\d.]+)", step)
-    if found is None:
-        return step
+def _vehicles_move_with(scenario: Scenario, axis: int, moved_m: float) -> str:
+    """What has to move with the start, where vehicles have positions of their own."""
+    formation = scenario.formation
+    if formation.count is not None:
+        return ""
     way = np.zeros(3)
-    way[axis] = float(found[1]) - scenario.formation.vehicle[leader_index(scenario)].position_m[axis]
-    every = "every vehicle" if len(scenario.formation.vehicle) > 1 else "the vehicle"
-    return step.replace(found[0], f"{found[0]} and move {every} by {_way(way)}", 1) if way.any() else step
+    way[axis] = moved_m - formation.vehicle[leader_index(scenario)].position_m[axis]
+    every = "every vehicle" if len(formation.vehicle) > 1 else "the vehicle"
+    return f" and move {every} by {_way(way)}" if way.any() else ""
 
 
 def _way(north_east_up_m: Array) -> str:
@@ -306,14 +306,22 @@ def _way(north_east_up_m: Array) -> str:
     return ", ".join(f"{plain(abs(size))} m {words[int(size < 0)]}" for size, words in along if abs(size) > _SAME_M)
 
 
-def _into_the_box(table: str, axis: int, key: str, own: float, along_m: Array, box_m: tuple[float, float]) -> str:
+def _into_the_box(
+    table: str,
+    axis: int,
+    key: str,
+    own: float,
+    along_m: Array,
+    box_m: tuple[float, float],
+    moves_with: Callable[[float], str] = lambda _: "",
+) -> str:
     """How to bring vehicles into the box along one axis: by another position, and else by a wider box."""
     (low, high), least, most = box_m, float(along_m.min()), float(along_m.max())
     wider = f"set limits.{key} to [{plain(min(low, np.floor(least)))}, {plain(max(high, np.ceil(most)))}]"
     if most - least > high - low:
         return wider
     moved = own + (low - least if least < low else high - most)
-    step = f"set {table}.position_m[{axis}] to {plain(moved)}, or {wider.removeprefix('set ')}"
+    step = f"set {table}.position_m[{axis}] to {plain(moved)}{moves_with(moved)}, or {wider.removeprefix('set ')}"
     feet_m = _FOOT_M * own
     if axis == _HEIGHT and most > high and low <= feet_m <= high:
         step += f"; is it in feet? {plain(own)} ft are {plain(feet_m)} m"
