@@ -185,12 +185,13 @@ def test_the_autopilots_own_navigator_flies_another_flight_than_the_ideal_one(
     assert errors_m["own"] > 2.0 * errors_m["ideal"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "code", "words"),
     [
         ("3:reject-mission", 8, ("vehicle 3",)),
-        pytest.param("5:silent", 8, ("vehicle 5",), marks=pytest.mark.slow),
-        pytest.param("2:die@10", 9, ("vehicle 2", "lost"), marks=pytest.mark.slow),
+        ("5:silent", 8, ("vehicle 5",)),
+        ("2:die@10", 9, ("vehicle 2", "lost")),
     ],
 )
 def test_a_fault_ends_in_one_sentence(

@@ -14,6 +14,7 @@ from gcs.plan.trajectory.plan import Plan
 from tests.bridge.flying import fly
 
 
+@pytest.mark.slow
 def test_a_formation_starts_together_over_links_that_delay(hop: Plan) -> None:
     flown = fly(hop, "all:delay=0.05,0.02")
     assert flown.error is None

@@ -40,9 +40,10 @@ class Terminal:
         os.close(self.master)
 
 
+@SLOW
 @pytest.mark.parametrize(
     ("script", "code"),
-    [(KEEPS_ON, 0), pytest.param(AS_IT_IS, 128 + signal.SIGHUP, marks=SLOW)],
+    [(KEEPS_ON, 0), (AS_IT_IS, 128 + signal.SIGHUP)],
     ids=["output fails", "and SIGHUP"],
 )
 def test_a_terminal_that_is_closed_in_flight(

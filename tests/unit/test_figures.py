@@ -34,6 +34,7 @@ def is_drawn(path: Path) -> bool:
     return bool(np.ptp(image.imread(path)[..., :3]) > 0.5)
 
 
+@pytest.mark.slow
 def test_flight_and_every_change_are_drawn(changing: Plan, tmp_path: Path) -> None:
     assert is_drawn(save(draw_flight(changing, changing), tmp_path / "map.png"))
     for move in (changing.moves[1], changing.moves[-1]):
