@@ -1,8 +1,11 @@
 """How far the ground station has read: it answers a PING after everything that was sent before it.
 
 A ground station reads what its processor allows, and a socket that is full loses messages without a word. Vehicles that
-run faster than real time therefore send PING, and time goes on by at most `PERIOD_S` beyond one that is not answered. A
+run faster than real time therefore send PING, and time goes on by at most `BEHIND_S` beyond one that is not answered. A
 station that answers none is not waited for. https://mavlink.io/en/services/ping.html
+
+`BEHIND_S` is long enough that a station which keeps up is never waited for: it measures how fast the vehicles' time is,
+and one that sends setpoints just in time would take every wait for a slower time.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 from gcs.link.wire.message import Message
 
 PERIOD_S = 0.1  # of simulated time: a hundredth of the telemetry
+BEHIND_S = 0.5
 UNANSWERED_PERIOD_S = 1.0
 
 
@@ -49,4 +53,4 @@ class GroundEcho:
     def awaits_after_s(self, t_s: float) -> float | None:
         """Return the time up to which the station has read, if it is too far behind; None to go on."""
         oldest_s = next(iter(self._sent.values()), t_s)
-        return self._read_s if self._answers and t_s - oldest_s >= PERIOD_S else None
+        return self._read_s if self._answers and t_s - oldest_s >= BEHIND_S else None
