@@ -58,7 +58,7 @@ class Stage:
         self._boots = boots_s is not None
         self._start_s = 0.0 if boots_s is None else boots_s  # of the scene, when the vehicle's time is 0
         factory = VehicleFactory(_alone(scenario, vehicle, home), personality, 1, epoch_unix_s)
-        self._airframes = factory.airframes
+        self.airframes = factory.airframes
         self.vehicle = factory.vehicle(0, 0.0)
         self._codec = Codec(*self.vehicle.station)
         self._ground = Codec(255, 190)
@@ -102,7 +102,7 @@ class Stage:
             self._step(self.t_s)
 
     def _step(self, now_s: float) -> None:
-        vehicle, airframes = self.vehicle, self._airframes
+        vehicle, airframes = self.vehicle, self.airframes
         t_s = self._steps * CONTROL_PERIOD_S
         self._tell(now_s, list(vehicle.step(t_s, self._now_s(now_s), bool(airframes.landed[0]))))
         pilot = vehicle.autopilot

@@ -72,10 +72,15 @@ def _sys_status(sources: Sources) -> Message:
             "load": 0,
             "voltage_battery": min(round(volt * 1000.0), _UNKNOWN),
             "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
-            "battery_remaining": math.ceil(share * 100.0),
+            "battery_remaining": _percent(share),
             **dict.fromkeys(counts, 0),
         },
     )
+
+
+def _percent(share: float) -> int:
+    """A share in whole percent, upwards; 18 % and the error of a sum are 18 %."""
+    return math.ceil(round(share * 100.0, 6))
 
 
 def _battery_status(sources: Sources) -> Message:
@@ -91,7 +96,7 @@ def _battery_status(sources: Sources) -> Message:
             "current_battery": min(round(ampere * 100.0), _LARGEST_INT16),
             "current_consumed": round(used_Ah * 1000.0),
             "energy_consumed": round(sources.instruments.used_J / 100.0),
-            "battery_remaining": math.ceil(share * 100.0),
+            "battery_remaining": _percent(share),
             "charge_state": 1,
         },
     )

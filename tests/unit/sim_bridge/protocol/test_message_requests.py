@@ -133,3 +133,17 @@ def test_it_is_set_to_the_battery_of_its_scenario(repo_root: Path, personality: 
     assert scenario.vehicle.power is not None
     assert value == pytest.approx(1000.0 * scenario.vehicle.power.battery_Wh / (4 * 3.7))
     assert personality.identity.autopilot.traits.link.capacity_parameter == name
+
+
+def test_a_charge_in_percent_is_not_rounded_up_for_the_error_of_a_sum(repo_root: Path) -> None:
+    told = []
+    for percent in (99, 57, 29, 18, 7):
+        asked = Asked(ARDUPILOT, repo_root)
+        asked.stage.run_until(1.0)
+        asked.stage.airframes.battery.drain(0, percent / 100.0)
+        asked.stage.told.clear()
+        asked.command(MavCommand.REQUEST_MESSAGE, MessageId.SYS_STATUS)
+        told += [
+            one.message.fields["battery_remaining"] for one in asked.stage.told if one.message.name == "SYS_STATUS"
+        ]
+    assert told == [99, 57, 29, 18, 7]
