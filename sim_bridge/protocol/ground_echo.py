@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from gcs.link.wire.message import Message
 
-PERIOD_S = 0.1  # of simulated time: a hundredth of the telemetry
+PERIOD_S = 0.1  # of simulated time
 BEHIND_S = 0.5
 UNANSWERED_PERIOD_S = 1.0
 
