@@ -65,6 +65,11 @@ def read_mission(data: bytes, source: str, firmware: Autopilot | None = None) ->
             f"{source}: is a sheet, not a mission; missions are {suffixes_of(Content.MISSION)} files",
             hint="`gcs new NAME --positions FILE.csv` makes a scenario of a sheet, and `gcs export` its missions",
         )
+    if Path(source).suffix.lower() == ".toml":
+        raise FileFormatError(
+            f"{source}: is a scenario, not a mission; missions are {suffixes_of(Content.MISSION)} files",
+            hint="`gcs plan` checks a scenario, and `gcs export` writes its missions",
+        )
     rows = [row for row in FORMATS if row.content is Content.MISSION and start.startswith(row.begins)]
     mission: MissionFile = max(rows, key=lambda row: len(row.begins)).read(data, source, firmware)
     return mission

@@ -105,3 +105,11 @@ def test_a_sheet_in_place_of_a_mission_or_scenario_is_told_where_it_goes(
         error, step = capsys.readouterr().err.splitlines()
         assert error.startswith(f"error: {name}: is a sheet, not a {kind}")
         assert "gcs new NAME --positions FILE.csv" in step
+
+
+def test_a_scenario_in_place_of_a_mission_is_told_what_checks_it(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("field.toml").write_text("schema_version = 1\n")
+    assert gcs("check field.toml") == 6
+    error, step = capsys.readouterr().err.splitlines()
+    assert error.startswith("error: field.toml: is a scenario, not a mission")
+    assert "gcs plan" in step
