@@ -59,7 +59,7 @@ def setpoint_in(
         return StampedSetpoint(t_s, flat, stamped=False), True
     stamp_s = instruments.simulated_s(fields["time_boot_ms"])
     stamped = is_stamp(stamp_s, t_s)
-    return StampedSetpoint(stamp_s if stamped else t_s, flat, stamped), False
+    return StampedSetpoint(stamp_s if stamped else t_s, flat, stamped, t_s), False
 
 
 def is_stamp(stamp_s: float, t_s: float) -> bool:

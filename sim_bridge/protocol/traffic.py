@@ -7,14 +7,15 @@ earlier the ground station sent it. So the same setpoints are equally late in ev
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from gcs.link.ftp.payload import NAME as FTP
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
+from sim_bridge.autopilot.guidance.stream import JUST_IN_TIME_S
 from sim_bridge.faults.fault_commands import answer, is_fault_command, read_order
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.protocol.conversation import Conversation
@@ -28,6 +29,14 @@ _SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """A setpoint that leaves for an impaired link: its stamp, and when the vehicles wait for the next one."""
+
+    stamp_s: float
+    awaited_s: float
+
+
 class Traffic:
     """Carries messages between a switchboard and vehicles, whose members may be replaced."""
 
@@ -39,7 +48,7 @@ class Traffic:
         self._encoders = [Codec(*vehicle.station) for vehicle in vehicles]
         self._decoders = [Codec(0, 0) for _ in board.rows]
         self._after: dict[int, Codec] = {}  # decoders behind impaired links
-        self._stamp_s: dict[int, float] = {}  # newest stamp of a setpoint that arrived here, lost afterwards or not
+        self._departures: dict[int, Departure] = {}  # newest setpoint that arrived here, lost afterwards or not
         self._echo = GroundEcho()
         self._asked = 0  # the row of the vehicle that asked last
         self._watched = -1
@@ -123,12 +132,12 @@ class Traffic:
     def _put(self, row: int, message: Message) -> None:
         self._board.put(row, [self._encoders[row].encode(message, self._vehicles[row].signature(time.monotonic()))])
 
-    def departed_s(self, row: int, t_s: float) -> float | None:
-        """Return the stamp of the newest setpoint that arrived for an impaired link; None if there is none."""
-        stamp_s = self._stamp_s.get(row)
-        if stamp_s is None or row not in self._injector.radios or not is_stamp(stamp_s, t_s):
+    def departure(self, row: int, t_s: float) -> Departure | None:
+        """Return the newest setpoint that arrived for an impaired link; None if there is none."""
+        departure = self._departures.get(row)
+        if departure is None or row not in self._injector.radios or not is_stamp(departure.stamp_s, t_s):
             return None
-        return stamp_s
+        return departure
 
     def _addressed(self, line: int, message: Message) -> Iterable[int]:
         sysid = message.fields.get("target_system", 0)
@@ -161,7 +170,10 @@ class Traffic:
         stamp_s = self._vehicles[row].simulated_s(message.fields["time_boot_ms"])
         if not is_stamp(stamp_s, t_s):
             return t_s
-        self._stamp_s[row] = max(stamp_s, self._stamp_s.get(row, -math.inf))
+        known = self._departures.get(row)
+        if known is None or stamp_s > known.stamp_s:
+            late_s = JUST_IN_TIME_S if stamp_s - t_s < LEAD_S else -LEAD_S
+            self._departures[row] = Departure(stamp_s, stamp_s + late_s)
         return max(stamp_s - LEAD_S, t_s)
 
     def _deliver(self, row: int, message: Message, t_s: float, now_s: float) -> None:

@@ -31,7 +31,7 @@ from sim_bridge.personality import Personality
 from sim_bridge.protocol.endpoints.address import CALL_GROUND, EndpointSpec
 from sim_bridge.protocol.endpoints.line import PeerAddress
 from sim_bridge.protocol.endpoints.switchboard import Switchboard
-from sim_bridge.protocol.traffic import LEAD_S, Traffic
+from sim_bridge.protocol.traffic import Traffic
 from sim_bridge.sim.lockstep import ON_GROUND_TIMEOUT_S, Lockstep
 from sim_bridge.sim.pace import Pace
 from sim_bridge.sim.truth import PERIOD_STEPS, TruthRecord
@@ -195,9 +195,9 @@ class World:
         On an impaired link the departure of the setpoint counts, because it may never arrive.
         """
         autopilot = self.vehicles[row].autopilot
-        departed_s = self.traffic.departed_s(row, t_s) if autopilot.flying else None
-        if departed_s is not None:
-            return departed_s if departed_s <= t_s + LEAD_S else None
+        departure = self.traffic.departure(row, t_s) if autopilot.flying else None
+        if departure is not None:
+            return departure.stamp_s if departure.awaited_s <= t_s else None
         return autopilot.awaits_setpoint_after_s(t_s)
 
     def _listen(self, timeout_s: float) -> None:

@@ -19,6 +19,11 @@ from sim_bridge.autopilot.guidance.piece import TERMS, Piece
 
 # Setpoints further apart than this are not interpolated.
 LONGEST_GAP_S = 1.0
+# A stream sent just in time is not ahead of the vehicle by more than this, and is awaited so much later: a vehicle that
+# stopped at every setpoint would be as slow as the ground station takes it to be, and it would take it to be ever
+# slower. To extrapolate so far at a jerk of 5 m/s3 is off by 7 mm.
+JUST_IN_TIME_S = 0.2
+_EARLY_S = 0.1
 _KEPT_AHEAD = 256
 
 
@@ -26,12 +31,21 @@ _KEPT_AHEAD = 256
 class StampedSetpoint:
     """One setpoint in simulated time and the common local NED frame; columns north, east, down, yaw.
 
-    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and zero.
+    `flat` (3, 4): position and yaw; velocity and yaw rate; acceleration and zero. `arrived_s` is when it came; long
+    before its time if not told.
     """
 
     t_s: float
     flat: Array = field(compare=False)
     stamped: bool = field(compare=False, default=True)
+    arrived_s: float = field(compare=False, default=-math.inf)
+
+    @property
+    def awaited_s(self) -> float:
+        """The time at which the vehicle waits for the next one; inf if it does not."""
+        if not self.stamped:
+            return math.inf
+        return self.t_s + (JUST_IN_TIME_S if self.t_s - self.arrived_s < _EARLY_S else 0.0)
 
 
 class SetpointFollower:
@@ -55,10 +69,11 @@ class SetpointFollower:
     def awaits_more_after_s(self, t_s: float) -> float | None:
         """The newest time of a stamped stream whose next setpoint is needed to fly on from `t_s`; else None.
 
-        The setpoint that takes effect at `t_s` is not enough: its piece depends on the next one.
+        The setpoint that takes effect at `t_s` is not enough: its piece depends on the next one. A stream that is sent
+        just in time is extrapolated for `JUST_IN_TIME_S`.
         """
         newest = self.newest
-        return newest.t_s if newest is not None and newest.stamped and newest.t_s <= t_s else None
+        return newest.t_s if newest is not None and newest.awaited_s <= t_s else None
 
     def add(self, setpoint: StampedSetpoint) -> None:
         """Add a setpoint. One for a known time replaces it; one older than the one in effect is dropped."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.autopilot.guidance.stream import SetpointFollower, StampedSetpoint
+from sim_bridge.autopilot.guidance.stream import JUST_IN_TIME_S, SetpointFollower, StampedSetpoint
 
 W = 0.7  # rad/s of a circle of 2 m
 PERIOD_S = 0.04
@@ -73,6 +73,18 @@ def test_it_awaits_more_only_when_it_would_have_to_guess():
     assert stream.awaits_more_after_s(2 * PERIOD_S) == 2 * PERIOD_S
     stream.add(StampedSetpoint(3 * PERIOD_S, on_circle(3 * PERIOD_S)))
     assert stream.awaits_more_after_s(2 * PERIOD_S) is None
+
+
+def test_a_stream_sent_just_in_time_is_awaited_after_a_margin():
+    """Else time is as fast as the ground station takes it to be, and that is ever slower."""
+    stream = SetpointFollower()
+    stream.add(StampedSetpoint(1.0, on_circle(1.0), arrived_s=0.98))
+    stream.advance(1.0)
+    assert stream.awaits_more_after_s(1.0 + 0.9 * JUST_IN_TIME_S) is None
+    assert stream.awaits_more_after_s(1.0 + JUST_IN_TIME_S) == 1.0
+    stream.add(StampedSetpoint(1.2, on_circle(1.2), arrived_s=1.0))
+    stream.advance(1.2)
+    assert stream.awaits_more_after_s(1.2) == 1.2, "it came early: the vehicle need not guess"
 
 
 def test_unstamped_streams_are_never_awaited():
