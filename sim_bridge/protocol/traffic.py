@@ -7,15 +7,16 @@ earlier the ground station sent it. So the same setpoints are equally late in ev
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gcs.link.ftp.payload import NAME as FTP
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
-from sim_bridge.autopilot.guidance.stream import JUST_IN_TIME_S
+from sim_bridge.autopilot.guidance.stream import StreamTiming
 from sim_bridge.faults.fault_commands import answer, is_fault_command, read_order
 from sim_bridge.faults.injector import FaultInjector
 from sim_bridge.protocol.conversation import Conversation
@@ -29,12 +30,20 @@ _SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 _ITEMS = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Departure:
-    """A setpoint that leaves for an impaired link: its stamp, and when the vehicles wait for the next one."""
+    """The newest setpoint that left for an impaired link: its stamp, and when the vehicles wait for the next one."""
 
-    stamp_s: float
-    awaited_s: float
+    stamp_s: float = -math.inf
+    awaited_s: float = math.inf
+    timing: StreamTiming = field(default_factory=StreamTiming)
+
+    def arrived(self, stamp_s: float, t_s: float) -> None:
+        """A setpoint for `stamp_s` came at `t_s`."""
+        self.timing.arrived(stamp_s, t_s)
+        self.stamp_s = max(self.stamp_s, stamp_s)
+        spare_s = self.timing.spare_s(self.stamp_s)
+        self.awaited_s = self.stamp_s + (spare_s if spare_s > 0.0 else -LEAD_S)
 
 
 class Traffic:
@@ -170,10 +179,7 @@ class Traffic:
         stamp_s = self._vehicles[row].simulated_s(message.fields["time_boot_ms"])
         if not is_stamp(stamp_s, t_s):
             return t_s
-        known = self._departures.get(row)
-        if known is None or stamp_s > known.stamp_s:
-            late_s = JUST_IN_TIME_S if stamp_s - t_s < LEAD_S else -LEAD_S
-            self._departures[row] = Departure(stamp_s, stamp_s + late_s)
+        self._departures.setdefault(row, Departure()).arrived(stamp_s, t_s)
         return max(stamp_s - LEAD_S, t_s)
 
     def _deliver(self, row: int, message: Message, t_s: float, now_s: float) -> None:

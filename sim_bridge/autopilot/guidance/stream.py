@@ -19,11 +19,11 @@ from sim_bridge.autopilot.guidance.piece import TERMS, Piece
 
 # Setpoints further apart than this are not interpolated.
 LONGEST_GAP_S = 1.0
-# A stream sent just in time is not ahead of the vehicle by more than this, and is awaited so much later: a vehicle that
-# stopped at every setpoint would be as slow as the ground station takes it to be, and it would take it to be ever
-# slower. To extrapolate so far at a jerk of 5 m/s3 is off by 7 mm.
+# A stream of which no setpoint came early for so long is sent just in time, and is extrapolated for so long. A vehicle
+# that stopped at every setpoint would be as slow as the ground station takes it to be, and it would take it to be ever
+# slower. At a jerk of 5 m/s3 the extrapolation is off by 7 mm.
+_EARLY_S, _REMEMBERED_S = 0.1, 2.0
 JUST_IN_TIME_S = 0.2
-_EARLY_S = 0.1
 _KEPT_AHEAD = 256
 
 
@@ -40,12 +40,21 @@ class StampedSetpoint:
     stamped: bool = field(compare=False, default=True)
     arrived_s: float = field(compare=False, default=-math.inf)
 
-    @property
-    def awaited_s(self) -> float:
-        """The time at which the vehicle waits for the next one; inf if it does not."""
-        if not self.stamped:
-            return math.inf
-        return self.t_s + (JUST_IN_TIME_S if self.t_s - self.arrived_s < _EARLY_S else 0.0)
+
+class StreamTiming:
+    """Whether a stream is sent ahead of its times, or just in time. All times are the vehicle's."""
+
+    def __init__(self) -> None:
+        self._early_s = -math.inf  # the newest stamp that came early
+
+    def arrived(self, stamp_s: float, t_s: float) -> None:
+        """A setpoint for `stamp_s` came at `t_s`."""
+        if stamp_s - t_s >= _EARLY_S:
+            self._early_s = max(self._early_s, stamp_s)
+
+    def spare_s(self, stamp_s: float) -> float:
+        """Return for how long the stream is extrapolated beyond its newest setpoint."""
+        return 0.0 if stamp_s - self._early_s <= _REMEMBERED_S else JUST_IN_TIME_S
 
 
 class SetpointFollower:
@@ -55,6 +64,7 @@ class SetpointFollower:
         self._ahead: list[StampedSetpoint] = []  # sorted, all later than the current one
         self._last: StampedSetpoint | None = None
         self._current: StampedSetpoint | None = None
+        self._timing = StreamTiming()
 
     @property
     def next_s(self) -> float:
@@ -73,10 +83,13 @@ class SetpointFollower:
         just in time is extrapolated for `JUST_IN_TIME_S`.
         """
         newest = self.newest
-        return newest.t_s if newest is not None and newest.awaited_s <= t_s else None
+        if newest is None or not newest.stamped:
+            return None
+        return newest.t_s if newest.t_s + self._timing.spare_s(newest.t_s) <= t_s else None
 
     def add(self, setpoint: StampedSetpoint) -> None:
         """Add a setpoint. One for a known time replaces it; one older than the one in effect is dropped."""
+        self._timing.arrived(setpoint.t_s, setpoint.arrived_s)
         if self._current is not None and setpoint.t_s <= self._current.t_s:
             if setpoint.t_s == self._current.t_s:
                 self._current = setpoint

@@ -83,8 +83,13 @@ def test_a_stream_sent_just_in_time_is_awaited_after_a_margin():
     assert stream.awaits_more_after_s(1.0 + 0.9 * JUST_IN_TIME_S) is None
     assert stream.awaits_more_after_s(1.0 + JUST_IN_TIME_S) == 1.0
     stream.add(StampedSetpoint(1.2, on_circle(1.2), arrived_s=1.0))
-    stream.advance(1.2)
-    assert stream.awaits_more_after_s(1.2) == 1.2, "it came early: the vehicle need not guess"
+    for t_s in (1.2, 1.3, 3.1):
+        stream.add(StampedSetpoint(t_s, on_circle(t_s), arrived_s=t_s))
+        stream.advance(t_s)
+        assert stream.awaits_more_after_s(t_s) == t_s, "one came early: the ground station sends ahead"
+    stream.add(StampedSetpoint(3.3, on_circle(3.3), arrived_s=3.3))
+    stream.advance(3.3)
+    assert stream.awaits_more_after_s(3.3) is None
 
 
 def test_unstamped_streams_are_never_awaited():
