@@ -152,7 +152,8 @@ def zeros(size: int) -> Any:
 
 def bomb(path: Path, name: str, head: bytes, size: int) -> Path:
     """An archive with one member of `head` and zeros, packed a thousand times smaller."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive, archive.open(name, "w") as file:
+    archive = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
+    with archive, archive.open(name, "w", force_zip64=True) as file:
         file.write(head)
         for chunk in zeros(size):
             file.write(chunk)
