@@ -135,7 +135,7 @@ def _places(keys: DegreeKeys, values: dict[str, Any]) -> list[Pair] | None:
         rows = [given[0][:2]] if numbers(given[0], _THREE) else given
     elif keys.form == "points":
         rows = given[0] if isinstance(given[0], list | tuple) else [None]
-    elif all(is_number(one) for one in given):
+    elif keys.form != "box" and all(is_number(one) for one in given):
         rows = [given]
     elif all(numbers(one, 2 if keys.form == "box" else None) for one in given):
         rows = list(zip(*given, strict=False))

@@ -69,6 +69,7 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (box("lat_deg = [-60, 360]", "lon_deg = [-120, 120]"), "are these metres?", "write north_m = [-60, 360] and"),
     (box("lat_deg = [47.4, 47.3]", "lon_deg = [8.54, 8.56]"), "must be [south, north]", "lat_deg = [47.3, 47.4]"),
     (box("lat_deg = [47.3, 47.5]", "lon_deg = [8.56, 8.54]"), "must be [west, east]", "lon_deg = [8.54, 8.56]"),
+    (box("lat_deg = 47.4", "lon_deg = 8.55"), "limits.lat_deg = 47.4: must be a list of 2", "limits.lat_deg"),
     (box("north_m = [47.3, 47.5]", "east_m = [8.54, 8.56]"), "look like degrees", "lat_deg = [47.3, 47.5] and lon_deg"),
     # Both forms, or not the whole of one.
     (end(f"{END}, {HERE}, height_m = 15"), "stands beside position_m", "keep one of the two"),
