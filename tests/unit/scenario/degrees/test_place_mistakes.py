@@ -69,7 +69,6 @@ WRONG: list[tuple[Edits, str, str]] = [  # what is typed, what is told, what is 
     (box("lat_deg = [-60, 360]", "lon_deg = [-120, 120]"), "are these metres?", "write north_m = [-60, 360] and"),
     (box("lat_deg = [47.4, 47.3]", "lon_deg = [8.54, 8.56]"), "must be [south, north]", "lat_deg = [47.3, 47.4]"),
     (box("lat_deg = [47.3, 47.5]", "lon_deg = [8.56, 8.54]"), "must be [west, east]", "lon_deg = [8.54, 8.56]"),
-    (box("lat_deg = 47.4", "lon_deg = 8.55"), "limits.lat_deg = 47.4: must be a list of 2", "limits.lat_deg"),
     (box("north_m = [47.3, 47.5]", "east_m = [8.54, 8.56]"), "look like degrees", "lat_deg = [47.3, 47.5] and lon_deg"),
     # Both forms, or not the whole of one.
     (end(f"{END}, {HERE}, height_m = 15"), "stands beside position_m", "keep one of the two"),
@@ -116,6 +115,12 @@ def test_one_wrong_place_is_one_mistake_with_its_own_next_step(
     assert then in error.hint
     assert "scenario.toml:" in error.message and "not in this file" not in error.message
     keeps_the_rules(error)
+
+
+def test_a_box_whose_sides_are_single_numbers_is_told(tmp_path: Path) -> None:
+    error = told(tmp_path, box("lat_deg = 47.4", "lon_deg = 8.55"))
+    for key, number in (("lat_deg", "47.4"), ("lon_deg", "8.55")):
+        assert f"limits.{key} = {number}: must be a list of 2" in error.message
 
 
 def test_several_wrong_places_are_told_at_once_each_with_its_key_and_line(tmp_path: Path) -> None:
