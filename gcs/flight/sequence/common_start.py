@@ -2,8 +2,9 @@
 
 NAV_DELAY until a time of day is an item of the mission, so the upload needs a start before the take-off is over. That
 start is provisional and late. Once all vehicles hover, an early start replaces it: this one item is rewritten on every
-vehicle and read back. All vehicles have the same start before one of them is ordered to fly its mission: if the early
-one is not verified on every vehicle in time, all get the provisional one back.
+vehicle and read back; a later one does where upload and take-off took too long for the provisional one. All vehicles
+have the same start before one of them is ordered to fly its mission: if the new one is not verified on every vehicle in
+time, all get the provisional one back.
 """
 
 from __future__ import annotations
@@ -48,7 +49,9 @@ class CommonStart:
         self._indices = {load.sysid: timed_waits(load.mission) for load in self.loads}
 
     async def bring_forward(self, held: Holdings, say: Callable[[str], None]) -> Holdings:
-        """Replace the provisional start by an early one, on all vehicles or on none; return the proof.
+        """Replace the provisional start, on all vehicles or on none; return the proof.
+
+        The new one is earlier, or later than a provisional one that cannot be kept any more.
 
         Raises FlightError if it is unknown which start a vehicle has on board.
         """
@@ -56,7 +59,7 @@ class CommonStart:
         for _ in range(_TRIES):
             now_s = self._time.sure_s()
             start_s = math.ceil(now_s + ahead_s)
-            if start_s >= self.unix_s:
+            if now_s < self.unix_s - ORDER_S <= start_s - ORDER_S:
                 break
             loads = _starting(self.loads, start_s)
             try:
@@ -86,7 +89,7 @@ class CommonStart:
                 return work.result()
         finally:
             await ended(work, limit)
-        raise FlightError("an earlier start was not verified on every vehicle in time.")
+        raise FlightError("another start was not verified on every vehicle in time.")
 
     async def _set_back(self, held: Holdings, reason: str) -> Holdings:
         try:

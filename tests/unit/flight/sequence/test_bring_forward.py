@@ -122,6 +122,21 @@ def test_a_provisional_start_that_is_no_later_stays(hop: Plan) -> None:
     assert found.said == ["keep their start at 22:13:49 UTC, in 9 s"]
 
 
+@pytest.mark.parametrize("ahead_s", [22.0, 5.0])
+def test_a_provisional_start_that_cannot_be_kept_any_more_moves(hop: Plan, ahead_s: float) -> None:
+    """Upload and take-off took longer than the time that was left for them; the vehicles hover, so nothing is lost."""
+    found = brought(hop, Vehicle(), Vehicle(), Vehicle(), ahead_s=ahead_s)
+    assert found.provisional_s < found.hovered_s + 3.0
+    assert found.start_s == 1_700_000_029
+    assert waits_for(found) == {(-1.0, 22.0, 13.0, 49.0)}
+
+
+def test_if_the_later_start_is_refused_the_flight_ends(hop: Plan) -> None:
+    found = brought(hop, Vehicle(), Vehicle(refuses=(0, 1, 2)), Vehicle(), ahead_s=5.0)
+    assert found.error is not None
+    assert "vehicle 2 refused" in found.error.message
+
+
 def test_vehicles_faster_than_the_clock_get_a_second_of_the_clock(hop: Plan) -> None:
     quick = Vehicle((0.1,))
     assert brought(hop, quick, Vehicle((0.1,)), Vehicle((0.1,)), rate=20.0, ahead_s=200.0).start_s == 1_700_000_041
