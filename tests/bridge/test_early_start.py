@@ -91,8 +91,14 @@ def test_six_missions_start_soon_after_the_last_vehicle_hovers(six: Plan, faults
 
 def test_if_one_vehicle_refuses_the_new_start_all_keep_the_old_one(hop: Plan) -> None:
     hovering = Hovering(refusing=2)
-    late = {"start_after_takeoff_s": 120.0}  # however slow the machine is, it can be kept
-    flown = fly(hop, during=hovering, mode=FlightMode.MISSION, speedup=SPEEDUP, enough=started, **late)
+    flown = fly(
+        hop,
+        during=hovering,
+        mode=FlightMode.MISSION,
+        speedup=SPEEDUP,
+        enough=started,
+        start_after_takeoff_s=120.0,  # however slow the machine is, it can be kept
+    )
     assert flown.error is None
     assert start_s(flown) == hovering.provisional_s
     assert all_wait_until(flown, start_s(flown))
