@@ -96,7 +96,7 @@ def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
                 yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
 
 
-@RULES.needs("end", "formation", "limits")
+@RULES.needs("start", "end", "formation", "limits")
 def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
     name, limits, end = _last_shape(scenario), scenario.limits, scenario.end
     if name is None:

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules
 from gcs.scenario.validation.cross_table import check
+from gcs.scenario.validation.slips import lookalikes
 from gcs.scenario.validation.slips.shown_values import dotted
 
 
@@ -83,6 +85,30 @@ def test_a_last_shape_beyond_the_box_is_seen_before_anything_is_planned(data: di
     zone = {"north_m": north_m + 8.0, "east_m": east_m + 4.0, "radius_m": 1.0}
     (told,) = ending_in_a_square(data, [low, east_m + 4.0], [zone])
     assert "contains 1 place of the last shape, square, at the end, 1.00 m inside" in told
+
+
+def test_rules_look_at_no_table_but_those_they_need(data: dict[str, Any]) -> None:
+    """A file with a mistake in one table has no such table. Mistakes of many kinds make many rules look closely."""
+    square = {"kind": "reshape", "to": "square", "at_s": 60.0}
+    formation = data["formation"] | {
+        "shape": [{"name": "square", "offsets_m": SQUARE}],
+        "change": [square, square | {"to": "start", "at_s": 160.0}],
+    }
+    low, east_m = data["limits"]["east_m"][0], data["end"]["position_m"][1]
+    narrow = data["limits"] | {"east_m": [low, east_m + 0.5]}
+    zone = {"north_m": 1202.5, "east_m": 1001.0, "radius_m": 3.0}
+    broken = data | {"formation": formation, "limits": narrow, "no_fly": [zone]}
+    for one in (data, broken):
+        scenario = Scenario.model_validate(one)
+        for rules in (
+            lookalikes.RULES,
+            cross_table.RULES,
+            vehicle_rules.RULES,
+            boundaries.RULES,
+            formation_rules.RULES,
+        ):
+            for needed, rule in rules._rules:
+                list(rule(Scenario.model_construct(**{table: getattr(scenario, table) for table in needed})))
 
 
 def test_a_mountain_in_the_run_up_is_seen(data: dict[str, Any]) -> None:
