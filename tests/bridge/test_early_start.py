@@ -20,6 +20,7 @@ from sim_bridge.sim.world import World
 from tests.bridge.flying import Flown, fly, hop_scenario
 
 LIMIT_S = 20.0
+PROVISIONAL_S = 120.0  # after the upload: however slow the machine is, all hover long before
 SPEEDUP = 4.0
 TAKEN_OFF_S = 18.0  # of emulated time: all are armed and climb
 
@@ -80,7 +81,15 @@ def all_wait_until(flown: Flown, unix_s: float) -> bool:
 )
 def test_six_missions_start_soon_after_the_last_vehicle_hovers(six: Plan, faults: tuple[str, ...]) -> None:
     hovering = Hovering()
-    flown = fly(six, *faults, during=hovering, mode=FlightMode.MISSION, speedup=SPEEDUP, enough=started)
+    flown = fly(
+        six,
+        *faults,
+        during=hovering,
+        mode=FlightMode.MISSION,
+        speedup=SPEEDUP,
+        enough=started,
+        start_after_takeoff_s=PROVISIONAL_S,
+    )
     assert flown.error is None
     assert flown.stopped
     assert hovering.from_s is not None
@@ -97,7 +106,7 @@ def test_if_one_vehicle_refuses_the_new_start_all_keep_the_old_one(hop: Plan) ->
         mode=FlightMode.MISSION,
         speedup=SPEEDUP,
         enough=started,
-        start_after_takeoff_s=120.0,  # however slow the machine is, it can be kept
+        start_after_takeoff_s=PROVISIONAL_S,
     )
     assert flown.error is None
     assert start_s(flown) == hovering.provisional_s
