@@ -59,7 +59,7 @@ class CommonStart:
         for _ in range(_TRIES):
             now_s = self._time.sure_s()
             start_s = math.ceil(now_s + ahead_s)
-            if now_s < self.unix_s - ORDER_S <= start_s - ORDER_S:
+            if now_s + ORDER_S < self.unix_s <= start_s:
                 break
             loads = _starting(self.loads, start_s)
             try:
