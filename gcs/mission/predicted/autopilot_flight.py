@@ -65,8 +65,8 @@ class AutopilotFlight:
             if known is firmware and _alike(orders, others):
                 return replace(segment, bends_m=segment.bends_m + _apart_m(orders, others))
         flown = predict(firmware.navigator.within(self._ability), orders)
-        rows = np.append(np.flatnonzero(np.diff(np.floor(flown.t_s / _STEP_S)) > 0) + 1, len(flown.t_s) - 1)
-        rows = np.concatenate([[0], rows[rows > 0]])
+        last = len(flown.t_s) - 1
+        rows = np.unique([0, *np.flatnonzero(np.diff(np.floor(flown.t_s / _STEP_S)) > 0) + 1, last])
         stop = np.minimum(np.searchsorted(flown.completed_s, flown.t_s[rows]), orders.count - 1)
         moved = flown.position_ned_m[rows] - np.array(orders.start_ned_m)
         kept = _bends(flown.t_s[rows], moved, stop)

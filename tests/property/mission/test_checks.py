@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from gcs.autopilots.traits import Autopilot
@@ -121,7 +121,12 @@ nearby = st.builds(
 )
 
 
+def hop_m(alt_m: float) -> MissionItem:
+    return MissionItem(16, 3, (0.0, -1.0, 0.0, 0.0), 474_000_000, 85_000_000, alt_m)
+
+
 @settings(slow, max_examples=25)
+@example(Autopilot.PX4, (hop_m(2.0), hop_m(1.0)))  # its last step is one of whole tenths of a second
 @given(st.sampled_from(Autopilot), st.lists(nearby, min_size=1, max_size=6).map(tuple))
 def test_any_items_are_flown_by_the_model_to_the_end(firmware: Autopilot, some: tuple[MissionItem, ...]) -> None:
     one = MissionFile("a.plan", firmware, Home(47.4, 8.5, 500.0), some)
