@@ -52,6 +52,7 @@ def is_told(flown: Flown, reason: str) -> None:
     assert flown.orders(1) == flown.orders(3) == ["land"]
 
 
+@pytest.mark.slow
 def test_an_order_in_a_crisis_that_is_refused(hop: Plan) -> None:
     """Vehicle 2 dies, the others are ordered to land, and vehicle 3 refuses for a while."""
     flown = fly(hop, "2:die@24", "3:refuse-commands@26..55")

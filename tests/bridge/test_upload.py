@@ -176,6 +176,7 @@ def test_an_armed_vehicle_and_an_unknown_parameter_stop_it_before_anything_is_se
     run(scene())
 
 
+@pytest.mark.slow
 def test_the_commands(
     short_plan: Plan,
     fleet_of: Callable[..., tuple[Fleet, str]],
