@@ -20,6 +20,7 @@ from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.lateness import Lateness
 from gcs.flight.progress import FlightPart, NearestPair
 from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.formation.error import formation_error_m
@@ -78,13 +79,12 @@ class Monitor:
 
     def receive(self, row: int, message: Message, clock: VehicleClock) -> None:
         """Take in a LOCAL_POSITION_NED of the vehicle in row `row` of the plan."""
-        fields = message.fields
-        unix_s = clock.unix_s(fields["time_boot_ms"])
-        if unix_s is None:
+        unix_s, motion = clock.unix_s(message.fields["time_boot_ms"]), local_motion(message)
+        if unix_s is None or motion is None:
             return
         view = self.views[self.plan.sysids[row]]
-        view.position_ned_m = np.array([fields["x"], fields["y"], fields["z"]]) + self.plan.pads_ned_m[row]
-        view.velocity_ned_mps = np.array([fields["vx"], fields["vy"], fields["vz"]])
+        view.position_ned_m = np.array(motion[:3]) + self.plan.pads_ned_m[row]
+        view.velocity_ned_mps = np.array(motion[3:])
         view.unix_s = unix_s
         if self.t0_unix_s is not None:
             self._compare(row, view, unix_s - self.t0_unix_s)

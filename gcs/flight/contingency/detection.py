@@ -14,6 +14,7 @@ from enum import StrEnum
 from gcs.autopilots.columns import FailsafeCause, FlightBehaviour
 from gcs.flight.contingency.mode_signs import ModeSigns
 from gcs.flight.energy.energy_choice import Outcome
+from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 
 
@@ -140,7 +141,7 @@ class VehicleWatch:
         fields = message.fields
         self._signs.receive(message, unix_s)
         match message.name:
-            case "LOCAL_POSITION_NED":
+            case "LOCAL_POSITION_NED" if local_motion(message) is not None:
                 self._placed_s = unix_s
                 self._placed_since = True
             case "GPS_RAW_INT":

@@ -20,13 +20,13 @@ from gcs.flight.progress import Event
 from gcs.flight.recording.recording import VehicleTrack
 from gcs.frames import Origin, geodetic_to_ned, ned_to_geodetic
 from gcs.link.microservices.statustext import StatusTextJoiner
+from gcs.link.wire.local_motion import is_local_place, local_motion
 from gcs.link.wire.message import GROUND, Message
 from gcs.mavlink import GENERIC_AUTOPILOT, NO_AUTOPILOT, MavType, ModeFlag, Severity
 from gcs.physics.quadrotor import Array
 
 _ELSEWHERE_S = 1.0
 _TOGETHER_S = 0.5  # a global and a local position within that are of one place
-_AXES = ("x", "y", "z", "vx", "vy", "vz")
 
 
 @dataclass
@@ -98,21 +98,21 @@ def _take(one: _Heard, message: Message, t_s: float) -> None:
         one.origin = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
     elif message.name == "HOME_POSITION" and one.origin is None:
         place = Origin(fields["latitude"] / 1e7, fields["longitude"] / 1e7, fields["altitude"] / 1e3)
-        back = ned_to_geodetic(-np.array([fields["x"], fields["y"], fields["z"]]), place)
-        one.origin = Origin(*(float(part) for part in back))
+        at_m = [float(fields[name]) for name in ("x", "y", "z")]
+        if is_local_place(at_m):
+            one.origin = Origin(*(float(part) for part in ned_to_geodetic(-np.array(at_m), place)))
     elif message.name == "GLOBAL_POSITION_INT" and (fields["lat"] or fields["lon"]):
         motion = (fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3)
-        _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in _AXES[3:])))
-    elif message.name == "LOCAL_POSITION_NED":
-        _note(one, False, t_s, fields, tuple(float(fields[name]) for name in _AXES))
+        _note(one, True, t_s, fields, (*motion, *(fields[name] / 1e2 for name in ("vx", "vy", "vz"))))
+    elif message.name == "LOCAL_POSITION_NED" and (local := local_motion(message)) is not None:
+        _note(one, False, t_s, fields, local)
 
 
 def _note(one: _Heard, is_global: bool, t_s: float, fields: dict[str, Any], motion: tuple[float, ...]) -> None:
-    if np.isfinite(motion).all():
-        one.is_global.append(is_global)
-        one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
-        one.motion.append(motion)
-        one.state.append((one.armed, one.mode, one.battery_pct))
+    one.is_global.append(is_global)
+    one.stamps.append((t_s, fields["time_boot_ms"] / 1e3))
+    one.motion.append(motion)
+    one.state.append((one.armed, one.mode, one.battery_pct))
 
 
 def _tracks(heard: dict[int, _Heard]) -> tuple[tuple[VehicleTrack, ...], tuple[str, ...]]:

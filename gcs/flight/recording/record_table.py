@@ -17,6 +17,7 @@ from gcs.flight.expected_motion import ExpectedMotion
 from gcs.flight.recording.landing_parameters import reported_profiles
 from gcs.flight.recording.tlog import LoggedFrame, scan
 from gcs.link.microservices.clock import VehicleClock
+from gcs.link.wire.local_motion import local_motion
 from gcs.link.wire.message import Message
 from gcs.mavlink import NO_AUTOPILOT, ModeFlag
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
@@ -62,9 +63,8 @@ def build_record(
         elif message.name == "SYS_STATUS":
             battery[sysid] = int(fields["battery_remaining"])
         elif message.name == "LOCAL_POSITION_NED":
-            unix_s = clocks[sysid].unix_s(fields["time_boot_ms"])
-            if unix_s is not None:
-                motion = (fields[name] for name in ("x", "y", "z", "vx", "vy", "vz"))
+            unix_s, motion = clocks[sysid].unix_s(fields["time_boot_ms"]), local_motion(message)
+            if unix_s is not None and motion is not None:
                 rows.append((unix_s - t0_unix_s, sysid, *motion, *modes[sysid], battery[sysid], autopilots[sysid]))
     return _table(ExpectedMotion(plan, reported_profiles(told, vehicle_of)), rows)
 

@@ -73,6 +73,19 @@ def test_a_landing_is_compared_with_the_descent_of_the_autopilot_to_its_end(simu
         assert list(heard.monitor.errors_m.values()) == pytest.approx([0.5] * len(plan.sysids), abs=0.01)
 
 
+@pytest.mark.parametrize("name", ["x", "z", "vy"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -3e38])
+def test_a_report_that_is_no_number_changes_nothing(simulation1_plan: Plan, name: str, value: float) -> None:
+    heard = Heard(simulation1_plan, {})
+    heard.at(1.0, (0.0, 0.0, 0.0))
+    heard.monitor.watch_separation(simulation1_plan.sysids)
+    before = heard.monitor.nearest_now()
+    fields = {"time_boot_ms": 1_001_100, **dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0), name: value}
+    heard.monitor.receive(2, Message("LOCAL_POSITION_NED", fields), heard.clock)
+    assert before is not None
+    assert heard.monitor.nearest_now() == before
+
+
 def test_without_a_profile_nothing_is_expected_after_the_plan(simulation1_plan: Plan) -> None:
     plan = simulation1_plan
     heard = Heard(plan, {plan.sysids[0]: SLOW})

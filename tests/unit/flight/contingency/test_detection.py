@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from gcs.autopilots.columns import FlightBehaviour
@@ -10,7 +12,8 @@ from gcs.flight.contingency.detection import DetectionLimits, Incident, Incident
 from gcs.link.wire.message import Message
 from gcs.mavlink import CopterMode, px4_mode
 
-PLACE = Message("LOCAL_POSITION_NED", {"time_boot_ms": 1})
+MOTION = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0)
+PLACE = Message("LOCAL_POSITION_NED", {"time_boot_ms": 1, **MOTION})
 
 ARDUPILOT = Autopilot.ARDUPILOT.traits.flight
 
@@ -44,6 +47,15 @@ def test_silence_is_told_twice_and_its_end_with_the_first_position() -> None:
     assert back.kind is IncidentKind.LINK_BACK
     assert not back.usable
     assert kinds(ours.look(120.4)) == []
+
+
+def test_a_position_that_is_no_number_does_not_end_a_silence() -> None:
+    ours = watch()
+    assert kinds(ours.look(111.0)) == [IncidentKind.VEHICLE_LOST]
+    ours.receive(Message("LOCAL_POSITION_NED", {"time_boot_ms": 1, **MOTION, "vy": math.inf}), 112.0)
+    assert kinds(ours.look(112.0)) == []
+    ours.receive(PLACE, 112.5)
+    assert kinds(ours.look(112.5)) == [IncidentKind.LINK_BACK]
 
 
 def test_a_vehicle_that_is_lost_between_two_looks_is_not_told_to_be_silent_afterwards() -> None:

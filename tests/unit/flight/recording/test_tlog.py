@@ -16,6 +16,7 @@ from gcs.flight.recording.tlog import load_tlog, mend_times
 from gcs.frames import Origin, ned_to_geodetic
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message
+from tests.hostile.man_in_the_middle import Lies
 from tools.replay.recording import find, read
 
 START_S = 1_700_000_000.0
@@ -189,3 +190,23 @@ def test_originals_are_read_as_well(tmp_path: Path, autopilot: str, mode: str) -
     assert -track.position_ned_m[:, 2].min() > 4.0
     assert 5.0 < np.ptp(track.position_ned_m[:, 0]) < 30.0
     assert f"is in {mode}" in [one.what for one in recording.remarks]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_tracks_of_vehicles_that_lie_are_numbers(seed: int) -> None:
+    """A right checksum does not make a position: fields are NaN, infinite, or of another planet."""
+    lies, codec = Lies(seed, 0.5), Codec(9, 9)
+    place = {"latitude": round(HERE.lat_deg * 1e7), "longitude": round(HERE.lon_deg * 1e7), "altitude": 584_000}
+    still = dict.fromkeys(("x", "y", "z", "approach_x", "approach_y", "approach_z"), 0.0)
+    home = Message("HOME_POSITION", {**place, **still, "q": [1.0, 0.0, 0.0, 0.0]}, 2, 1)
+    told = [
+        (t_s, lie)
+        for t_s, message in [(0.0, home), *flight()[1:]]
+        for _, data in lies(Codec(message.sysid, 1).encode(message), False)
+        for lie in codec.decode(data)
+    ]
+    assert lies.told
+    tracks, _, _, _ = recording_from_telemetry(told)
+    for track in tracks:
+        assert np.isfinite(track.t_s).all()
+        assert (np.abs(track.position_ned_m) < 1e8).all()  # the diameter of the Earth is 1.3e7
