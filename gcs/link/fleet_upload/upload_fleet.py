@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gcs.autopilots.parameter_names import in_units_of
-from gcs.errors import FlightError, GcsError, PeerError, counted
+from gcs.errors import FlightError, GcsError, PeerError, UsageError, counted
 from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.parameter import Parameter, as_kind
 from gcs.link.mission_protocol.strategy import SentAs
@@ -84,7 +84,7 @@ class _Loading:
 
 
 async def preview(sessions: Mapping[int, Loadable], loads: Sequence[VehicleLoad]) -> tuple[ParameterChange, ...]:
-    """Return the parameters that an upload would change; change nothing. Raises `PeerError`, `UsageError`."""
+    """Return the parameters that an upload would change; change nothing. Raises `PeerError`."""
     found = await asyncio.gather(*(_changes(sessions[load.sysid], load) for load in loads))
     return tuple(change for changes in found for change in changes)
 
@@ -97,8 +97,9 @@ async def upload_fleet(
 ) -> Holdings:
     """Upload to all vehicles at once; return the proof of what is on board.
 
-    `on_step(vehicle, what)` reports progress. Raises `PeerError` before the first upload if a vehicle is armed or does
-    not know a parameter. Raises `UploadFailed` after the upload was rolled back. A cancelled upload is rolled back too.
+    `on_step(vehicle, what)` reports progress. Raises `PeerError` before the first upload if a vehicle is armed, does
+    not know a parameter or cannot hold its value. Raises `UploadFailed` after the upload was rolled back. A cancelled
+    upload is rolled back too.
     """
     every = [_Loading(sessions[load.sysid], load) for load in loads]
     for one in every:
@@ -175,7 +176,11 @@ async def _changes(session: Loadable, load: VehicleLoad) -> list[ParameterChange
     for name, value in wanted.items():
         before = values[name]
         own = in_units_of(session.autopilot, before.name, name, value)
-        after = Parameter(before.name, as_kind(before.name, own, before.kind), before.kind)
+        try:
+            after = Parameter(before.name, as_kind(before.name, own, before.kind), before.kind)
+            as_kind(before.name, before.value, before.kind)  # else it could not be restored
+        except UsageError as error:
+            raise PeerError(f"vehicle {session.sysid} reports {before}. {error.message}") from None
         if after.value != before.value:
             changes.append(ParameterChange(session.sysid, before, after))
     return changes

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import random
 import struct
+from collections.abc import Sequence
 
 import pytest
 
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import PeerError, PeerTimeout, UsageError
+from gcs.link.fleet_upload.upload_fleet import preview
+from gcs.link.fleet_upload.vehicle_load import VehicleLoad
 from gcs.link.microservices.parameter import REAL32, Parameter, as_kind, decode, encode, set_request
 from gcs.link.microservices.parameter_transfer import ParameterReader, ParameterWriter
 from gcs.link.wire.message import GROUND, Message, Station
+from gcs.mavlink import ParameterType
+from gcs.mission.model import Home, VehicleMission
 from sim_bridge.personality import by_name
 from sim_bridge.protocol.param_server import ParamServer
 
@@ -125,3 +131,34 @@ def test_answers_of_others_count_for_nothing():
     reader = ParameterReader(["RTL_ALT"], VEHICLE, Autopilot.ARDUPILOT)
     assert reader.cancel() == []
     assert isinstance(reader.error, PeerError)
+
+
+class Reports:
+    """A vehicle that reports one parameter so."""
+
+    sysid = 3
+    autopilot = Autopilot.ARDUPILOT.value
+
+    def __init__(self, value: float, kind: int) -> None:
+        self.reported = Parameter("RTL_ALT", value, kind)
+
+    async def read_parameters(self, names: Sequence[str]) -> dict[str, Parameter]:
+        return dict.fromkeys(names, self.reported)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "words"),
+    [
+        (
+            15,
+            ParameterType.UINT8,
+            "vehicle 3 reports RTL_ALT = 15. RTL_ALT cannot be 1700: on this vehicle it must be a whole number",
+        ),
+        (math.nan, REAL32, "vehicle 3 reports RTL_ALT = nan. RTL_ALT cannot be nan: it must be a finite number."),
+    ],
+)
+def test_what_a_vehicle_cannot_hold_is_told_as_its_report(value: float, kind: int, words: str) -> None:
+    load = VehicleLoad(VehicleMission(3, Home(0.0, 0.0, 0.0), (), ()), parameters=(("RTL_ALT", 1700),))
+    with pytest.raises(PeerError) as refused:
+        asyncio.run(preview({3: Reports(value, kind)}, [load]))
+    assert words in refused.value.message
