@@ -55,7 +55,8 @@ class VehicleSession:
         self.me = me
         self.clock = VehicleClock()
         self.quality = LinkQuality()
-        behaviour = link_behaviour(int(heartbeat.fields["autopilot"]))
+        self.autopilot = int(heartbeat.fields["autopilot"])  # MAV_AUTOPILOT: no later heartbeat changes it
+        behaviour = link_behaviour(self.autopilot)
         self.estimator = behaviour.estimator
         self.ready_since_s: float | None = None  # event loop time since which its estimate is ready for flight
         self.round_trip = RttEstimator((timers or behaviour.timers).round_trip)
@@ -88,11 +89,6 @@ class VehicleSession:
         session.heard = False
         session.latest_s["HEARTBEAT"] = -math.inf
         return session
-
-    @property
-    def autopilot(self) -> int:
-        """MAV_AUTOPILOT of its last heartbeat."""
-        return int(self.latest["HEARTBEAT"].fields["autopilot"])
 
     @property
     def armed(self) -> bool:
