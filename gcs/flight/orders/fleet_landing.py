@@ -1,7 +1,8 @@
 """The end of a flight: landing orders until they are carried out, and the wait until every vehicle has landed.
 
 A vehicle has landed when it reports itself disarmed. A flight does not end while a vehicle is armed and heard, whether
-the ground station, its autopilot or a pilot flies it.
+the ground station, its autopilot or a pilot flies it. It ends when all vehicles have said so twice: one wrong HEARTBEAT
+of the last vehicle in the air would leave it alone.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ PILOT_WORDS = "a pilot flies it; the flight ends when it has landed"
 ORDERED_WORDS = "it was ordered to land; the flight ends when it has landed"
 SILENT_WORDS = "not heard: it is not known whether landed"
 HANDED_OVER = "is not known to have landed, and is handed over"
+_AGAIN_S = 3.0  # a HEARTBEAT comes once a second
 HAND_OVER_WORDS = "fly it by its RC transmitter or another ground station; `gcs attach --land` lands it"
 
 
@@ -98,16 +100,28 @@ class FleetLanding:
                 if self.is_heard(sysid) and sysid not in ordered and not self.orders.stands(sysid):
                     self.order(vehicle)  # a vehicle that was silent gets it when it is heard
                     ordered.add(sysid)
-            if not any(self.orders.stands(sysid) for sysid in self._vehicles) and not self.aloft():
+            if not any(self.orders.stands(sysid) for sysid in self._vehicles) and await self._all_down():
                 return
             self._tell_of_pilots()
             await asyncio.sleep(LOOK_S)
 
     async def until_landed(self) -> None:
         """Wait as long as a vehicle is armed and heard."""
-        while self.aloft():
+        while not await self._all_down():
             self._tell_of_pilots()
             await asyncio.sleep(LOOK_S)
+
+    async def _all_down(self) -> bool:
+        """Whether no vehicle is armed and heard, by two HEARTBEATs of each; a silent one is not waited for long."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + _AGAIN_S
+        ours = [v.session for i, v in self._vehicles.items() if self.custody.holds(i) and self.is_heard(i)]
+        said_s = [(session, session.latest_s["HEARTBEAT"]) for session in ours]
+        while not self.aloft():
+            if loop.time() >= end_s or all(session.latest_s["HEARTBEAT"] > at_s for session, at_s in said_s):
+                return True
+            await asyncio.sleep(LOOK_S)
+        return False
 
     def _tell_of_pilots(self) -> None:
         """Report once that only vehicles of pilots are still in the air."""

@@ -128,6 +128,21 @@ def test_a_vehicle_that_lands_without_any_answer_has_carried_out_the_planned_ord
     assert set(told) == {"did not land"}
 
 
+@pytest.mark.parametrize("crisis", [False, True])
+def test_one_wrong_heartbeat_ends_no_flight(simulation1_plan: Plan, crisis: bool) -> None:
+    """For one HEARTBEAT the vehicle says that it is disarmed, in the air."""
+    vehicle = Vehicle(PX4, mode=PX4.guided, armed=True, obey=comes_down(1.0))
+
+    async def lied_to(landing: FleetLanding, crew: FlightVehicle) -> None:
+        loop = asyncio.get_running_loop()
+        loop.call_later(6.2, lambda: setattr(vehicle, "armed", False))
+        loop.call_later(7.1, lambda: setattr(vehicle, "armed", True))
+        await (in_a_crisis if crisis else as_planned)(landing, crew)
+        assert not vehicle.armed
+
+    assert land(vehicle, simulation1_plan, lied_to)[0] > DOWN_S
+
+
 def test_landed_is_who_has_disarmed(simulation1_plan: Plan) -> None:
     """PX4 tells its LAND item as reached 16 s before the ground, both tell that they stand before they disarm."""
     vehicle = Vehicle(PX4, armed=True)
