@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from gcs.link.wire.message import Message
 
 _AXES_M, _AXES_MPS = ("x", "y", "z"), ("vx", "vy", "vz")
-_FARTHEST_M = 1e5  # a float32 has steps of 8 mm there: nobody flies by a local frame so far away
+_FARTHEST_M = 1e5  # a float32 has steps of 8 mm there: no vehicle flies so far by a local frame
 _FASTEST_MPS = 1e3
 
 Motion = tuple[float, float, float, float, float, float]
