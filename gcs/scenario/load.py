@@ -15,7 +15,7 @@ from gcs.reading.bounded_file import SCENARIO_JSON, SCENARIO_TOML, SHEETS, read_
 from gcs.reading.bounded_json import read_json
 from gcs.scenario.degrees.to_metres import in_metres
 from gcs.scenario.degrees.told_in_degrees import told_in_degrees
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import AT_START, Scenario
 from gcs.scenario.si import ground_needed, local_origin
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.mistakes import Mistake, from_pydantic
@@ -113,6 +113,8 @@ def _stand_ins() -> list[VehicleFile | None]:
 def _judged(data: dict[str, Any], folder: Path, certain: set[Key]) -> tuple[Scenario | None, list[Mistake]]:
     """The scenario of these tables, and its mistakes. `certain` keys were converted to metres."""
     data = {name: value for name, value in data.items() if name != KEY}
+    if data.get("end") == AT_START and isinstance(start := data.get("start"), dict):
+        data["end"] = {name: value for name, value in start.items() if name != "velocity_mps"}
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:

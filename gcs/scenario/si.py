@@ -11,7 +11,7 @@ from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.heightmap import Region
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.formations import places_up_m, turned
-from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Performance, Scenario
+from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Performance, RoutePoint, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
@@ -142,6 +142,16 @@ def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
             np.zeros(3),
         ]
     )
+
+
+def route_points(scenario: Scenario) -> tuple[RoutePoint, ...]:
+    """The points between start and end in the order in which the leader passes them, round after round."""
+    return scenario.route * scenario.loops
+
+
+def route_ned_m(scenario: Scenario) -> Array:
+    """The same points (P, 3), NED, m."""
+    return np.asarray(np.array([point.position_m for point in route_points(scenario)]).reshape(-1, 3) * NED_FROM_UP)
 
 
 def hover_start_ned_m(scenario: Scenario) -> Array:

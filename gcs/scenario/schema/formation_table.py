@@ -101,6 +101,11 @@ class ChangeTable(Part):
     gate_m: tuple[Point, Point] | None = Field(
         default=None, description="begins when the leader crosses the line between these two points (north, east), m"
     )
+    at_point: Annotated[int, Strict(), Field(ge=1, le=100)] | None = Field(
+        default=None,
+        description="begins when the leader is at this point of [[route]]; the first is 1, later rounds count on",
+        exclude_if=lambda point: point is None,
+    )
     auto: Truth = Field(default=False, description="the planner chooses the time and the amount")
     angle_deg: Turn | None = Field(
         default=None,
@@ -132,10 +137,10 @@ class ChangeTable(Part):
             yield ("weight",), "is the cost of auto = true. Remove it, or set auto = true"
 
     def _when(self) -> Findings:
-        times = {"at_s": self.at_s is not None, "gate_m": self.gate_m is not None, "auto": self.auto}
+        times = {name: getattr(self, name) is not None for name in ("at_s", "gate_m", "at_point")} | {"auto": self.auto}
         given = [key for key, is_given in times.items() if is_given]
         if not given:
-            yield (), "has no time. Give one of at_s, gate_m and auto = true"
+            yield (), "has no time. Give one of at_s, gate_m, at_point and auto = true"
         for key in given[1:]:
             yield (key,), f"{given[0]} sets the time already. Keep one of the two"
         if self.gate_m is not None and self.gate_m[0] == self.gate_m[1]:

@@ -14,7 +14,7 @@ from gcs.scenario.schema.degree_keys import CENTRE, POLYGON, SUMMITS
 from gcs.scenario.schema.fields import Coordinate, Findings, Height, Length, Number, Part, Point
 
 _LISTED_MAX = 500  # mountains, moves of a zone
-_CORNERS_MAX = 500
+CORNERS_MAX = 500
 WavePhase = Annotated[Number, Field(ge=-1000, le=1000)]
 WaveNumber = Annotated[Number, Field(ge=-1000, le=1000)]
 MoveTime = Annotated[Number, Field(ge=-20_000, le=20_000)]
@@ -97,7 +97,7 @@ class NoFlyZone(Part):
     radius_m: Length | None = Field(default=None, description="disk: R_j, m")
     polygon_m: tuple[Point, ...] | None = Field(
         default=None,
-        max_length=_CORNERS_MAX,
+        max_length=CORNERS_MAX,
         description="polygon, instead of a disk: its corners in order, [north, east], m",
     )
     moves: tuple[tuple[MoveTime, Coordinate, Coordinate], ...] = Field(
@@ -119,18 +119,20 @@ class NoFlyZone(Part):
                 f"stands beside {next(k for k in disk if k not in lacking)}. Keep the polygon or the disk",
             )
         if self.polygon_m is not None:
-            if len(self.polygon_m) < 3:
-                yield ("polygon_m",), f"has {len(self.polygon_m)} corners; a polygon needs at least 3"
-            elif (shape := shapely.Polygon(self.polygon_m)) and not shape.is_valid:
-                yield (
-                    ("polygon_m",),
-                    f"crosses itself: {_reason(shape)} (north east, m). Give the corners in order",
-                )
-            elif shape.area <= 0.0:
-                yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
+            yield from polygon_findings(self.polygon_m)
         times = [move[0] for move in self.moves]
         if any(b <= a for a, b in itertools.pairwise(times)):
             yield ("moves",), "must be in order of time. Make each time later than the one before"
+
+
+def polygon_findings(corners: tuple[Point, ...]) -> Findings:
+    """Yield what is wrong with the corners of a polygon, under its key `polygon_m`."""
+    if len(corners) < 3:
+        yield ("polygon_m",), f"has {len(corners)} corners; a polygon needs at least 3"
+    elif (shape := shapely.Polygon(corners)) and not shape.is_valid:
+        yield ("polygon_m",), f"crosses itself: {_reason(shape)} (north east, m). Give the corners in order"
+    elif shape.area <= 0.0:
+        yield ("polygon_m",), "has no area: its corners are on one line. Move a corner"
 
 
 def _reason(shape: shapely.Polygon) -> str:

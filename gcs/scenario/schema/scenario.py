@@ -6,9 +6,9 @@ degrees); `gcs.scenario.si` converts them to SI, NED and radians.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from gcs.autopilots.traits import AutopilotKey
 from gcs.scenario.environment.heightmap import Relief
@@ -37,8 +37,10 @@ from gcs.scenario.schema.formation_table import (
 from gcs.scenario.schema.ground_tables import Dem, Mountains, NoFlyZone, Ripple, Terrain
 from gcs.scenario.schema.limits_table import ROLL_PITCH_KEYS, LimitsTable, Performance, Range
 from gcs.scenario.schema.preflight_table import PreflightTable
+from gcs.scenario.schema.route_tables import ROUTE_MAX, KeepIn, RoutePoint
 
 __all__ = [
+    "AT_START",
     "ROLL_PITCH_KEYS",
     "START_SHAPE",
     "Boundary",
@@ -49,6 +51,7 @@ __all__ = [
     "Generator",
     "GroundPhases",
     "Judge",
+    "KeepIn",
     "LimitsTable",
     "MissionOptions",
     "Mountains",
@@ -62,6 +65,7 @@ __all__ = [
     "Range",
     "Relief",
     "Ripple",
+    "RoutePoint",
     "Scenario",
     "SensorsTable",
     "ShapeTable",
@@ -70,6 +74,8 @@ __all__ = [
     "Time",
     "VehicleTable",
 ]
+
+AT_START = "start"  # as the end: a file may say so instead of a table
 
 TerminalWeight = Literal["1", "t^2", "1/(tf-t+0.5)", "1/(tf-t+0.5)^2"]
 
@@ -230,6 +236,12 @@ class SensorsTable(Part):
     )
 
 
+def _or_at_start(schema: dict[str, Any]) -> None:
+    """The end may be the word "start" instead of a table: the leader's place at t = 0, at rest."""
+    table = {key: schema.pop(key) for key in list(schema)}
+    schema["anyOf"] = [table, {"const": AT_START, "description": "the start's position and attitude, at rest"}]
+
+
 class Judge(Part):
     """What a flight of emulated vehicles must meet. Any flight uses separation_min_m to detect conflicts."""
 
@@ -260,9 +272,16 @@ class Scenario(Part):
     limits: LimitsTable
     terrain: Terrain = Terrain()
     no_fly: Annotated[tuple[NoFlyZone, ...], Field(max_length=256)] = ()
+    keep_in: Annotated[tuple[KeepIn, ...], Field(max_length=16)] = Field(default=(), exclude_if=lambda areas: not areas)
     wind: PlannedWind | None = None
     start: Boundary
-    end: Boundary
+    route: Annotated[tuple[RoutePoint, ...], Field(max_length=ROUTE_MAX)] = Field(
+        default=(), exclude_if=lambda points: not points
+    )
+    loops: Annotated[int, Strict(), Field(ge=1, le=ROUTE_MAX)] = Field(
+        default=1, description="the points of [[route]] are flown so many times", exclude_if=lambda loops: loops == 1
+    )
+    end: Boundary = Field(json_schema_extra=_or_at_start)
     objective: ObjectiveTable = ObjectiveTable()
     formation: Formation
     ground_phases: GroundPhases = GroundPhases()

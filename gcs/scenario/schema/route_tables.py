@@ -1,0 +1,71 @@
+"""The tables of a drawn route and of the area to stay in: [[route]] and [[keep_in]]."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import shapely
+from pydantic import Field
+
+from gcs.scenario.schema.degree_keys import POLYGON, POSITION
+from gcs.scenario.schema.fields import FLIGHT_MAX_S, Findings, Length, Number, Part, Place, Point, Speed, Turn
+from gcs.scenario.schema.ground_tables import CORNERS_MAX, polygon_findings
+
+ROUTE_MAX = 100  # points, all rounds together
+
+_Instant = Annotated[Number, Field(ge=0, le=FLIGHT_MAX_S)]
+_HoldLength = Annotated[Number, Field(ge=0.1, le=3600)]
+
+
+class RoutePoint(Part):
+    """A point that the leader passes between start and end, in the order of the file."""
+
+    degree_keys = (POSITION,)
+
+    name: Annotated[str, Field(max_length=100)] | None = Field(
+        default=None, description="name, as reports and maps show it", exclude_if=lambda name: name is None
+    )
+    position_m: Place = Field(description="north, east, height, m")
+    radius_m: Length | None = Field(
+        default=None,
+        description="the leader passes within this distance, in any direction; left out: through the point, m",
+    )
+    at_s: _Instant | None = Field(default=None, description="the leader is there at this time, s")
+    after_s: _Instant | None = Field(default=None, description="the leader is there at this time or later, s")
+    by_s: _Instant | None = Field(default=None, description="the leader is there at this time or sooner, s")
+    speed_mps: Speed | None = Field(default=None, description="speed of the leader there, m/s")
+    heading_deg: Turn | None = Field(default=None, description="yaw of the leader there, degrees")
+    hold_s: _HoldLength | None = Field(default=None, description="the leader hovers there for this time, s")
+    shape: str | None = Field(
+        default=None, description="name of the shape from here on; the change begins when the leader is there"
+    )
+
+    def disagreements(self) -> Findings:
+        """Yield times that exclude each other, and a hold that is not at a point or not at rest."""
+        if self.at_s is not None:
+            for key in ("after_s", "by_s"):
+                if getattr(self, key) is not None:
+                    yield (key,), f"at_s = {self.at_s:g} sets the time already. Keep one of the two"
+        elif self.after_s is not None and self.by_s is not None and self.after_s >= self.by_s:
+            yield ("by_s",), f"must be more than after_s = {self.after_s:g}"
+        if self.hold_s is not None and self.radius_m is not None:
+            yield ("radius_m",), "the leader hovers at the point itself. Remove radius_m or hold_s"
+        if self.hold_s is not None and self.speed_mps is not None:
+            yield ("speed_mps",), "the leader hovers here. Remove speed_mps or hold_s"
+
+
+class KeepIn(Part):
+    """An area that no vehicle leaves, at any height. With several, vehicles stay inside each of them."""
+
+    degree_keys = (POLYGON,)
+
+    polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
+
+    def disagreements(self) -> Findings:
+        """Yield bad corners."""
+        yield from polygon_findings(self.polygon_m)
+
+    @property
+    def area(self) -> shapely.Polygon:
+        """The area (north, east), m."""
+        return shapely.Polygon(self.polygon_m)
