@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from tools.bench import describe, environments, race
 from tools.bench.findings import Findings, cost, look, trajectory

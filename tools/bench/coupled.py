@@ -19,7 +19,8 @@ import numpy as np
 
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.transcription import STATE_UNIT, Program, transcribe
+from gcs.plan.nlp.program.program_bounds import STATE_UNIT
+from gcs.plan.nlp.program.transcription import Program, transcribe
 from gcs.plan.nlp.variables import NX, ControlForm
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS

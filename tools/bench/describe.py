@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from gcs.plan.nlp.mesh import Mesh, end_refined
-from gcs.plan.nlp.transcription import STATE_UNIT, transcribe
+from gcs.plan.nlp.program.program_bounds import STATE_UNIT
+from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.variables import NU
 from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
 from gcs.plan.ocp.problem import Problem, flight_problem

@@ -22,7 +22,7 @@ from scipy.interpolate import PPoly
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.mesh_refinement import optimise
-from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.variables import ControlForm
 from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.trajectory.trajectory import Trajectory

@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import Array
-from gcs.plan.nlp.transcription import Program
+from gcs.plan.nlp.program.transcription import Program
 
 OPTIONS = {
     "print_time": False,

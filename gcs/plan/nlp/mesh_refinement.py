@@ -19,7 +19,7 @@ from gcs.plan.formation.followers import formation_motion, rounded_thrust_polyno
 from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import end_refined
-from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.trajectory.integration_windows import STEP_S, WINDOW_S, window_errors

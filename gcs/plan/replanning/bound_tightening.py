@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.physics.quadrotor import Array
-from gcs.plan.nlp.transcription import Program
+from gcs.plan.nlp.program.transcription import Program
 from gcs.plan.nlp.violations import Violation
 from gcs.plan.trajectory.trajectory import Trajectory
 

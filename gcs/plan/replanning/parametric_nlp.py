@@ -15,7 +15,9 @@ from scipy import sparse
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.ipopt import OPTIONS, WARM_OPTIONS, solver
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.transcription import Constants, Program, assemble, bounded_program, dm, scales, thrust_steps
+from gcs.plan.nlp.program.assembly import Constants, assemble, dm
+from gcs.plan.nlp.program.program_bounds import scales, thrust_steps
+from gcs.plan.nlp.program.transcription import Program, bounded_program
 from gcs.plan.nlp.variables import VariableLayout
 from gcs.plan.ocp import stage_functions
 from gcs.plan.ocp.active_vehicles import MOVED, RADIUS, SLOT, active_vehicles

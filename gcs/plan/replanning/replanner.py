@@ -19,7 +19,7 @@ from gcs.plan.nlp.ipopt import Solution, run
 from gcs.plan.nlp.margins import box, clearance, height, no_fly, state_limits
 from gcs.plan.nlp.mesh import Mesh, counted, end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, clearance_reserve_m, drifting_intervals
-from gcs.plan.nlp.transcription import Program
+from gcs.plan.nlp.program.transcription import Program
 from gcs.plan.nlp.violations import complaints, find_violations
 from gcs.plan.ocp.objectives import ObjectiveTerm
 from gcs.plan.ocp.problem import Problem, flight_problem

@@ -17,7 +17,7 @@ from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, s
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.mesh import end_refined
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, Optimum, flown_shape, optimise, with_end
-from gcs.plan.nlp.transcription import transcribe
+from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import facing_along
 from gcs.plan.trajectory.plan import MeshRound

@@ -13,7 +13,7 @@ from gcs.plan.formation.changes.timeline import lay
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.transcription import Program, transcribe
+from gcs.plan.nlp.program.transcription import Program, transcribe
 from gcs.plan.nlp.variables import NX, ControlForm, VariableLayout
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import along, straight_route

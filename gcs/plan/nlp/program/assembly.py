@@ -1,0 +1,155 @@
+"""The program and its exact derivatives, assembled from the functions of one instant and constant matrices (Eqs. 44-50)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+
+from gcs.physics.quadrotor import Array
+from gcs.plan.ocp import stage_functions
+
+
+def dm(matrix: sparse.spmatrix) -> ca.DM:
+    """A SciPy matrix as a CasADi matrix, with sorted row indices."""
+    ordered = sparse.csc_matrix(matrix)
+    ordered.sort_indices()
+    rows, columns = ordered.shape
+    pattern = ca.Sparsity(rows, columns, ordered.indptr.tolist(), ordered.indices.tolist())
+    return ca.DM(pattern, ordered.data)
+
+
+@dataclass(frozen=True)
+class Constants:
+    """The parts of a program that do not depend on its unknowns: numbers, or functions of its parameters."""
+
+    nodes: int
+    extra: int  # instants between the nodes
+    sampling: ca.DM
+    offset: ca.DM
+    a: ca.DM
+    a_shift: ca.DM
+    b: ca.DM
+    shares: ca.DM | ca.MX  # (R, nodes): `cost_shares`
+    slots: ca.DM | ca.MX  # (slots, instants)
+    state_unit: Array  # (nx,)
+    lengths: ca.MX | None = None  # (1, nodes) of each node's interval, where b is made for intervals of 1 s
+    parameters: ca.MX | None = None  # (p,) symbols
+    thrust_steps: ca.DM | None = None  # (M, n): steps of U1 over the intervals, in seconds at the largest rate
+    interval_s: Array | None = None  # (M,) lengths of the intervals; with `lengths`, the first node (M,) of each
+    time_cost: float | None = None  # cost of the time of flight, where its stretch is the last unknown
+    path_rows: list[int] | None = None  # those of the path that the program has, instant by instant; None: all
+
+
+def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Function, dict[str, ca.Function]]:
+    """The program and its exact derivatives as CasADi functions of y and p."""
+    nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
+    nodes, points = k.nodes, k.nodes + k.extra
+    sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
+    unknowns = ca.MX.sym("y", sampling.size2() + (k.time_cost is not None))
+    y, stretch = unknowns[: sampling.size2()], unknowns[sampling.size2() :]
+    lengths, fixed_shares = k.lengths, shares
+    if k.time_cost is not None:
+        lengths = ca.repmat(stretch, 1, nodes)
+        shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1:, :])
+    p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
+    z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
+    zn = z[:, :nodes]
+    s_nodes, s_watch = sampling[: nz * nodes, :], sampling[nz * nodes :, :]
+    state_rows = [nz * i + j for i in range(k.extra) for j in range(nx)]
+    watch_unit = ca.DM(np.tile(1.0 / k.state_unit, k.extra))
+    box = ca.diag(watch_unit) @ s_watch[state_rows, :] if k.extra else ca.DM(0, sampling.size2())
+    box_shift = k.offset[nz * nodes :][state_rows] * watch_unit if k.extra else ca.DM(0, 1)
+
+    path_count = parts.path.size1_out(0)
+    path_rows: Any = slice(None) if k.path_rows is None else k.path_rows
+    path_size = path_count * points if k.path_rows is None else len(k.path_rows)
+
+    f = ca.sum2(parts.cost.map(nodes)(zn, shares))
+    moved = parts.motion.map(nodes)(zn)
+    g = ca.vertcat(
+        ca.mtimes(a, y) + k.a_shift - ca.mtimes(b, ca.vec(_times_lengths(moved, lengths))),
+        ca.vec(parts.path.map(points)(z, k.slots))[path_rows],
+        ca.mtimes(box, y) + box_shift,
+    )
+    steps, spans = _thrust_steps(k, stretch)
+    g = ca.vertcat(g, ca.mtimes(steps, y) - spans, -ca.mtimes(steps, y) - spans)
+
+    # IPOPT's interface copies only stored entries: a sparse gradient would leave the others unset.
+    gradient = ca.densify(ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, shares))))
+    motion_blocks = _block_diagonal(parts.motion_jacobian, nodes, zn)
+    jacobian = ca.vertcat(
+        a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
+        ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots)[path_rows, :], sampling),
+        ca.MX(box),
+        ca.MX(steps),
+        ca.MX(-steps),
+    )
+    sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.size1())
+    pull = ca.reshape(-ca.mtimes(b.T, lam[: a.size1()]), nx, nodes)
+    costate = _times_lengths(pull, lengths)
+    lam_path = lam[a.size1() : a.size1() + path_size]
+    if k.path_rows is not None:
+        lam_path = ca.MX.zeros(path_count * points, 1)
+        lam_path[path_rows] = lam[a.size1() : a.size1() + path_size]
+    lam_path = ca.reshape(lam_path, path_count, points)
+    curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
+    hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
+    hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
+    if k.time_cost is not None:
+        # The program is linear in the stretch of time, in the mean cost and in the motion.
+        over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes), fixed_shares[2:, :])
+        f += k.time_cost * stretch
+        cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
+        gradient = ca.vertcat(gradient, ca.sum2(parts.cost.map(nodes)(zn, over_time)) + k.time_cost)
+        grown = ca.DM(0, 1) if k.interval_s is None else ca.DM(-k.interval_s)
+        rest = g.size1() - a.size1() - 2 * grown.size1()
+        column = ca.vertcat(-ca.mtimes(b, ca.vec(moved)), ca.MX(rest, 1), ca.MX(grown), ca.MX(grown))
+        jacobian = ca.horzcat(jacobian, column)
+        mixed = sigma * cost_gradient + ca.mtimes(s_nodes.T, ca.mtimes(motion_blocks.T, ca.vec(pull)))
+        corner = ca.horzcat(ca.MX(1, sampling.size2()), ca.MX(1, 1))
+        hessian = ca.vertcat(ca.horzcat(hessian, mixed), corner)
+    nlp = ca.Function("nlp", [unknowns, p], [f, g], ["x", "p"], ["f", "g"])
+    return nlp, {
+        "grad_f": ca.Function("grad_f", [unknowns, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("jac_g", [unknowns, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "hess_lag",
+            [unknowns, p, sigma, lam],
+            [ca.triu(hessian)],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
+        ),
+    }
+
+
+def _thrust_steps(k: Constants, stretch: ca.MX) -> tuple[ca.DM, ca.MX]:
+    """The steps of U1 over the intervals, and what they may be (M, 1); none where the jerk is not limited."""
+    if k.thrust_steps is None or k.interval_s is None:
+        return ca.DM(0, k.sampling.size2()), ca.MX(0, 1)
+    if k.lengths is not None:
+        return k.thrust_steps, k.lengths[k.interval_s.astype(int).tolist()].T
+    spans = ca.MX(ca.DM(k.interval_s))
+    return k.thrust_steps, spans if k.time_cost is None else spans * stretch
+
+
+def _times_lengths(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:
+    """Columns (n, nodes) times the length of each node's interval."""
+    return rows if lengths is None else rows * ca.repmat(lengths, rows.size1(), 1)
+
+
+def _block_diagonal(
+    function: ca.Function, count: int, *arguments: ca.MX | ca.DM, lengths: ca.MX | None = None
+) -> ca.MX:
+    """The block-diagonal matrix of the (sparse) results of `function` at all instants.
+
+    Side by side and on the diagonal, blocks store their nonzeros in the same column-major order.
+    """
+    values = function.map(count)(*arguments).nz[:]
+    pattern = ca.diagcat(*([function.sparsity_out(0)] * count))
+    if lengths is not None:
+        values = values * ca.vec(ca.repmat(lengths, function.nnz_out(0), 1))
+    return ca.MX(pattern, values)
