@@ -17,6 +17,7 @@ from gcs.plan.formation.followers import formation_jerks, formation_motion
 from gcs.plan.formation.graph import InformationGraph, information_graph
 from gcs.plan.formation.shape import EVERYONE, Rows, Shape
 from gcs.plan.trajectory.distances import ground_distances_m, separations_m, zone_distances_m
+from gcs.plan.trajectory.passages import Passage, passages
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import autopilots, landing_points_ned_m, leader_index, pads_ned_m, quadrotor, sysids
@@ -86,6 +87,7 @@ class Plan:
     moves: tuple[Move, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
     begin_state: tuple[float, ...] | None = None  # the leader's (12), SI and NED, of a plan that begins in the air
+    route_s: tuple[float, ...] = ()  # when the leader is at each route point ahead: the last ones of the route
 
     def __post_init__(self) -> None:
         if self.shape.basis_ned_m.shape[1] != len(self.sysids):
@@ -110,6 +112,11 @@ class Plan:
     def leader(self) -> int:
         """Row of the leader."""
         return leader_index(self.scenario)
+
+    @cached_property
+    def passages(self) -> tuple[Passage, ...]:
+        """The route points ahead, with their times. Raises ValueError for more times than points."""
+        return passages(self.scenario, self.route_s)
 
     @property
     def t_start_s(self) -> float:
@@ -227,4 +234,6 @@ class Plan:
             digest.update(np.ascontiguousarray(part.x).tobytes())
             digest.update(np.ascontiguousarray(part.c).tobytes())
         digest.update(np.ascontiguousarray(self.shape.basis_ned_m).tobytes())
+        if self.route_s:
+            digest.update(repr(self.route_s).encode())
         return digest.hexdigest()

@@ -25,6 +25,7 @@ from gcs.errors import FileFormatError
 from gcs.files import atomic_write
 from gcs.plan.formation.changes.timeline import Move
 from gcs.plan.formation.shape import Shape
+from gcs.plan.trajectory.passages import passages_contradiction
 from gcs.plan.trajectory.plan import Alternative, MeshRound, Phase, Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.plan.verification.verify import Check, Report, verify
@@ -93,6 +94,8 @@ def save_plan(plan: Plan, report: Report, path: Path | str) -> None:
         "begin_state": plan.begin_state,
         "report": asdict(report),
     }
+    if plan.route_s:
+        meta["route_s"] = plan.route_s
     buffer = io.BytesIO()
     motion = plan.leader_trajectory
     arrays = {
@@ -159,6 +162,7 @@ def read_plan(path: Path | str) -> tuple[Plan, StoredVerdict]:
             _MOVES.validate_python(meta["moves"]),
             {str(name): float(seconds) for name, seconds in meta["timings_s"].items()},
             None if meta.get("begin_state") is None else tuple(map(float, meta["begin_state"])),
+            tuple(map(float, meta.get("route_s", ()))),
         )
         stored = _verdict(meta["report"])
         intact = np.array_equal(checksum, _checksum(arrays))
@@ -221,6 +225,10 @@ def _contradiction(plan: Plan) -> str:
         expected = (Phase("mission", motion.start_s, expected[mission].end_s), *expected[mission + 1 :])
     if plan.phases != expected or not motion.start_s < plan.flight_s:
         return "its phases are not those of its scenario"
+    mission_s = plan.phase("mission").start_s, plan.phase("mission").end_s
+    in_the_air = plan.begin_state is not None
+    if wrong := passages_contradiction(plan.scenario, plan.route_s, mission_s, in_the_air=in_the_air):
+        return wrong
     span = (expected[0].start_s, expected[-1].end_s)
     for name, part in (("leader's track", motion), ("shape", shape)):
         if not np.allclose((part.start_s, part.end_s), span, rtol=0.0, atol=1e-6):

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 
 from gcs.errors import FileFormatError
 from gcs.plan.trajectory.plan import Phase, Plan
-from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, save_plan
+from gcs.plan.trajectory.plan_file import is_plan_file, load_plan, read_plan, save_plan
 from gcs.plan.verification.verify import Report
 from tests.unit.plan.problems import changed
+from tests.unit.plan.routed import with_route
 
 
 @pytest.fixture
@@ -166,3 +167,21 @@ def test_an_interrupted_write_leaves_the_old_plan(
         save_plan(replace(meadow_plan, objective=0.0), meadow_report, saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]
+
+
+def test_the_times_of_a_route_come_back_and_wrong_ones_are_refused(
+    tmp_path: Path, meadow_plan: Plan, meadow_report: Report
+) -> None:
+    routed, path = with_route(meadow_plan, {5.0: {"name": "gate"}, 9.25: {}}), tmp_path / "routed.skein"
+    save_plan(routed, meadow_report, path)
+    read, _ = read_plan(path)
+    assert (read.route_s, read.hash) == (routed.route_s, routed.hash)
+    for route_s, said in (((5.0,), "it has 1 times for 2 route points"), ((9.0, 5.0), "point 2 before it leaves")):
+        save_plan(replace(routed, route_s=route_s), meadow_report, path)
+        with pytest.raises(FileFormatError, match=said):
+            read_plan(path)
+
+
+def test_a_plan_without_a_route_is_written_without_one(saved: Path) -> None:
+    with np.load(saved) as archive:
+        assert "route_s" not in json.loads(archive["meta"].tobytes())
