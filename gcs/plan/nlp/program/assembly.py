@@ -1,4 +1,4 @@
-"""The program and its exact derivatives, assembled from the functions of one instant and constant matrices (Eqs. 44-50)."""
+"""The program and its exact derivatives, made of functions of one instant and constant matrices (Eqs. 44-50)."""
 
 from __future__ import annotations
 
