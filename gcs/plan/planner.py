@@ -96,6 +96,7 @@ def make_plan(
         alternatives,
         best.moves,
         {"flight": flight_done - began, "run-up": run_up_done - flight_done},
+        route_s=best.point_s,
     )
 
 

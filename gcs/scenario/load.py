@@ -16,7 +16,7 @@ from gcs.reading.bounded_json import read_json
 from gcs.scenario.degrees.to_metres import in_metres
 from gcs.scenario.degrees.told_in_degrees import told_in_degrees
 from gcs.scenario.schema.scenario import AT_START, Scenario
-from gcs.scenario.si import ground_needed, local_origin
+from gcs.scenario.si import ground_needed, local_origin, with_changes_of_route
 from gcs.scenario.validation.cross_table import check
 from gcs.scenario.validation.mistakes import Mistake, from_pydantic
 from gcs.scenario.validation.slips.key_slips import Meant, as_meant, type_mistake
@@ -58,7 +58,7 @@ def load_scenario(path: Path | str) -> Scenario:
     ]
     if mistakes or elsewhere is not None or scenario is None:
         raise all_at_once(file, mistakes, meant, elsewhere)
-    return scenario
+    return with_changes_of_route(scenario)
 
 
 def load_vehicle(file: Path) -> VehicleFile:

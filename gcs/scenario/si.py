@@ -11,7 +11,7 @@ from gcs.physics.wind import STILL, SteadyWind
 from gcs.scenario.environment.heightmap import Region
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.formations import places_up_m, turned
-from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Performance, RoutePoint, Scenario
+from gcs.scenario.schema.scenario import START_SHAPE, Boundary, ChangeTable, Performance, RoutePoint, Scenario
 
 _ROOM_M = 15.0  # the fence stands 10 m outside of everything
 NED_FROM_UP = np.array([1.0, 1.0, -1.0])
@@ -147,6 +147,20 @@ def boundary_state(scenario: Scenario, boundary: Boundary) -> Array:
 def route_points(scenario: Scenario) -> tuple[RoutePoint, ...]:
     """The points between start and end in the order in which the leader passes them, round after round."""
     return scenario.route * scenario.loops
+
+
+def with_changes_of_route(scenario: Scenario) -> Scenario:
+    """The scenario with the shapes of its [[route]] as changes that begin at the points, in every round."""
+    changes = [
+        ChangeTable(kind="reshape", to=point.shape, at_point=number)
+        for number, point in enumerate(route_points(scenario), start=1)
+        if point.shape is not None
+    ]
+    if not changes:
+        return scenario
+    formation = scenario.formation.model_copy(update={"change": (*scenario.formation.change, *changes)})
+    route = tuple(point.model_copy(update={"shape": None}) for point in scenario.route)
+    return scenario.model_copy(update={"formation": formation, "route": route})
 
 
 def route_ned_m(scenario: Scenario) -> Array:

@@ -32,9 +32,11 @@ class GaussRule:
 
 @cache
 def gauss_rule(degree: int) -> GaussRule:
-    """The Legendre-Gauss rule with `degree` nodes; exact for polynomials up to degree 2 K - 1."""
-    if degree < 1:
-        raise ValueError(f"a Gauss rule needs at least one node; got {degree}")
+    """The Legendre-Gauss rule with `degree` nodes; exact for polynomials up to degree 2 K - 1. 0: a constant."""
+    if degree < 0:
+        raise ValueError(f"a Gauss rule has 0 nodes or more; got {degree}")
+    if degree == 0:  # the state is constant
+        return GaussRule(0, np.zeros(0), np.zeros(0), np.array([-1.0]), np.zeros((0, 1)), np.ones(1))
     nodes, weights = np.polynomial.legendre.leggauss(degree)
     support = np.concatenate([[-1.0], nodes])
     barycentric = barycentric_weights(support)

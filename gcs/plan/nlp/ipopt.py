@@ -91,7 +91,9 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
     guess: dict[str, Any] = {"x0": start}
     if before is not None:
         options |= WARM_OPTIONS
-        guess["lam_g0"] = [before.g_multipliers.get(row, 0.0) for row in program.g_names]
+        # To a microsecond: a row that moved with its leg has the same time but for the last bits.
+        known = {(name, round(t_s, 6)): price for (name, t_s), price in before.g_multipliers.items()}
+        guess["lam_g0"] = [known.get((name, round(t_s, 6)), 0.0) for name, t_s in program.g_names]
         if len(before.y) == len(start):
             guess["lam_x0"] = before.y_multipliers
     found = run(solver(program.nlp, program.derivatives, options), program, guess)

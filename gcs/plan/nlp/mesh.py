@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
+
+Numbers = NDArray[np.intp]
+
+HOLD = -1  # instead of the number of a leg: the leader hovers, in an interval without nodes
 
 
 @dataclass(frozen=True)
@@ -16,6 +21,7 @@ class Mesh:
     joints_s: Array  # (M+1,) increasing
     degrees: tuple[int, ...]  # (M,)
     extra_s: Array = field(default_factory=lambda: np.zeros(0))  # (W,) instants between the nodes
+    legs: tuple[int, ...] = ()  # (M,) number of each interval's leg, or HOLD; empty: one leg
 
     def __post_init__(self) -> None:
         if len(self.joints_s) != len(self.degrees) + 1 or np.any(np.diff(self.joints_s) <= 0):
@@ -26,25 +32,57 @@ class Mesh:
         """Number M of intervals."""
         return len(self.degrees)
 
+    @property
+    def leg_of_interval(self) -> Numbers:
+        """Number (M,) of each interval's leg, or HOLD."""
+        return np.array(self.legs or (0,) * self.intervals)
+
+    @property
+    def leg_of_node(self) -> Numbers:
+        """Number (N,) of each node's leg; a hold has no nodes."""
+        return np.repeat(self.leg_of_interval, self.degrees)
+
+    @property
+    def leg_count(self) -> int:
+        """Number K of legs."""
+        return max(self.legs, default=0) + 1
+
+    @property
+    def leg_lengths_s(self) -> Array:
+        """How long (K,) each leg takes."""
+        legs = self.leg_of_interval
+        return np.bincount(legs[legs != HOLD], np.diff(self.joints_s)[legs != HOLD], self.leg_count)
+
+    @property
+    def arrivals(self) -> Numbers:
+        """Index (K - 1,) of the joint at which each leg but the last one ends."""
+        legs = self.leg_of_interval
+        return np.array([np.flatnonzero(legs == leg)[-1] + 1 for leg in range(self.leg_count - 1)], dtype=np.intp)
+
     def split(self, intervals: set[int]) -> Mesh:
-        """The same mesh with these intervals halved."""
+        """The same mesh with these intervals halved, where they are no holds."""
         joints = [self.joints_s[0]]
         degrees: list[int] = []
+        legs: list[int] = []
         for i, degree in enumerate(self.degrees):
             low, high = self.joints_s[i], self.joints_s[i + 1]
-            cuts = (0.5 * (low + high), high) if i in intervals else (high,)
+            cuts = (0.5 * (low + high), high) if i in intervals and degree else (high,)
             joints.extend(cuts)
             degrees.extend([degree] * len(cuts))
-        return replace(self, joints_s=np.array(joints), degrees=tuple(degrees))
+            legs.extend(self.legs[i : i + 1] * len(cuts))
+        return replace(self, joints_s=np.array(joints), degrees=tuple(degrees), legs=tuple(legs))
 
-    def stretched(self, by: float) -> Mesh:
-        """The same mesh over a flight that is `by` times as long."""
-        if by == 1.0:
+    def stretched(self, by: Array) -> Mesh:
+        """The same mesh with legs that are `by` (K,) times as long; holds stay as long as they are."""
+        if np.all(by == 1.0):
             return self
         start_s = self.joints_s[0]
-        return replace(
-            self, joints_s=start_s + by * (self.joints_s - start_s), extra_s=start_s + by * (self.extra_s - start_s)
-        )
+        if not self.legs:
+            joints, extra = (start_s + by[0] * (times_s - start_s) for times_s in (self.joints_s, self.extra_s))
+            return replace(self, joints_s=joints, extra_s=extra)
+        factors = np.where(self.leg_of_interval == HOLD, 1.0, by[self.leg_of_interval])
+        joints = start_s + np.concatenate([[0.0], np.cumsum(factors * np.diff(self.joints_s))])
+        return replace(self, joints_s=joints, extra_s=np.interp(self.extra_s, self.joints_s, joints))
 
     def enforcing_at(self, instants_s: Array) -> Mesh:
         """The same mesh with path constraints enforced at these instants as well."""

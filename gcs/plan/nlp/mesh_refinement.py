@@ -18,7 +18,8 @@ from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion, rounded_thrust_polynomial
 from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
-from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.leg_mesh import first_mesh
+from gcs.plan.nlp.program.multipliers import moved
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
 from gcs.plan.ocp.problem import Problem
@@ -48,6 +49,7 @@ class Optimum:
     objective: float
     history: tuple[MeshRound, ...]
     moves: tuple[Move, ...] = ()
+    point_s: tuple[float, ...] = ()  # when the leader arrives at each point of the route
 
 
 def optimise(
@@ -59,7 +61,7 @@ def optimise(
     """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
-    mesh = end_refined(problem.start_s, problem.end_s, longest_s, SHORTEST_S, DEGREE)
+    mesh = first_mesh(problem, longest_s, SHORTEST_S, DEGREE)
     trajectory = guess
     solution: Solution | None = None
     history: list[MeshRound] = []
@@ -67,9 +69,11 @@ def optimise(
         program = transcribe(problem, mesh, trajectory)
         solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None)
         trajectory = program.trajectory(solution.y)
-        stretch = program.stretch(solution.y)
-        mesh = mesh.stretched(stretch)
-        problem = with_end(problem, trajectory.end_s)
+        before, mesh = mesh, mesh.stretched(program.stretch(solution.y))
+        late = float(np.abs(mesh.joints_s - before.joints_s).max()) / problem.duration_s
+        if problem.points:
+            solution = moved(solution, before, mesh)
+        problem = with_times(problem, trajectory.end_s, tuple(mesh.joints_s[mesh.arrivals].tolist()))
         shape = flown_shape(problem, trajectory)
         missed = find_violations(problem, trajectory, shape)
         problems = complaints(missed)
@@ -86,9 +90,9 @@ def optimise(
             )
         )
         on_round(history[-1])
-        # Q of Eq. 33 depends on the end of the flight: where the end has moved, solve once more.
-        if not problems and not drift and abs(stretch - 1.0) < _SETTLED:
-            return Optimum(trajectory, shape, solution.objective, tuple(history))
+        # Q of Eq. 33 depends on the times of the nodes and of the end: where they have moved, solve once more.
+        if not problems and not drift and late < _SETTLED:
+            return Optimum(trajectory, shape, solution.objective, tuple(history), point_s=problem.point_s)
         problem = replace(
             problem,
             tightenings=(*problem.tightenings, *tightenings(problem, missed)),
@@ -105,14 +109,20 @@ def optimise(
     )
 
 
+def with_times(problem: Problem, end_s: float, point_s: tuple[float, ...]) -> Problem:
+    """The same problem with another end and other times at the points of its route."""
+    return replace(with_end(problem, end_s), point_s=point_s)
+
+
 def with_end(problem: Problem, end_s: float) -> Problem:
-    """The same problem with another end; changes of the shape keep their shares of the time."""
+    """The same problem with another end; changes of the shape, and points, keep their shares of the time."""
     if end_s == problem.end_s:
         return problem
     factor = (end_s - problem.start_s) / problem.duration_s
     tighter = tuple(t.stretched(problem.start_s, factor) for t in problem.tightenings)
     shape = stretched(problem.shape, problem.start_s, end_s)
-    return replace(problem, end_s=end_s, shape=shape, tightenings=tighter)
+    point_s = tuple(problem.start_s + factor * (t_s - problem.start_s) for t_s in problem.point_s)
+    return replace(problem, end_s=end_s, shape=shape, tightenings=tighter, point_s=point_s)
 
 
 def flown_shape(problem: Problem, trajectory: Trajectory) -> Shape:

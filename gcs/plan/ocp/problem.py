@@ -13,11 +13,13 @@ from gcs.plan.formation.coordinates import Coordinate, coordinates, target_ned_m
 from gcs.plan.formation.shape import Shape, rigid
 from gcs.plan.ocp.objectives import FreeTime, Objective, ObjectiveTerm, references
 from gcs.plan.ocp.representatives import Representatives, representatives
+from gcs.plan.ocp.route_points import PassPoint, pass_points
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import boundary_state, leader_index, offsets_ned_m, quadrotor, torque_limits
 
 _SAMPLES, _SAMPLED = 500, 1e-3  # instants of a change of the shape, and what is added for the path between them
 
+_LEAST_S = 1.0  # of flight between holds, for the reference speed
 _LEAST_JERK = 0.1  # share of the limit that always remains for the leader
 
 
@@ -63,11 +65,25 @@ class Problem:
     free_time: FreeTime | None = None  # where given, end_s is a guess
     tightenings: tuple[Tightening, ...] = ()
     spare_disks: int = 0  # so many last zones are disks whose position and radius are parameters
+    points: tuple[PassPoint, ...] = ()  # between the legs of the flight
+    point_s: tuple[float, ...] = ()  # when the leader arrives at each of them: a guess
 
     @property
     def duration_s(self) -> float:
         """Length of the flight."""
         return self.end_s - self.start_s
+
+    @property
+    def legs_s(self) -> tuple[tuple[float, float], ...]:
+        """Begin and end of each leg, by `point_s`; between two legs the leader holds, or no time passes."""
+        begins = (self.start_s, *(t_s + point.hold_s for t_s, point in zip(self.point_s, self.points, strict=True)))
+        return tuple(zip(begins, (*self.point_s, self.end_s), strict=True))
+
+    @property
+    def stops_ned_m(self) -> Array:
+        """Start, points and end (P + 2, 3) of the leader's flight."""
+        places = [point.place_ned_m for point in self.points]
+        return np.array([self.start_state[POSITION], *places, self.end_state[POSITION]])
 
     @property
     def mean_s(self) -> float:
@@ -163,7 +179,13 @@ def flight_problem(scenario: Scenario, extra_objectives: tuple[ObjectiveTerm, ..
         ends=(boundary_state(scenario, scenario.start), boundary_state(scenario, scenario.end)),
         box=(low, high),
     )
-    return replace(problem, coordinates=coordinates(scenario), extra_objectives=extra_objectives)
+    points = pass_points(scenario)
+    problem = replace(problem, coordinates=coordinates(scenario), extra_objectives=extra_objectives, points=points)
+    if not points:
+        return problem
+    length_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
+    moving_s = problem.duration_s - sum(point.hold_s for point in points)
+    return replace(problem, objective=references(scenario, length_m, max(moving_s, _LEAST_S)))
 
 
 def run_up_problem(scenario: Scenario, hover_ned_m: Array) -> Problem:

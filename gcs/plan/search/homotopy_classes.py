@@ -14,6 +14,8 @@ from gcs.plan.ocp.objective_sum import least_cost, refuse_false_bounds
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.infeasibility import check_time, explain_infeasible
 from gcs.plan.search.initial_guess import along, straight_route
+from gcs.plan.search.legs.leg_routes import routes_through
+from gcs.plan.search.legs.leg_schedule import on_time
 from gcs.plan.search.parallel import is_faster, run_all
 from gcs.plan.search.routes import Route, every_route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
@@ -32,7 +34,7 @@ def best_class(
     Infeasible (no route, too little time, ...) or PlanningError.
     """
     check_time(problem)
-    routes = every_route(problem)
+    routes = routes_through(problem) if problem.points else every_route(problem)
     best: Optimum | None = None
     failures: list[PlanningError] = []
     tried: list[Alternative] = []
@@ -76,7 +78,7 @@ def best_class(
     if best is None:
         # The map is coarse: the optimiser may find a passage that its cells do not show.
         try:
-            best = optimise_on_schedule(problem, along(problem, straight_route(problem)), on_round)
+            best = _optimised(problem, straight_route(problem), on_round)
         except PlanningError as failure:
             raise explain_infeasible(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)
@@ -96,7 +98,7 @@ def is_spare(problem: Problem, routes: tuple[Route, ...], number: int) -> bool:
 
 
 def _optimised(problem: Problem, route: Route, on_round: Callable[[MeshRound], None]) -> Optimum:
-    return optimise_on_schedule(problem, along(problem, route), on_round)
+    return optimise_on_schedule(timed := on_time(problem, route), along(timed, route), on_round)
 
 
 def _flight(task: tuple[Problem, Route]) -> Optimum | PlanningError:
@@ -126,5 +128,5 @@ def _rigid(problem: Problem, on_round: Callable[[MeshRound], None]) -> tuple[Alt
 
 def least_objective(problem: Problem, route: Route) -> float:
     """The lower bound of the objective for all flights along a route, or on the straight line where that is longer."""
-    straight_m = float(np.linalg.norm((problem.end_state - problem.start_state)[:3]))
+    straight_m = float(np.linalg.norm(np.diff(problem.stops_ned_m, axis=0), axis=1).sum())
     return least_cost(problem, max(route.length_m / GRID_EXCESS, straight_m))

@@ -16,6 +16,7 @@ from gcs.plan.formation.shape import rigid
 from gcs.plan.nlp.margins import COURSE_SPEED_MPS
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import along
+from gcs.plan.search.legs.leg_schedule import check_legs, least_legs_s, on_time
 from gcs.plan.search.routes import Route
 from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
@@ -32,10 +33,14 @@ def check_time(problem: Problem) -> None:
     That is: for the straight flight at the speed limits, for all scheduled changes of shape, or for the turn of a
     formation that flies along its course.
     """
-    _check_speed(problem)
+    if problem.points:
+        check_legs(problem)
+    else:
+        _check_speed(problem)
     if problem.free_time is None:
         check_schedule(problem.scenario, problem.end_s)
-        _check_turn(problem)
+        if not problem.points:
+            _check_turn(problem)
 
 
 def _check_speed(problem: Problem) -> None:
@@ -144,11 +149,12 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
     """A time of flight, in whole seconds, with a plan along this route; None where twice the time is not enough."""
     if problem.free_time is not None:
         return None  # longer times were tried already
-    least_s = max(problem.duration_s, float(_least_times_s(problem).max()))
+    least_s = max(problem.duration_s, least_time_s(problem))
     for factor in _LONGER:
         longer = with_duration(problem, float(np.ceil(least_s * factor)))
         try:
-            optimise_on_schedule(longer, along(longer, route))
+            timed = on_time(longer, route)
+            optimise_on_schedule(timed, along(timed, route))
         except PlanningError:
             continue
         return longer.duration_s
@@ -168,8 +174,8 @@ def with_duration(problem: Problem, duration_s: float) -> Problem:
 
 
 def least_time_s(problem: Problem) -> float:
-    """The time that a straight flight at the speed limits needs."""
-    return float(_least_times_s(problem).max())
+    """The time that straight legs at the speed limits need."""
+    return least_legs_s(problem)
 
 
 def _least_times_s(problem: Problem) -> np.ndarray:

@@ -20,6 +20,7 @@ from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
 
 _POINTS = 201
+_STEP_S, _FEWEST = 1.0, 8  # between the points of a leg, and how many steps it has at least
 _IMPASSABLE_M = 1e3  # excess height of a place that is infeasible at every height
 _CALM_S = 4.0  # turns of the course that are shorter than this are rounded off
 _CREEPS_MPS = 0.3  # below this a course means nothing
@@ -28,7 +29,7 @@ _SMOOTHING = 4.0  # points: rounds the corners of a route and the slopes of its 
 
 def straight_route(problem: Problem) -> Route:
     """The straight route, whatever is in between."""
-    return Route(np.array([problem.start_state[:2], problem.end_state[:2]]), ())
+    return Route(problem.stops_ned_m[:, :2], (), tuple(range(1, len(problem.points) + 1)))
 
 
 def along(problem: Problem, route: Route) -> Trajectory:
@@ -36,10 +37,7 @@ def along(problem: Problem, route: Route) -> Trajectory:
 
     Coordinates of the shape take, at every place, the cheapest pose that is feasible under the ceiling.
     """
-    times = np.linspace(problem.start_s, problem.end_s, _POINTS)
-    share = np.linspace(0.0, 1.0, _POINTS)
-    states = problem.start_state + share[:, None] * (problem.end_state - problem.start_state)
-    states[:, :2] = _rounded(route.place(share))
+    times, states = _through(problem, route)
     chains = _chains(problem, times, states)
     low, high = leader_state_bounds(problem, times)
     states[:, 2] = np.minimum(states[:, 2], -height_over_ground_m(problem, times, np.hstack([states, chains])))
@@ -47,9 +45,36 @@ def along(problem: Problem, route: Route) -> Trajectory:
     states[:, 3:6] = np.gradient(states[:, :3], times, axis=0)
     states[:, 6:8] = 0.0
     states[:, 9:12] = 0.0
-    controls = np.zeros((_POINTS, 4 + len(problem.coordinates)))
+    controls = np.zeros((len(times), 4 + len(problem.coordinates)))
     controls[:, 0] = problem.quadrotor.weight_N
     return Trajectory(piecewise_linear(times, np.hstack([states, chains])), piecewise_linear(times, controls))
+
+
+def _through(problem: Problem, route: Route) -> tuple[Array, Array]:
+    """Times (N,) and states (N, 12) along a route: at constant speed on each leg, at rest in each hold."""
+    stops = [problem.start_state, *(_at_point(problem, number) for number in range(len(problem.points)))]
+    stops.append(problem.end_state)
+    times, states = [], []
+    for number, (leg, (start_s, end_s)) in enumerate(zip(route.legs, problem.legs_s, strict=True)):
+        count = _POINTS if not problem.points else max(int(np.ceil((end_s - start_s) / _STEP_S)), _FEWEST) + 1
+        share = np.linspace(0.0, 1.0, count)
+        flown = stops[number] + share[:, None] * (stops[number + 1] - stops[number])
+        flown[:, :2] = _rounded(leg.place(share))
+        again = bool(number and not problem.points[number - 1].hold_s)  # the end of the leg before
+        times.append(np.linspace(start_s, end_s, count)[again:])
+        states.append(flown[again:])
+    return np.concatenate(times), np.vstack(states)
+
+
+def _at_point(problem: Problem, number: int) -> Array:
+    """The state (12,) of a guess at a point: its place, and a yaw between those that are given before and after."""
+    point = problem.points[number]
+    state = np.zeros(12)
+    state[:3] = point.place_ned_m
+    known = [(-1, problem.start_state[8]), (len(problem.points), problem.end_state[8])]
+    known[1:1] = [(n, p.yaw_ned_rad) for n, p in enumerate(problem.points) if p.yaw_ned_rad is not None]
+    state[8] = np.interp(number, *zip(*known, strict=True))
+    return state
 
 
 def _chains(problem: Problem, times: Array, states: Array) -> Array:

@@ -6,6 +6,7 @@ finds paths below the ceiling. The optimiser starts from these routes.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,11 +56,18 @@ class Route:
 
     points_m: Array  # (P, 2) north, east
     sides: tuple[int, ...]  # homotopy class: turns about each obstacle, relative to the straight line
+    ends: tuple[int, ...] = ()  # which of its points end a leg, but for the last
 
     @property
     def length_m(self) -> float:
         """Length in the plane."""
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
+
+    @property
+    def legs(self) -> tuple[Route, ...]:
+        """The routes of the legs, without their sides."""
+        cuts = [0, *self.ends, len(self.points_m) - 1]
+        return tuple(Route(self.points_m[a : b + 1], ()) for a, b in itertools.pairwise(cuts))
 
     def place(self, share: Array) -> Array:
         """Points (N, 2) at shares (N,) of the length."""
@@ -75,13 +83,13 @@ def survey(problem: Problem, *, at_rest: bool = False) -> Map:
 
     `at_rest`: coordinates stay at rest; a formation that turns with the course must be feasible in all headings.
     """
-    ends = np.array([problem.start_state[:2], problem.end_state[:2]])
+    ends = problem.stops_ned_m[:, :2]
     loosest = leader_state_bounds(problem, np.linspace(problem.start_s, problem.end_s, _INSTANTS))
     low, high = loosest[0].min(axis=0), loosest[1].max(axis=0)
     ceiling_m = float(-low[2])
     low, high = low[:2], high[:2]
     # Without a box (the run-up) the map is a margin around the straight route.
-    margin_m = 0.25 * float(np.linalg.norm(ends[1] - ends[0])) + 10.0
+    margin_m = 0.25 * float(np.linalg.norm(ends[-1] - ends[0])) + 10.0
     low = np.where(np.isfinite(low), low, ends.min(axis=0) - margin_m)
     high = np.where(np.isfinite(high), high, ends.max(axis=0) + margin_m)
     step = float((high - low).max()) / CELLS
@@ -111,11 +119,18 @@ def every_route(problem: Problem) -> tuple[Route, ...]:
 
     Raises Infeasible when there is none.
     """
-    area = survey(problem)
+    return routes_between(problem, survey(problem), survey(problem, at_rest=True) if problem.coordinates else None)
+
+
+def routes_between(problem: Problem, area: Map, at_rest: Map | None) -> tuple[Route, ...]:
+    """Routes from start to end in a map, and, shortest first, those of the formation with its coordinates at rest.
+
+    Raises Infeasible when there is none.
+    """
     routes = list(find_routes(problem, area))
-    if problem.coordinates:
+    if at_rest is not None:
         try:
-            rigid = find_routes(problem, survey(problem, at_rest=True))
+            rigid = find_routes(problem, at_rest)
         except Infeasible:
             rigid = ()
         share = np.linspace(0.0, 1.0, _INSTANTS)
@@ -126,6 +141,13 @@ def every_route(problem: Problem) -> tuple[Route, ...]:
             if min(apart) > _SAME_ROUTE * route.length_m:
                 routes.append(route)
     return tuple(sorted(routes, key=lambda route: route.length_m))
+
+
+def is_clear(problem: Problem, area: Map) -> bool:
+    """Whether the straight line from start to end is free, at heights no larger than the lower end's."""
+    a, b = (np.array(area.cell(state[:2])) for state in (problem.start_state, problem.end_state))
+    level_m = min(-float(problem.start_state[2]), -float(problem.end_state[2]))
+    return _sees(np.asarray(area.floor_m <= min(level_m, area.ceiling_m)), a, b)
 
 
 def find_routes(problem: Problem, area: Map) -> tuple[Route, ...]:

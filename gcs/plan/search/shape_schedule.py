@@ -15,7 +15,7 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.changes.automatic import automatic_moves
 from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.nlp.ipopt import solve
-from gcs.plan.nlp.mesh import end_refined
+from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, Optimum, flown_shape, optimise, with_end
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
@@ -53,6 +53,7 @@ def optimise_on_schedule(
             guess, near = _with_fixed_turns(laid, guess)
         found = optimise(laid, guess, on_round, near=near)
         history += found.history
+        problem = replace(problem, point_s=found.point_s)
         crossed = _starts_s(problem, changes, found.trajectory)
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
         if late <= _LATE_S:
@@ -80,7 +81,7 @@ def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Trajectory, 
     fraction of the time. Then the heading is laid along the course of that flight.
     """
     fixed = replace(problem, coordinates=(), shape=flown_shape(problem, guess), free_time=None)
-    mesh = end_refined(problem.start_s, problem.end_s, LONGEST_S, SHORTEST_S, DEGREE)
+    mesh = first_mesh(fixed, LONGEST_S, SHORTEST_S, DEGREE)
     try:
         program = transcribe(fixed, mesh, guess.vehicle)
         flown = program.trajectory(solve(program, program.scaled(guess.vehicle)).y)
@@ -96,6 +97,9 @@ def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Tr
     for change in changes:
         if change.at_s is not None:
             starts.append(change.at_s)
+            continue
+        if change.at_point is not None:
+            starts.append(problem.point_s[change.at_point - 1])
             continue
         assert change.gate_m is not None
         crossing = gate_crossing_s(change.gate_m, times, places)

@@ -74,7 +74,7 @@ def _what(scenario: Scenario, made: tuple[MadeChange, ...], late: _Late, end_s: 
         return (
             f"{words}would begin {late.over_s:.2f} s before the change {before.name} has ended, at {late.ready_s:.2f} s"
         )
-    begins = "begins at" if change.change.gate_m is None else "cannot begin before"
+    begins = "begins at" if change.change.at_s is not None else "cannot begin before"
     text = (
         f"{words}{begins} {late.begin_s:.2f} s and takes {late.duration_s:.2f} s, limited by {change.limited_by}: "
         f"it would end {late.over_s:.2f} s after the flight of {end_s:g} s"

@@ -88,18 +88,18 @@ def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
 
 
 def in_turn(scenario: Scenario, starts_s: tuple[float, ...], end_s: float) -> tuple[float, ...]:
-    """Start times nearest to `starts_s` at which changes at gates neither overlap nor outlast the flight.
+    """Start times nearest to `starts_s` at which changes at gates and points neither overlap nor outlast the flight.
 
     For estimated times; times given by `at_s` stay.
     """
     made = made_changes(scenario)
     starts = list(starts_s)
     for i in reversed(range(len(starts))):
-        if made[i].change.gate_m is not None:
+        if made[i].change.at_s is None:
             next_s = starts[i + 1] if i + 1 < len(starts) else end_s
             starts[i] = min(starts[i], next_s - made[i].duration_s)
     for i in range(len(starts)):
-        if made[i].change.gate_m is not None:
+        if made[i].change.at_s is None:
             ready_s = starts[i - 1] + made[i - 1].duration_s if i > 0 else 0.0
             starts[i] = max(starts[i], ready_s)
     return tuple(starts)
@@ -272,6 +272,8 @@ def trigger_words(change: ChangeTable) -> str:
     if change.gate_m is not None:
         (n1, e1), (n2, e2) = change.gate_m
         return f"gate ({n1:g}, {e1:g})-({n2:g}, {e2:g})"
+    if change.at_point is not None:
+        return f"at point {change.at_point}"
     return f"at {change.at_s:g} s"
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from gcs.physics.quadrotor import Array
+from gcs.plan.nlp.mesh import HOLD
 from gcs.plan.ocp import stage_functions
 
 
@@ -20,6 +22,41 @@ def dm(matrix: sparse.spmatrix) -> ca.DM:
     rows, columns = ordered.shape
     pattern = ca.Sparsity(rows, columns, ordered.indptr.tolist(), ordered.indices.tolist())
     return ca.DM(pattern, ordered.data)
+
+
+@dataclass(frozen=True)
+class PointFunctions:
+    """Rows about the states at some joints, and their exact derivatives."""
+
+    pick: ca.DM  # (S, n): the states that the rows are about
+    offset: ca.DM  # (S,)
+    values: ca.Function  # states (S,) -> rows (R,)
+    jacobian: ca.Function  # states -> (R, S)
+    hessian: ca.Function  # states, multipliers (R,) -> (S, S)
+    count: int  # R
+
+
+@dataclass(frozen=True)
+class LegConstants:
+    """Legs whose durations are unknowns, the last ones: each over its duration in the mesh."""
+
+    costs: Array  # (K,) of the time of each leg as long as in the mesh
+    of_node: NDArray[np.intp]  # (N,) number of the leg
+    of_interval: NDArray[np.intp]  # (M,) number of the leg, or HOLD
+    times: Array  # (R, K) rows that are linear in the durations
+
+    @property
+    def count(self) -> int:
+        """Number K of legs."""
+        return len(self.costs)
+
+    def columns(self, values: ca.MX) -> ca.MX:
+        """Values (r, N) of all nodes as a matrix (r N, K): those of a leg's nodes in its column."""
+        rows = values.size1()
+        ends = rows * np.searchsorted(self.of_node, np.arange(self.count + 1))
+        size = rows * len(self.of_node)
+        pattern = ca.Sparsity(size, self.count, ends.tolist(), list(range(size)))
+        return ca.MX(pattern, ca.densify(ca.vec(values)))
 
 
 @dataclass(frozen=True)
@@ -40,7 +77,8 @@ class Constants:
     parameters: ca.MX | None = None  # (p,) symbols
     thrust_steps: ca.DM | None = None  # (M, n): steps of U1 over the intervals, in seconds at the largest rate
     interval_s: Array | None = None  # (M,) lengths of the intervals; with `lengths`, the first node (M,) of each
-    time_cost: float | None = None  # cost of the time of flight, where its stretch is the last unknown
+    legs: LegConstants | None = None
+    points: PointFunctions | None = None
     path_rows: list[int] | None = None  # those of the path that the program has, instant by instant; None: all
 
 
@@ -49,11 +87,11 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     nx, nz = parts.motion.size1_out(0), parts.motion.size1_in(0)
     nodes, points = k.nodes, k.nodes + k.extra
     sampling, a, b, shares = k.sampling, k.a, k.b, k.shares
-    unknowns = ca.MX.sym("y", sampling.size2() + (k.time_cost is not None))
+    unknowns = ca.MX.sym("y", sampling.size2() + (k.legs.count if k.legs else 0))
     y, stretch = unknowns[: sampling.size2()], unknowns[sampling.size2() :]
     lengths, fixed_shares = k.lengths, shares
-    if k.time_cost is not None:
-        lengths = ca.repmat(stretch, 1, nodes)
+    if k.legs is not None:
+        lengths = stretch[k.legs.of_node.tolist()].T
         shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1:, :])
     p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
@@ -76,6 +114,9 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         ca.mtimes(box, y) + box_shift,
     )
     steps, spans = _thrust_steps(k, stretch)
+    around = _Around.of(k, y)
+    linear = ca.DM(0, 0) if k.legs is None else ca.DM(k.legs.times)
+    g = ca.vertcat(g, around.values, ca.mtimes(linear, stretch) if k.legs else ca.MX(0, 1))
     g = ca.vertcat(g, ca.mtimes(steps, y) - spans, -ca.mtimes(steps, y) - spans)
 
     # IPOPT's interface copies only stored entries: a sparse gradient would leave the others unset.
@@ -85,6 +126,8 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
         a - ca.mtimes([b, _block_diagonal(parts.motion_jacobian, nodes, zn, lengths=lengths), s_nodes]),
         ca.mtimes(_block_diagonal(parts.path_jacobian, points, z, k.slots)[path_rows, :], sampling),
         ca.MX(box),
+        around.jacobian,
+        ca.MX(linear.size1(), sampling.size2()),
         ca.MX(steps),
         ca.MX(-steps),
     )
@@ -99,18 +142,22 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     curvature = _block_diagonal(parts.motion_hessian, nodes, zn, shares, ca.repmat(sigma, 1, nodes), costate)
     hessian = ca.mtimes([s_nodes.T, curvature, s_nodes])
     hessian += ca.mtimes([sampling.T, _block_diagonal(parts.path_hessian, points, z, k.slots, lam_path), sampling])
-    if k.time_cost is not None:
-        # The program is linear in the stretch of time, in the mean cost and in the motion.
+    hessian += around.hessian(lam[a.size1() + path_size + box.size1() :])
+    if k.legs is not None:
+        # The program is linear in the stretch of each leg, in the mean cost and in the motion.
         over_time = ca.vertcat(fixed_shares[0, :], ca.DM.zeros(1, nodes), fixed_shares[2:, :])
-        f += k.time_cost * stretch
-        cost_gradient = ca.mtimes(s_nodes.T, ca.vec(parts.cost_gradient.map(nodes)(zn, over_time)))
-        gradient = ca.vertcat(gradient, ca.sum2(parts.cost.map(nodes)(zn, over_time)) + k.time_cost)
-        grown = ca.DM(0, 1) if k.interval_s is None else ca.DM(-k.interval_s)
-        rest = g.size1() - a.size1() - 2 * grown.size1()
-        column = ca.vertcat(-ca.mtimes(b, ca.vec(moved)), ca.MX(rest, 1), ca.MX(grown), ca.MX(grown))
+        legs = k.legs
+        f += ca.dot(ca.DM(legs.costs), stretch)
+        cost_gradient = ca.mtimes(s_nodes.T, legs.columns(parts.cost_gradient.map(nodes)(zn, over_time)))
+        of_time = ca.sum1(legs.columns(parts.cost.map(nodes)(zn, over_time))).T + ca.DM(legs.costs)
+        gradient = ca.vertcat(gradient, ca.densify(of_time))
+        grown = _grown(k, legs)
+        rest = g.size1() - a.size1() - linear.size1() - 2 * grown.size1()
+        column = ca.vertcat(-ca.mtimes(b, legs.columns(moved)), ca.MX(rest, legs.count), linear, grown, grown)
         jacobian = ca.horzcat(jacobian, column)
-        mixed = sigma * cost_gradient + ca.mtimes(s_nodes.T, ca.mtimes(motion_blocks.T, ca.vec(pull)))
-        corner = ca.horzcat(ca.MX(1, sampling.size2()), ca.MX(1, 1))
+        pulled = ca.reshape(ca.mtimes(motion_blocks.T, ca.vec(pull)), nz, nodes)
+        mixed = sigma * cost_gradient + ca.mtimes(s_nodes.T, legs.columns(pulled))
+        corner = ca.horzcat(ca.MX(legs.count, sampling.size2()), ca.MX(legs.count, legs.count))
         hessian = ca.vertcat(ca.horzcat(hessian, mixed), corner)
     nlp = ca.Function("nlp", [unknowns, p], [f, g], ["x", "p"], ["f", "g"])
     return nlp, {
@@ -132,8 +179,46 @@ def _thrust_steps(k: Constants, stretch: ca.MX) -> tuple[ca.DM, ca.MX]:
         return ca.DM(0, k.sampling.size2()), ca.MX(0, 1)
     if k.lengths is not None:
         return k.thrust_steps, k.lengths[k.interval_s.astype(int).tolist()].T
-    spans = ca.MX(ca.DM(k.interval_s))
-    return k.thrust_steps, spans if k.time_cost is None else spans * stretch
+    if k.legs is None:
+        return k.thrust_steps, ca.MX(ca.DM(k.interval_s))
+    held = ca.DM(np.where(k.legs.of_interval == HOLD, k.interval_s, 0.0))
+    return k.thrust_steps, held - ca.mtimes(_grown(k, k.legs), stretch)
+
+
+def _grown(k: Constants, legs: LegConstants) -> ca.DM:
+    """Derivative (M, K) of minus the lengths of the intervals by the stretches of the legs."""
+    if k.interval_s is None:
+        return ca.DM(0, legs.count)
+    moving = np.flatnonzero(legs.of_interval != HOLD)
+    shape = len(k.interval_s), legs.count
+    return dm(sparse.csc_matrix((-k.interval_s[moving], (moving, legs.of_interval[moving])), shape=shape))
+
+
+@dataclass(frozen=True)
+class _Around:
+    """The rows about the states at some joints, in the unknowns of the whole program."""
+
+    functions: PointFunctions | None
+    states: ca.MX
+    values: ca.MX
+    jacobian: ca.MX
+    size: int
+
+    @classmethod
+    def of(cls, k: Constants, y: ca.MX) -> _Around:
+        size = k.sampling.size2()
+        if k.points is None:
+            return cls(None, y, ca.MX(0, 1), ca.MX(0, size), size)
+        states = ca.mtimes(k.points.pick, y) + k.points.offset
+        jacobian = ca.mtimes(k.points.jacobian(states), k.points.pick)
+        return cls(k.points, states, k.points.values(states), jacobian, size)
+
+    def hessian(self, multipliers: ca.MX) -> ca.MX:
+        """The share (n, n) of these rows in the Hessian; theirs are the first `multipliers`."""
+        if self.functions is None:
+            return ca.MX(self.size, self.size)
+        pick = self.functions.pick
+        return ca.mtimes([pick.T, self.functions.hessian(self.states, multipliers[: self.functions.count]), pick])
 
 
 def _times_lengths(rows: ca.MX, lengths: ca.MX | None) -> ca.MX:

@@ -24,7 +24,9 @@ from scipy.interpolate import PPoly
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
 from gcs.plan.nlp.mesh import Mesh
-from gcs.plan.nlp.program.assembly import Constants, assemble, dm
+from gcs.plan.nlp.program.assembly import Constants, LegConstants, assemble, dm
+from gcs.plan.nlp.program.leg_rows import LegTimes, leg_times
+from gcs.plan.nlp.program.point_rows import point_rows
 from gcs.plan.nlp.program.program_bounds import bounds, scales, thrust_steps
 from gcs.plan.nlp.variables import ControlForm, VariableLayout
 from gcs.plan.ocp import stage_functions
@@ -63,9 +65,9 @@ class Program:
         y = np.append((w - self.shift) / self.unit, np.ones(len(self.y_low) - len(w)))
         return np.clip(y, self.y_low, self.y_high)
 
-    def stretch(self, y: Array) -> float:
-        """Time of flight over that of the mesh; 1 where the time is given."""
-        return float(y[-1]) if len(y) > self.layout.size else 1.0
+    def stretch(self, y: Array) -> Array:
+        """Durations (K,) of the legs over those in the mesh; 1 where the time of one leg is given."""
+        return y[self.layout.size :] if len(y) > self.layout.size else np.ones(1)
 
     def trajectory(self, y: Array) -> Trajectory:
         """Polynomials through the solution: states of degree K, control by its form."""
@@ -114,6 +116,7 @@ def transcribe(
         at = np.hstack([last.state(times), last.control(times)])
         values = np.asarray(parts.path.map(len(times))(at.T, chosen.parameters.T)).T
         used = stage_functions.path_may_bind(problem, chosen, values)
+    times_of_legs, near = leg_times(problem, mesh), point_rows(problem, layout, unit, shift)
     functions = assemble(
         parts,
         Constants(
@@ -129,7 +132,8 @@ def transcribe(
             state_unit=state_unit,
             thrust_steps=(steps := thrust_steps(problem, layout, unit)),
             interval_s=None if steps is None else np.diff(mesh.joints_s),
-            time_cost=None if problem.free_time is None else duration_cost(problem),
+            legs=None if times_of_legs is None else _leg_constants(problem, mesh, times_of_legs),
+            points=None if near is None else near.functions,
             path_rows=None if used is None else np.flatnonzero(used).tolist(),
         ),
     )
@@ -171,12 +175,17 @@ def bounded_program(
     names += [(f"limit of {name}", float(t)) for t in mesh.extra_s for name in words]
     steps = layout.mesh.intervals if layout.control_form is ControlForm.LINEAR else 0
     steps *= problem.jerk_left_mps3 is not None
-    names += [(f"rate of the {way} thrust", float(t)) for way in ("growing", "falling") for t in mesh.joints_s[:steps]]
     y_low, y_high, y_names = (y_low - shift) / unit, (y_high - shift) / unit, layout.names()
-    if (time := problem.free_time) is not None:
-        y_low = np.append(y_low, time.earliest_s / problem.duration_s)
-        y_high = np.append(y_high, time.latest_s / problem.duration_s)
-        y_names = (*y_names, "limit of the time of flight")
+    rows_low, rows_high = np.zeros(0), np.zeros(0)
+    if (near := point_rows(problem, layout, unit, shift)) is not None:
+        rows_low, rows_high = near.low, near.high
+        names += near.names
+    if (legs := leg_times(problem, mesh)) is not None:
+        y_low, y_high = np.append(y_low, legs.low), np.append(y_high, legs.high)
+        y_names = (*y_names, *legs.words)
+        rows_low, rows_high = np.append(rows_low, legs.rows_low), np.append(rows_high, legs.rows_high)
+        names += legs.row_names
+    names += [(f"rate of the {way} thrust", float(t)) for way in ("growing", "falling") for t in mesh.joints_s[:steps]]
     return Program(
         layout,
         unit,
@@ -188,10 +197,13 @@ def bounded_program(
                 dynamics,
                 np.where(free, -np.inf, 0.0)[used],
                 (box_low / state_unit).ravel(),
+                rows_low,
                 np.full(2 * steps, -np.inf),
             ]
         ),
-        np.concatenate([dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), np.zeros(2 * steps)]),
+        np.concatenate(
+            [dynamics, np.full(used.sum(), np.inf), (box_high / state_unit).ravel(), rows_high, np.zeros(2 * steps)]
+        ),
         y_names,
         tuple(names),
         nlp,
@@ -200,3 +212,9 @@ def bounded_program(
         2 * steps,
         bool(problem.shape.moving_s),
     )
+
+
+def _leg_constants(problem: Problem, mesh: Mesh, times: LegTimes) -> LegConstants:
+    cost = 0.0 if problem.free_time is None else duration_cost(problem)
+    shares = mesh.leg_lengths_s / problem.duration_s if problem.points else np.ones(1)
+    return LegConstants(cost * shares, mesh.leg_of_node, mesh.leg_of_interval, times.rows)

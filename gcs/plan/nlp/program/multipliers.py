@@ -1,0 +1,21 @@
+"""Multipliers of a solution whose legs became longer or shorter: its rows are named by the times they have now."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gcs.plan.nlp.ipopt import Solution
+from gcs.plan.nlp.mesh import Mesh
+
+
+def moved(solution: Solution, before: Mesh, after: Mesh) -> Solution:
+    """The solution with each multiplier at the time to which its row moved with the joints of the mesh."""
+    names = list(solution.g_multipliers)
+    times = np.interp([t_s for _, t_s in names], before.joints_s, after.joints_s)
+    known = {
+        (name, t_s): price
+        for (name, _), t_s, price in zip(names, times.tolist(), solution.g_multipliers.values(), strict=True)
+    }
+    return replace(solution, g_multipliers=known)

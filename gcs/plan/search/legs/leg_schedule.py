@@ -1,0 +1,157 @@
+"""When the leader passes the points of a route: what the speed limits need, and a first guess of the times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linprog
+
+from gcs.errors import Infeasible
+from gcs.physics.quadrotor import VELOCITY, Array
+from gcs.plan.ocp.problem import Problem
+from gcs.plan.search.routes import Route
+
+_STOP_S = 2.0  # that a guess allows for each end at rest
+_SLACK_S = 1e-6
+_AXES = ("north", "east", "vertically")
+
+
+@dataclass(frozen=True)
+class _Times:
+    """What is known of the legs' durations: the least (K,), those wanted (K,), and the holds (P,) between them."""
+
+    least_s: Array
+    wanted_s: Array
+    hold_s: Array
+    earliest_s: Array  # (K,) arrival after so long, holds included; -inf where it is free
+    latest_s: Array  # (K,)
+
+
+def on_time(problem: Problem, route: Route) -> Problem:
+    """The problem with a guess of its times at points, for the lengths of a route's legs. Raises as `check_legs`."""
+    return replace(problem, point_s=first_times(problem, np.array([max(leg.length_m, 1.0) for leg in route.legs])))
+
+
+def first_times(problem: Problem, lengths_m: Array) -> tuple[float, ...]:
+    """A guess of `point_s`, for legs of these lengths (K,): every leg at one speed, where the times at points allow it.
+
+    Raises Infeasible as `check_legs`.
+    """
+    if not problem.points:
+        return ()
+    check_legs(problem)
+    times = _times(problem, lengths_m)
+    total_s = problem.duration_s - times.hold_s.sum()
+    durations = times.wanted_s * total_s / times.wanted_s.sum()
+    if np.isfinite(times.earliest_s[:-1]).any() or np.isfinite(times.latest_s[:-1]).any():
+        durations = _nearest(times, durations)
+    elif np.any(durations < times.least_s):
+        spare_s = total_s - times.least_s.sum()
+        durations = times.least_s + spare_s * times.wanted_s / times.wanted_s.sum()
+    ends_s = problem.start_s + np.cumsum(durations) + np.append(0.0, np.cumsum(times.hold_s))
+    return tuple(ends_s[:-1].tolist())
+
+
+def check_legs(problem: Problem) -> None:
+    """Raises Infeasible where a leg has less time than it needs at the speed limits, and names the leg."""
+    least_s = _least_s(problem).max(axis=1)
+    limits = problem.state_high[VELOCITY]
+    ready_s = problem.start_s  # when the next leg can begin, and the point or start that says so
+    for number, (_, latest_s, key) in enumerate(_windows(problem)):
+        needed_s = float(least_s[number])
+        left_s = latest_s - ready_s
+        if needed_s > left_s + _SLACK_S:
+            axis = int(_least_s(problem)[number].argmax())
+            raise Infeasible(
+                f"no plan: leg {number + 1} ({_leg_words(problem, number)}) needs {_up(needed_s):g} s at "
+                f"{limits[axis]:g} m/s {_AXES[axis]}, {key} leaves {max(np.floor(10.0 * left_s) / 10.0, 0.0):g} s",
+                hint=f"set {key} to {_up(ready_s + 1.05 * needed_s):g} or more, or raise [limits] speed_ned_mps",
+            )
+        earliest_s = _windows(problem)[number][0]
+        hold_s = problem.points[number].hold_s if number < len(problem.points) else 0.0
+        ready_s = max(ready_s + needed_s, earliest_s) + hold_s
+
+
+def least_legs_s(problem: Problem) -> float:
+    """The time that the straight legs need at the speed limits, with the holds between them."""
+    return float(_least_s(problem).max(axis=1).sum() + sum(point.hold_s for point in problem.points))
+
+
+def leg_at(problem: Problem, t_s: float) -> str:
+    """The leg that is flown at a time, in words; empty for a flight without points."""
+    if not problem.points:
+        return ""
+    ends = [end_s for _, end_s in problem.legs_s]
+    number = int(np.searchsorted(ends[:-1], t_s))
+    return f"leg {number + 1} ({_leg_words(problem, number)})"
+
+
+def _leg_words(problem: Problem, number: int) -> str:
+    stops = ["start", *(point.words for point in problem.points), "end"]
+    return f"{stops[number]} to {stops[number + 1]}"
+
+
+def _least_s(problem: Problem) -> Array:
+    """The time (K, 3) that each axis of each straight leg needs at its speed limit; less where a point is passed by."""
+    away_m = np.abs(np.diff(problem.stops_ned_m, axis=0))
+    radii = np.array([0.0, *(point.radius_m for point in problem.points), 0.0])
+    return np.asarray(np.maximum(away_m - (radii[:-1] + radii[1:])[:, None], 0.0) / problem.state_high[VELOCITY])
+
+
+def _windows(problem: Problem) -> list[tuple[float, float, str]]:
+    """The earliest and the latest arrival of each leg, plan time, and the key that sets the latest."""
+    time = problem.free_time
+    found = []
+    for point in problem.points:
+        key = "at_s" if point.earliest_s == point.latest_s else "by_s"
+        latest_s, key = min((point.latest_s, f"{key} of {point.words}"), (_last_s(problem), _flight_key(problem)))
+        found.append((point.earliest_s, latest_s, key))
+    end_s = -np.inf if time is None else problem.start_s + time.earliest_s
+    return [*found, (end_s, _last_s(problem), _flight_key(problem))]
+
+
+def _last_s(problem: Problem) -> float:
+    return problem.end_s if problem.free_time is None else problem.start_s + problem.free_time.latest_s
+
+
+def _flight_key(problem: Problem) -> str:
+    return "[time] flight_s" if problem.free_time is None else "[time] latest_s"
+
+
+def _times(problem: Problem, lengths_m: Array) -> _Times:
+    rests = np.array(
+        [_rests(problem.start_state), *(p.hold_s > 0.0 for p in problem.points), _rests(problem.end_state)]
+    )
+    least_s = _least_s(problem).max(axis=1)
+    hold_s = np.array([point.hold_s for point in problem.points])
+    speed_mps = lengths_m.sum() / max(problem.duration_s - hold_s.sum(), _STOP_S)
+    wanted_s = np.maximum(lengths_m / speed_mps, least_s) + _STOP_S * (rests[:-1].astype(float) + rests[1:])
+    earliest_s, latest_s, _ = zip(*_windows(problem), strict=True)
+    if problem.free_time is None:
+        earliest_s = (*earliest_s[:-1], problem.end_s)
+    held_s = problem.start_s + np.append(0.0, np.cumsum(hold_s))
+    return _Times(least_s, wanted_s, hold_s, np.array(earliest_s) - held_s, np.array(latest_s) - held_s)
+
+
+def _rests(state: Array) -> bool:
+    return not state[VELOCITY].any()
+
+
+def _nearest(times: _Times, durations: Array) -> Array:
+    """Durations (K,) that keep all times at points, with the least sum of changes, each over its wanted one."""
+    count = len(durations)
+    before = np.tril(np.ones((count, count)))
+    zero, eye = np.zeros((count, count)), np.eye(count)
+    low, high = np.isfinite(times.earliest_s), np.isfinite(times.latest_s)
+    found = linprog(
+        np.concatenate([np.zeros(count), 1.0 / durations]),
+        A_ub=np.block([[before[high], zero[high]], [-before[low], zero[low]], [eye, -eye], [-eye, -eye]]),
+        b_ub=np.concatenate([times.latest_s[high], -times.earliest_s[low], durations, -durations]),
+        bounds=[(float(least), None) for least in np.maximum(times.least_s, 0.1)] + [(0.0, None)] * count,
+    )
+    return np.asarray(found.x[:count]) if found.success else durations
+
+
+def _up(seconds: float) -> float:
+    return float(np.ceil(10.0 * seconds) / 10.0)
