@@ -51,7 +51,9 @@ class Mesh:
     def leg_lengths_s(self) -> Array:
         """How long (K,) each leg takes."""
         legs = self.leg_of_interval
-        return np.bincount(legs[legs != HOLD], np.diff(self.joints_s)[legs != HOLD], self.leg_count)
+        return np.asarray(
+            np.bincount(legs[legs != HOLD], np.diff(self.joints_s)[legs != HOLD], self.leg_count), dtype=np.float64
+        )
 
     @property
     def arrivals(self) -> Numbers:
@@ -72,8 +74,11 @@ class Mesh:
             legs.extend(self.legs[i : i + 1] * len(cuts))
         return replace(self, joints_s=np.array(joints), degrees=tuple(degrees), legs=tuple(legs))
 
-    def stretched(self, by: Array) -> Mesh:
-        """The same mesh with legs that are `by` (K,) times as long; holds stay as long as they are."""
+    def stretched(self, by: Array, end_s: float | None = None) -> Mesh:
+        """The same mesh with legs that are `by` (K,) times as long; holds stay as long as they are.
+
+        `end_s` is the end of several legs where it is known: their sum rounds in the last bits.
+        """
         if np.all(by == 1.0):
             return self
         start_s = self.joints_s[0]
@@ -82,6 +87,7 @@ class Mesh:
             return replace(self, joints_s=joints, extra_s=extra)
         factors = np.where(self.leg_of_interval == HOLD, 1.0, by[self.leg_of_interval])
         joints = start_s + np.concatenate([[0.0], np.cumsum(factors * np.diff(self.joints_s))])
+        joints[-1] = joints[-1] if end_s is None else end_s
         return replace(self, joints_s=joints, extra_s=np.interp(self.extra_s, self.joints_s, joints))
 
     def enforcing_at(self, instants_s: Array) -> Mesh:

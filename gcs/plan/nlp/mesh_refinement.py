@@ -69,7 +69,7 @@ def optimise(
         program = transcribe(problem, mesh, trajectory)
         solution = solve(program, program.scaled(trajectory), solution, near=near and solution is None)
         trajectory = program.trajectory(solution.y)
-        before, mesh = mesh, mesh.stretched(program.stretch(solution.y))
+        before, mesh = mesh, program.mesh(solution.y)
         late = float(np.abs(mesh.joints_s - before.joints_s).max()) / problem.duration_s
         if problem.points:
             solution = moved(solution, before, mesh)

@@ -71,9 +71,9 @@ def _at_point(problem: Problem, number: int) -> Array:
     point = problem.points[number]
     state = np.zeros(12)
     state[:3] = point.place_ned_m
-    known = [(-1, problem.start_state[8]), (len(problem.points), problem.end_state[8])]
-    known[1:1] = [(n, p.yaw_ned_rad) for n, p in enumerate(problem.points) if p.yaw_ned_rad is not None]
-    state[8] = np.interp(number, *zip(*known, strict=True))
+    given = {n: p.yaw_ned_rad for n, p in enumerate(problem.points) if p.yaw_ned_rad is not None}
+    known = {-1: float(problem.start_state[8]), **given, len(problem.points): float(problem.end_state[8])}
+    state[8] = np.interp(number, list(known), list(known.values()))
     return state
 
 

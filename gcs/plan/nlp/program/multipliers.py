@@ -12,10 +12,6 @@ from gcs.plan.nlp.mesh import Mesh
 
 def moved(solution: Solution, before: Mesh, after: Mesh) -> Solution:
     """The solution with each multiplier at the time to which its row moved with the joints of the mesh."""
-    names = list(solution.g_multipliers)
-    times = np.interp([t_s for _, t_s in names], before.joints_s, after.joints_s)
-    known = {
-        (name, t_s): price
-        for (name, _), t_s, price in zip(names, times.tolist(), solution.g_multipliers.values(), strict=True)
-    }
-    return replace(solution, g_multipliers=known)
+    times = np.interp([t_s for _, t_s in solution.g_multipliers], before.joints_s, after.joints_s).tolist()
+    rows = zip(solution.g_multipliers.items(), times, strict=True)
+    return replace(solution, g_multipliers={(name, t_s): price for ((name, _), price), t_s in rows})

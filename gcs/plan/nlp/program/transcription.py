@@ -56,6 +56,7 @@ class Program:
     parameters: Array  # (p,) second argument of nlp and derivatives
     step_rows: int = 0  # so many last rows of g limit the steps of the thrust
     moving_shape: bool = False  # on a schedule
+    end_s: float | None = None  # of the flight, where it is given
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y sampled from an existing trajectory: the warm start."""
@@ -69,10 +70,14 @@ class Program:
         """Durations (K,) of the legs over those in the mesh; 1 where the time of one leg is given."""
         return y[self.layout.size :] if len(y) > self.layout.size else np.ones(1)
 
+    def mesh(self, y: Array) -> Mesh:
+        """The mesh with the durations of the legs in the solution."""
+        return self.layout.mesh.stretched(self.stretch(y), self.end_s)
+
     def trajectory(self, y: Array) -> Trajectory:
         """Polynomials through the solution: states of degree K, control by its form."""
         layout = self.layout
-        mesh = layout.mesh.stretched(self.stretch(y))
+        mesh = self.mesh(y)
         w = y[: layout.size] * self.unit + self.shift
         top = max(mesh.degrees)
         top_control = max(len(layout.control_support(i)[0]) for i in range(mesh.intervals)) - 1
@@ -211,6 +216,7 @@ def bounded_program(
         np.zeros(0) if parameters is None else parameters,
         2 * steps,
         bool(problem.shape.moving_s),
+        problem.end_s if problem.free_time is None else None,
     )
 
 

@@ -120,9 +120,8 @@ def _flight_key(problem: Problem) -> str:
 
 
 def _times(problem: Problem, lengths_m: Array) -> _Times:
-    rests = np.array(
-        [_rests(problem.start_state), *(p.hold_s > 0.0 for p in problem.points), _rests(problem.end_state)]
-    )
+    stops = [point.hold_s > 0.0 for point in problem.points]
+    rests = np.array([_rests(problem.start_state), *stops, _rests(problem.end_state)])
     least_s = _least_s(problem).max(axis=1)
     hold_s = np.array([point.hold_s for point in problem.points])
     speed_mps = lengths_m.sum() / max(problem.duration_s - hold_s.sum(), _STOP_S)

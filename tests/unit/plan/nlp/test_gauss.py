@@ -148,6 +148,9 @@ def test_values_become_powers_and_back() -> None:
         np.testing.assert_allclose(rule.power_basis() @ values, coefficients, atol=1e-9)
 
 
-def test_a_rule_without_nodes_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one node"):
-        gauss_rule(0)
+def test_a_rule_without_nodes_is_a_constant() -> None:
+    rule = gauss_rule(0)
+    np.testing.assert_array_equal(rule.interpolation(np.array([-1.0, 0.3, 1.0])), np.ones((3, 1)))
+    assert rule.weights.size == 0
+    with pytest.raises(ValueError, match="0 nodes or more"):
+        gauss_rule(-1)
