@@ -1,4 +1,4 @@
-"""What is checked at instants, exactly: ends, joints, pads, the begin of changes, the assignment of places."""
+"""What is checked at instants, exactly: ends, joints, pads, route points, begin of changes, assignment of places."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from gcs.plan.verification.formation_checks import (
     late_s,
 )
 from gcs.plan.verification.position_errors import climb_separation_m
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, LIMIT_TOLERANCE, Check
+from gcs.plan.verification.route_checks import route_checks
+from gcs.plan.verification.verdict import (
+    ANGLE_TOLERANCE_DEG,
+    LENGTH_TOLERANCE_M,
+    LIMIT_TOLERANCE,
+    SPEED_TOLERANCE_MPS,
+    Check,
+)
 from gcs.scenario.navigation_error import judged_separation_m
 from gcs.scenario.si import boundary_state, torque_limits
 
-SPEED_TOLERANCE_MPS = 1e-3
-ANGLE_TOLERANCE_DEG = 0.01
 START_TOLERANCE_S = 0.06
 _JERK_TOLERANCE_S = 0.01  # the largest jerk, so long, is the largest step of an acceleration
 _CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
@@ -26,7 +31,13 @@ _CONTROL_TOLERANCE = 10.0 * LIMIT_TOLERANCE
 def exact_checks(plan: Plan) -> tuple[list[Check], float]:
     """All of them, and the position error at the end."""
     boundary, terminal_m = _boundary_checks(plan)
-    return [*_joint_checks(plan), *_change_checks(plan), *_climb_checks(plan), *boundary], terminal_m
+    return [
+        *_joint_checks(plan),
+        *_change_checks(plan),
+        *_climb_checks(plan),
+        *route_checks(plan),
+        *boundary,
+    ], terminal_m
 
 
 def _exact(

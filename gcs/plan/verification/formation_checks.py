@@ -71,12 +71,21 @@ def late_s(plan: Plan) -> list[tuple[float, float]]:
     for change, move in zip(changes, moves, strict=False):
         if plan.begin_state is not None and move.start_s < plan.t_start_s:
             continue  # it began before this plan
-        required = change.at_s if change.gate_m is None else crossing_s(plan, change.gate_m)
+        required = _required_s(plan, change)
         begun = plan.shape.joints_s[np.abs(plan.shape.joints_s - move.start_s).argmin()]
         found.append(
             (np.inf, move.start_s) if required is None else (float(np.ptp([move.start_s, begun, required])), required)
         )
     return found
+
+
+def _required_s(plan: Plan, change: ChangeTable) -> float | None:
+    """When a scheduled change should begin; None if its gate is not crossed, or its route point not passed."""
+    if change.gate_m is not None:
+        return crossing_s(plan, change.gate_m)
+    if change.at_point is not None:
+        return next((each.arrives_s for each in plan.passages if each.number == change.at_point), None)
+    return change.at_s
 
 
 def crossing_s(plan: Plan, gate_m: tuple[tuple[float, float], tuple[float, float]]) -> float | None:

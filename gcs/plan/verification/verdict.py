@@ -8,9 +8,12 @@ from typing import Literal
 from gcs.errors import VerificationError
 
 LENGTH_TOLERANCE_M = 0.8e-3  # every length; exact places at ends and joints too
+SPEED_TOLERANCE_MPS = 1e-3  # at ends and route points
+ANGLE_TOLERANCE_DEG = 0.01
 LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
 ZONE = "no-fly zone "  # the name of a zone's check, before its number
+ROUTE = "route point"  # the names of the checks of a route begin so
 Verdict = Literal["proved", "violated", "undecided", "sampled"]
 _LISTED = 5  # failures in an error
 

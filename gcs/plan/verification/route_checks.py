@@ -1,0 +1,142 @@
+"""The route of a plan: the leader is at every point ahead, in order, as the point asks for it.
+
+Checks at instants are exact. A hold is bounded at every instant, from the leader's polynomials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from gcs.physics.quadrotor import ATTITUDE, POSITION, VELOCITY, Array
+from gcs.plan.trajectory.passages import Passage
+from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.proof.polynomials import enclosed
+from gcs.plan.verification.verdict import (
+    ANGLE_TOLERANCE_DEG,
+    LENGTH_TOLERANCE_M,
+    ROUTE,
+    SPEED_TOLERANCE_MPS,
+    Check,
+)
+from gcs.scenario.si import route_points
+
+TIME_TOLERANCE_S = 1e-3
+_PARTS = 16  # of a hold's polynomials, each bounded on its own
+_ORDER = 3
+_YAW = 2  # among the angles
+
+
+@dataclass(frozen=True)
+class _Margin:
+    """What is left at one point, and the bound of it: `proved` is no more than `worst`."""
+
+    kind: str
+    unit: str
+    worst: float
+    tolerance: float
+    t_s: float
+    proved: float
+
+
+def route_checks(plan: Plan) -> list[Check]:
+    """One check of each kind: its worst point, by number and name. None without a route.
+
+    A plan that begins in the air answers for the points that its times are of.
+    """
+    wanted = len(route_points(plan.scenario))
+    missing = abs(wanted - len(plan.route_s))
+    if missing and (plan.begin_state is None or len(plan.route_s) > wanted):
+        end_s = plan.phase("mission").end_s
+        return [Check(f"{ROUTE}s passed", "mission", "points", -missing, 0.0, None, end_s, -missing)]
+    worst: dict[str, tuple[float, Passage, _Margin]] = {}
+    for passage in plan.passages:
+        for margin in (*_order(plan, passage), *_at(plan, passage), *_hold(plan, passage)):
+            left = min(margin.worst, margin.proved)
+            left = -np.inf if np.isnan(left) else left
+            if margin.kind not in worst or left < worst[margin.kind][0]:
+                worst[margin.kind] = left, passage, margin
+    sysid = plan.sysids[plan.leader]
+    return [
+        Check(
+            f"route {passage.title}: {margin.kind}",
+            "mission",
+            margin.unit,
+            margin.worst,
+            margin.tolerance,
+            sysid,
+            margin.t_s,
+            margin.proved,
+        )
+        for _, passage, margin in worst.values()
+    ]
+
+
+def _exact(kind: str, unit: str, margin: float, tolerance: float, t_s: float) -> _Margin:
+    return _Margin(kind, unit, margin, tolerance, t_s, margin)
+
+
+def _order(plan: Plan, passage: Passage) -> Iterator[_Margin]:
+    """The point is left before the next one is reached, and before the arrival."""
+    mission, made = plan.phase("mission"), plan.passages
+    index = made.index(passage)
+    later_s = made[index + 1].arrives_s if index + 1 < len(made) else mission.end_s
+    yield _exact("order", "s", later_s - passage.leaves_s, 0.0, passage.leaves_s)
+    if not _is_under_way(plan, passage):
+        yield _exact("order", "s", passage.arrives_s - mission.start_s, 0.0, passage.arrives_s)
+
+
+def _is_under_way(plan: Plan, passage: Passage) -> bool:
+    """Whether the leader holds at the point while the plan begins in the air: it arrived before."""
+    return plan.begin_state is not None and passage.arrives_s < plan.phase("mission").start_s < passage.leaves_s
+
+
+def _at(plan: Plan, passage: Passage) -> Iterator[_Margin]:
+    """Place, time, speed and heading at the arrival."""
+    if _is_under_way(plan, passage):
+        return
+    point, t_s = passage.point, passage.arrives_s
+    state = plan.leader_trajectory.state(t_s)
+    away_m = float(np.linalg.norm(state[POSITION] - passage.position_ned_m))
+    yield _exact("distance", "m", (point.radius_m or 0.0) - away_m, LENGTH_TOLERANCE_M, t_s)
+    if point.at_s is not None:
+        yield _exact("time", "s", -abs(t_s - point.at_s), TIME_TOLERANCE_S, t_s)
+    if point.after_s is not None:
+        yield _exact("time", "s", t_s - point.after_s, TIME_TOLERANCE_S, t_s)
+    if point.by_s is not None:
+        yield _exact("time", "s", point.by_s - t_s, TIME_TOLERANCE_S, t_s)
+    if point.speed_mps is not None:
+        off_mps = abs(float(np.linalg.norm(state[VELOCITY])) - point.speed_mps)
+        yield _exact("speed", "m/s", -off_mps, SPEED_TOLERANCE_MPS, t_s)
+    if point.heading_deg is not None:
+        off_deg = abs((float(np.degrees(state[ATTITUDE][_YAW])) - point.heading_deg + 180.0) % 360.0 - 180.0)
+        yield _exact("heading", "deg", -off_deg, ANGLE_TOLERANCE_DEG, t_s)
+
+
+def _hold(plan: Plan, passage: Passage) -> Iterator[_Margin]:
+    """Over the whole hold the leader stays at the point, at rest."""
+    start_s, end_s = max(passage.arrives_s, plan.phase("mission").start_s), passage.leaves_s
+    if not passage.point.hold_s or not start_s < end_s:
+        return
+    for kind, unit, columns, at_rest, tolerance in (
+        ("distance during the hold", "m", POSITION, passage.position_ned_m, LENGTH_TOLERANCE_M),
+        ("speed during the hold", "m/s", VELOCITY, np.zeros(3), SPEED_TOLERANCE_MPS),
+    ):
+        seen, bound, t_s = _farthest(plan, columns, at_rest, (start_s, end_s))
+        yield _Margin(kind, unit, -seen, tolerance, t_s, -bound)
+
+
+def _farthest(plan: Plan, columns: slice, from_here: Array, span_s: tuple[float, float]) -> tuple[float, float, float]:
+    """The largest distance of three states from constants over a span: one that is reached, a bound, and when."""
+    motion = plan.leader_trajectory.state
+    joints_s = motion.x[(motion.x > span_s[0]) & (motion.x < span_s[1])]
+    parts = [np.linspace(a, b, _PARTS, endpoint=False) for a, b in pairwise([span_s[0], *joints_s, span_s[1]])]
+    edges_s = np.append(np.concatenate(parts), span_s[1])
+    model = enclosed(motion, edges_s[:-1], edges_s[1:], _ORDER)[columns] - from_here[:, None]
+    bound = float(np.linalg.norm(model.size(), axis=0).max())
+    middle = np.linalg.norm(model.middle, axis=0)
+    worst = int(np.argmax(middle))
+    return float(middle[worst]), bound, float(0.5 * (edges_s[worst] + edges_s[worst + 1]))
