@@ -1,4 +1,6 @@
-"""Room beside no-fly zones: planner and re-planner avoid larger zones, so that a plan keeps a margin to the true ones.
+"""Room beside zones: a plan keeps a margin to them, because planner and re-planner avoid larger ones.
+
+They avoid larger no-fly zones, and stay in smaller keep-in areas.
 
 `limits.zone_margin_m` is a limit, which the verifier proves. Without it the planner aims for the navigation error: less
 beside a zone that is near the ends of the flight, and none where no route keeps it.
@@ -14,9 +16,9 @@ import numpy as np
 from gcs.errors import PlanningError
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
-from gcs.scenario.environment.no_fly import outside_m, widened
+from gcs.scenario.environment.no_fly import Zone, narrowed, outside_m, widened, zones
 from gcs.scenario.navigation_error import planned_margin_m
-from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from gcs.scenario.si import NED_FROM_UP, hover_start_ned_m, leader_index, offsets_ned_m
 
 _SMALLER_SHARE = 0.5  # of the margin, where the whole margin leaves no way
@@ -28,9 +30,9 @@ Found = TypeVar("Found")
 def with_room(scenario: Scenario, share: float = 1.0) -> Scenario:
     """The scenario with zones as the planner avoids them."""
     if scenario.limits.zone_margin_m is not None:
-        return _widened(scenario, [scenario.limits.zone_margin_m] * len(scenario.no_fly))
+        return _widened(scenario, [scenario.limits.zone_margin_m] * len(zones(scenario)))
     ends = _ends(scenario)
-    margins_m = [min(_free_m(zone, at_s, places) for at_s, places in ends) for zone in scenario.no_fly]
+    margins_m = [min(_free_m(zone, at_s, places) for at_s, places in ends) for zone in zones(scenario)]
     aim_m = share * planned_margin_m(scenario)
     return _widened(scenario, [float(np.clip(m, 0.0, aim_m)) for m in margins_m])
 
@@ -46,7 +48,7 @@ def first_with_room(scenario: Scenario, found_in: Callable[[Scenario], Found]) -
     Where it raises PlanningError with the whole margin and without any, the margin is not what hinders.
     """
     roomy, bare = with_room(scenario), without_room(scenario)
-    if roomy.no_fly == bare.no_fly:
+    if zones(roomy) == zones(bare):
         return found_in(roomy)
     try:
         return found_in(roomy)
@@ -64,10 +66,10 @@ def kept_room(plan: Plan) -> Scenario:
     Each keeps the room that the plan leaves it, so that the old plan is a solution of the new problem.
     """
     scenario, times = plan.scenario, np.arange(plan.t_start_s, plan.t_end_s, _EVERY_S)
-    if scenario.limits.zone_margin_m is not None or not scenario.no_fly:
+    if scenario.limits.zone_margin_m is not None or not zones(scenario):
         return with_room(scenario)
     places, aim_m = plan.states(times)[..., :3], planned_margin_m(scenario)
-    return _widened(scenario, [float(np.clip(_free_m(zone, times, places), 0.0, aim_m)) for zone in scenario.no_fly])
+    return _widened(scenario, [float(np.clip(_free_m(zone, times, places), 0.0, aim_m)) for zone in zones(scenario)])
 
 
 def new_zone(scenario: Scenario, zone: NoFlyZone, t_s: float, places_ned_m: Array) -> NoFlyZone:
@@ -79,8 +81,14 @@ def new_zone(scenario: Scenario, zone: NoFlyZone, t_s: float, places_ned_m: Arra
 
 
 def _widened(scenario: Scenario, margins_m: Sequence[float]) -> Scenario:
-    zones = tuple(widened(zone, margin_m) for zone, margin_m in zip(scenario.no_fly, margins_m, strict=True))
-    return scenario if zones == scenario.no_fly else scenario.model_copy(update={"no_fly": zones})
+    north_m, east_m, _ = scenario.start.position_m
+    each = list(zip(zones(scenario), margins_m, strict=True))
+    changed = {
+        "keep_in": tuple(narrowed(z, m, (north_m, east_m)) for z, m in each if isinstance(z, KeepIn)),
+        "no_fly": tuple(widened(z, m) for z, m in each if isinstance(z, NoFlyZone)),
+    }
+    is_same = changed == {key: getattr(scenario, key) for key in changed}
+    return scenario if is_same else scenario.model_copy(update=changed)
 
 
 def _ends(scenario: Scenario) -> list[tuple[Array, Array]]:
@@ -93,6 +101,6 @@ def _ends(scenario: Scenario) -> list[tuple[Array, Array]]:
     return [(first_s, places[:, None]) for places in (start, hover_start_ned_m(scenario))] + [(last_s, end[:, None])]
 
 
-def _free_m(zone: NoFlyZone, t_s: Array, places_ned_m: Array) -> float:
+def _free_m(zone: Zone, t_s: Array, places_ned_m: Array) -> float:
     """How far the zone may be widened beside places (V, N, 3) at times (N,)."""
     return float(outside_m(zone, t_s, places_ned_m[..., 0], places_ned_m[..., 1]).min()) - _KEPT_FREE_M

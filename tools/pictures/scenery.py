@@ -62,5 +62,7 @@ def draw_ground(axes: Any, scenario: Scenario) -> Any:
     for number, zone in enumerate(scenario.no_fly):
         label = "no-fly zones" if number == 0 else None
         axes.add_patch(Polygon(np.array(outline(zone).exterior.coords), color=LIMIT, alpha=0.3, label=label))
+    for area in scenario.keep_in:
+        axes.add_patch(Polygon(area.polygon_m, fill=False, ec="#1b7837", lw=1.4, label="keep-in area"))
     axes.set(xlim=limits.north_m, ylim=limits.east_m[::-1], aspect="equal", xlabel="north, m", ylabel="east, m")
     return bands

@@ -153,12 +153,14 @@ def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetRep
     if beside:
         zone, row = min(beside, key=lambda found: found[0].distance_m)
         required_m = limits.zone_margin_m - limits.tolerance_m
-        where = f"zone {zone.zone}, {Path(missions[row].source).name} at {zone.t_s:.1f} s"
+        named = zone.zone.edge if zone.zone.keep_in else f"zone {zone.zone.number}"
+        where = f"{named}, {Path(missions[row].source).name} at {zone.t_s:.1f} s"
         proved_m, limit = (
             min(found.proved_m for found, _ in beside),
             f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}",
         )
-        _add(table, "distance to no-fly zones", zone.distance_m, proved_m, required_m, where, limit)
+        what = "zones" if any(name.keep_in for name, _ in limits.zones) else "no-fly zones"
+        _add(table, f"distance to {what}", zone.distance_m, proved_m, required_m, where, limit)
     tops = [(top, row) for row, flight in enumerate(report.flights) if (top := highest_m(flight)) is not None]
     if limits.height_max_m is not None and tops:
         (top_m, t_s), row = max(tops)

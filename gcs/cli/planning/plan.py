@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
     from gcs.plan.verification.verify import Report
 _BAR = 20  # characters
-_ZONES = "distance to no-fly zones"
 
 
 def plan(
@@ -162,10 +161,12 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     from rich.table import Table
 
     from gcs.cli.plan_argument import verdict_word
-    from gcs.plan.verification.verdict import ZONE
+    from gcs.scenario.environment.no_fly import in_words, zone_names
 
     limits = made.scenario.limits
-    failed = {_ZONES if check.name.startswith(ZONE) else check.name for check in report.failures}
+    zones = {str(name) for name in zone_names(made.scenario)}
+    distance = f"distance to {in_words(made.scenario)}"
+    failed = {distance if check.name in zones else check.name for check in report.failures}
     title = f"verified: {'yes' if report.ok else 'NO'}, {len(report.checks)} checks, {len(report.failures)} failed"
     table = Table("criterion", "proved", "limit", "verdict", title=title)
     rows = [
@@ -176,7 +177,7 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     if report.separation_min_m is not None:
         rows.insert(1, ("separation", f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
     if (nearest := report.nearest_zone) is not None:
-        rows.insert(1, (_ZONES, f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"))
+        rows.insert(1, (distance, f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"))
     for name, measured, limit in rows:
         table.add_row(name, measured, limit, verdict_word(name not in failed))
     screen.show(table)

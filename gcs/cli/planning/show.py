@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from gcs.scenario.schema.scenario import Scenario
 
 STEP_S = 0.2
-_LABELS = {"way": "leader", "closed": "no-fly zones"}  # of keys of `--json` that text names otherwise
+# Of keys of `--json` that text names otherwise.
+_LABELS = {"way": "leader", "closed": "no-fly zones", "keep_in": "keep-in areas"}
 
 
 def show(
@@ -110,6 +111,7 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         "power law of height with exponent {shear:g}".format(**scenario.wind.model_dump()),
         "closed": f"{len(scenario.no_fly)}, of which {sum(bool(zone.moves) for zone in scenario.no_fly)} move"
         + _margin(scenario),
+        **({"keep_in": _keep_in(scenario)} if scenario.keep_in else {}),
         "navigation error": navigation_in_words(scenario),
         "speeds": "north {:g}, east {:g}, vertical {:g} m/s".format(*limits.speed_ned_mps),
         "changes": ", ".join(changes) or _unchanged(scenario),
@@ -125,11 +127,17 @@ def _unchanged(scenario: Scenario) -> str:
     return "none: the formation is rigid"
 
 
+def _keep_in(scenario: Scenario) -> str:
+    """The keep-in areas, each with its corners and its size."""
+    sizes = [f"{len(area.polygon_m)} corners, {area.area.area / 1e4:.2f} ha" for area in scenario.keep_in]
+    return "; ".join(sizes)
+
+
 def _margin(scenario: Scenario) -> str:
-    """The margin to no-fly zones, as the scenario asks for it."""
+    """The margin to zones, as the scenario asks for it."""
     from gcs.scenario.navigation_error import planned_margin_m
 
-    if not scenario.no_fly:
+    if not scenario.no_fly and not scenario.keep_in:
         return ""
     given = scenario.limits.zone_margin_m is not None
     return f"; margin {'at least' if given else 'where there is room'} {planned_margin_m(scenario):g} m"
@@ -150,6 +158,7 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
     """The figures of a plan, and of its verification when it was loaded."""
     from gcs.plan.cost_terms import cost_terms
     from gcs.plan.trajectory.energy import drag_energy_J, energy_Wh
+    from gcs.scenario.environment.no_fly import in_words
 
     taken_Wh, power = energy_Wh(plan), plan.scenario.vehicle.power
     battery = "unknown: the scenario has no [vehicle.power]"
@@ -157,7 +166,8 @@ def _plan(plan: Plan, report: Report) -> dict[str, Any]:
         most_Wh = float(taken_Wh.max())
         battery = f"at most {most_Wh:.1f} of {power.battery_Wh:g} Wh ({most_Wh / power.battery_Wh:.0%})"
     separation = "" if report.separation_min_m is None else f", separation {report.separation_min_m:.2f} m"
-    zones = "" if report.nearest_zone is None else f", no-fly zones {report.nearest_zone.distance_m:.2f} m away"
+    near = report.nearest_zone
+    zones = "" if near is None else f", {in_words(plan.scenario)} {near.distance_m:.2f} m away"
     terms = " + ".join(f"{term.weight:g} x {term.value:.4f} {term.name}" for term in cost_terms(plan))
     return {
         "plan": f"{plan.t_end_s - plan.t_start_s:g} s from ground to ground, cost {plan.objective:.4f}",

@@ -53,7 +53,7 @@ def draw_scenario(scenario: Scenario) -> Any:
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     span_s = (0.0, scenario.time.flight_s)
     draw_ground(axes, scenario, area)
-    draw_zones(axes, scenario.no_fly, span_s)
+    draw_zones(axes, scenario, span_s)
     for place, mark, fill in ((start, "^", True), (end, "s", False)):
         for colour, (north, east, _) in zip(colours(ids), offsets + place, strict=True):
             axes.plot(east, north, marker=mark, ms=6, color=colour, mfc=colour if fill else "white", ls="")
@@ -83,14 +83,14 @@ def draw_scenario(scenario: Scenario) -> Any:
     labels.avoid_arrows(axes)
     labels.place(axes, "start", tuple((offsets + start)[leader_index(scenario), 1::-1].tolist()))
     labels.place(axes, "end", tuple((offsets + end)[leader_index(scenario), 1::-1].tolist()))
-    label_zones(axes, labels, scenario.no_fly, span_s)
+    label_zones(axes, labels, scenario, span_s)
     return figure
 
 
 def draw_plan(plan: Plan) -> Any:
     """Return the map of a plan, its curves, and its shapes where they change."""
     scenario, mission = plan.scenario, plan.phase("mission")
-    several, zones = len(plan.sysids) > 1, bool(scenario.no_fly)
+    several, zones = len(plan.sysids) > 1, bool(scenario.no_fly or scenario.keep_in)
     t_s = np.append(np.arange(plan.t_start_s, plan.t_end_s, _STEP_S), np.nextafter(plan.t_end_s, plan.t_start_s))
     states = plan.states(t_s)
     places = states[..., POSITION]

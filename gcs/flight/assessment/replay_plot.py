@@ -47,7 +47,7 @@ def draw_recording(recording: Recording, from_s: float, to_s: float) -> Any:
     flown, rates_planned = planned if planned is not None else (None, None)
     chart = FlightMap(scenario, recording.sysids, t_s, places, flown, ("begin", "end"))
     width_in, height_in = map_size_in(scenario, chart.area)
-    several, zones = len(recording.tracks) > 1, scenario is not None and bool(scenario.no_fly)
+    several, zones = len(recording.tracks) > 1, scenario is not None and bool(scenario.no_fly or scenario.keep_in)
     count = 2 + several + zones + bool(planned)
     heights: tuple[float, ...] = (max(height_in, _PANEL_IN * count), _LINE_IN * lines.count("\n") + 2 * _LINE_IN)
     heights = heights[: 1 + bool(events)]

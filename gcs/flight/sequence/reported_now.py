@@ -16,7 +16,7 @@ from gcs.mission.failsafe.fence_areas import inclusion_corners, inside_m, planne
 from gcs.physics.quadrotor import Array
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.environment.no_fly import nearest_zone_m, zones
 from gcs.scenario.environment.terrain import ground_height_m
 
 _BATTERY = "SYS_STATUS"
@@ -43,7 +43,7 @@ class ReportedNow:
         zone_m, above_m, fence_m = (np.full(len(places), np.nan) for _ in range(3))
         north, east, up = places[known].T
         now_s = np.array(plan.t_start_s if t_s is None else t_s)
-        zone_m[known] = nearest_zone_m(plan.scenario.no_fly, now_s, north, east)
+        zone_m[known] = nearest_zone_m(zones(plan.scenario), now_s, north, east)
         above_m[known] = up - ground_height_m(plan.scenario.terrain, north, east)
         fence_m[known] = inside_m(self._fence_corners_m, places[known])
         found = []
@@ -61,7 +61,7 @@ class ReportedNow:
                     session.silent_s(),
                     math.nan if loss is None else loss,
                     errors_m[sysid],
-                    float(zone_m[row]) if plan.scenario.no_fly else math.inf,
+                    float(zone_m[row]) if zones(plan.scenario) else math.inf,
                     float(above_m[row]),
                     float(fence_m[row]),
                     plan.scenario.limits.height_m[1] - float(places[row, 2]),

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_bounds import Highest
-from gcs.scenario.environment.no_fly import displacement_m, signed_distance_m
-from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.scenario.environment.no_fly import Zone, displacement_m, signed_distance_m
 
 RESOLUTION_M, RESOLUTION_S = 1e-3, 1e-3
 _GAP_M, _FINE_M = 0.1, 5e-3  # at most, and at least, between the bound that is proved and the least value seen
@@ -83,7 +82,7 @@ class ZoneParts:
         return int(self.piece[part]), float(self.first[part] + share * (self.last[part] - self.first[part]))
 
 
-def parts_beside(zone: NoFlyZone, begin_m: Array, end_m: Array, begin_s: Array, end_s: Array) -> ZoneParts:
+def parts_beside(zone: Zone, begin_m: Array, end_m: Array, begin_s: Array, end_s: Array) -> ZoneParts:
     """Pieces from begin to end (N, 3) at plan times (N,), cut where the motion of the zone changes."""
     piece, first, last = np.arange(len(begin_m)), np.zeros(len(begin_m)), np.ones(len(begin_m))
     for turn_s in (move[0] for move in zone.moves or ()):
@@ -101,7 +100,7 @@ def parts_beside(zone: NoFlyZone, begin_m: Array, end_m: Array, begin_s: Array, 
     return ZoneParts(piece, first, last, seen_at(first), seen_at(last), duration_s * (last - first))
 
 
-def outside_along(zone: NoFlyZone, parts: ZoneParts, required_m: float, *, slack: Array) -> Bound:
+def outside_along(zone: Zone, parts: ZoneParts, required_m: float, *, slack: Array) -> Bound:
     """The bound of the distance outside a zone; negative inside."""
     moved_m = parts.end_m - parts.begin_m
 

@@ -20,6 +20,7 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.no_fly import ZoneName
 
 LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5
@@ -126,9 +127,9 @@ def check_ground(
 
 @dataclass(frozen=True)
 class ZoneDistance:
-    """The least distance of a flight to a no-fly zone, and when; at no instant is it below `proved_m`."""
+    """The least distance of a flight to a zone, and when; at no instant is it below `proved_m`."""
 
-    zone: int
+    zone: ZoneName
     distance_m: float
     proved_m: float
     t_s: float
@@ -165,29 +166,30 @@ def highest_m(flight: PredictedFlight) -> tuple[float, float] | None:
 def check_zones(
     mission: MissionFile, flight: PredictedFlight, limits: FlightLimits
 ) -> tuple[ZoneDistance | None, list[Finding]]:
-    """The no-fly zone that a flight passes nearest, and an error for each that it passes too near."""
+    """The zone that a flight passes nearest, and an error for each that it passes too near."""
     track = _Track.of(flight)
     if track is None:
         return None, []
     required_m = limits.zone_margin_m - limits.tolerance_m
     nearest: ZoneDistance | None = None
     findings = []
-    for number, zone in enumerate(limits.no_fly, start=1):
+    for name, zone in limits.zones:
         parts = parts_beside(zone, track.begin_m, track.end_m, *_plan_times(track, flight, limits))
         bound = outside_along(zone, parts, required_m - LENGTH_TOLERANCE_M, slack=track.bent_m[parts.piece])
         piece, share = parts.whole(bound.piece, bound.share)
         item, t_s = track.when(piece, share)
         if nearest is None or bound.least < nearest.distance_m:
-            nearest = ZoneDistance(number, bound.least, bound.proved, t_s)
+            nearest = ZoneDistance(name, bound.least, bound.proved, t_s)
         if bound.verdict == "proved":
             continue
         least_m = bound.proved if bound.verdict == "undecided" else bound.least
+        allowed, forbidden = ("inside", "outside") if name.keep_in else ("outside", "inside")
         if least_m >= 0.0:
-            message = f"{least_m:.2f} m from no-fly zone {number}; at least {required_m:g} m required"
+            message = f"{least_m:.2f} m from {name.edge}; at least {required_m:g} m required"
         elif bound.verdict == "undecided":
-            message = f"not proved outside no-fly zone {number}: perhaps {-least_m:.3f} m inside"
+            message = f"not proved {allowed} {name}: perhaps {-least_m:.3f} m {forbidden}"
         else:
-            message = f"{-least_m:.2f} m inside no-fly zone {number}"
+            message = f"{-least_m:.2f} m {forbidden} {name}"
         findings.append(found(mission, Rule.AREA, Level.ERROR, message, item, t_s))
     return nearest, findings
 

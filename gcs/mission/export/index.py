@@ -11,6 +11,7 @@ from gcs.mission.check.fleet_check import FleetReport
 from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M
 from gcs.mission.failsafe.fence_rally import Safety
 from gcs.mission.failsafe.rtl_altitudes import WorstReturn
+from gcs.mission.failsafe.rtl_cases import Crossing
 from gcs.mission.machine_independent import rounded, rounded_down
 from gcs.mission.model import Altitude, VehicleMission
 from gcs.mission.predicted.timing import Timing
@@ -109,6 +110,11 @@ def _worst(worst: WorstReturn) -> dict[str, Any]:
     return asdict(worst) | {"proved_m": None if worst.proved_m is None else rounded_down(worst.proved_m)}
 
 
+def _crossing(crossing: Crossing) -> dict[str, Any]:
+    """A crossing; `keep_in` is there for the edge of a keep-in area only."""
+    return {key: value for key, value in asdict(crossing).items() if key != "keep_in" or value}
+
+
 def _returns(safety: Safety) -> dict[str, Any]:
     returns = safety.returns
     document: dict[str, Any] = {
@@ -119,6 +125,6 @@ def _returns(safety: Safety) -> dict[str, Any]:
         "worst": None if returns.worst is None else _worst(returns.worst),
         "routed_worst": None if returns.routed is None else asdict(returns.routed),
         "without_way": [asdict(gap) for gap in returns.no_way],
-        "through_zones": [asdict(crossing) for crossing in returns.crossings],
+        "through_zones": [_crossing(crossing) for crossing in returns.crossings],
     }
     return document

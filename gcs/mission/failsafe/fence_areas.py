@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from gcs.physics.quadrotor import POSITION, Array
-from gcs.scenario.environment.no_fly import displacement_m, outline
-from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.scenario.environment.no_fly import Zone, displacement_m, nearest_zone_m, outline
+from gcs.scenario.schema.scenario import KeepIn
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
 INCLUSION_MARGIN_M = 10.0
+# A plan may touch a zone's edge, and no vehicle keeps its path to the centimetre: the fence is then this far beyond.
+EXCLUSION_SLACK_M = 2.0  # ArduPilot's FENCE_MARGIN
 _CORNERS_MAX = 32
+_AREA_CORNERS_MAX = 40  # in keep-in areas: autopilots store few, also for no-fly zones
 _LEAST_SLACK_M = 0.5
 _PLACES_GRID_M = 2.0**-10
 _BEGINS_AT = np.array([math.cos(1.0), math.sin(1.0)])  # the corner farthest this way: no track runs across it
@@ -63,6 +67,27 @@ def inclusion_corners(places_m: Array) -> Array:
         slack_m *= 2.0
 
 
+def inclusion_area(places_m: Array, keep_in: Sequence[KeepIn]) -> shapely.Polygon:
+    """The fence's inclusion around all places (N, 2): their hull with the margin, and its part in all keep-in areas.
+
+    An area grows where places are nearer to its edge than `EXCLUSION_SLACK_M`, and where it has too many corners.
+    """
+    hull = shapely.Polygon(inclusion_corners(places_m))
+    inside, points = hull, shapely.points(places_m)
+    for area in keep_in:
+        nearest_m = float(nearest_zone_m([area], np.zeros(1), places_m[:, 0], places_m[:, 1]).min())
+        grown = area.area.buffer(max(EXCLUSION_SLACK_M - nearest_m, 0.0), join_style="mitre", mitre_limit=2.0)
+        inside = inside.intersection(grown)
+    rough_m, rough = 0.5 * _LEAST_SLACK_M, inside
+    while True:
+        parts = [part for part in shapely.get_parts(rough) if part.geom_type == "Polygon"]
+        whole = max(parts, key=lambda part: int(np.count_nonzero(shapely.covers(part, points))))
+        if len(shapely.get_coordinates(whole)) <= _AREA_CORNERS_MAX:
+            return whole
+        rough_m *= 2.0
+        rough = inside.buffer(rough_m, join_style="mitre", mitre_limit=2.0).simplify(rough_m).intersection(hull)
+
+
 def inside_m(corners_m: Array, places_ned_m: Array) -> Array:
     """Distances (...) of positions (..., 3) from the nearest side of a convex polygon (C, 2); negative outside."""
     along = np.roll(corners_m, -1, axis=0) - corners_m
@@ -80,8 +105,8 @@ def outside_area(inclusion: shapely.Polygon, clearance_m: float) -> shapely.Geom
     return shapely.box(*np.array(inclusion.bounds) + _BEYOND_M * np.array([-1, -1, 1, 1])).difference(within)
 
 
-def swept_area(zone: NoFlyZone, clearance_m: float, from_s: float, to_s: float) -> shapely.Geometry:
-    """The area that a no-fly zone covers at some time in [from_s, to_s] of plan time, with a clearance around it."""
+def swept_area(zone: Zone, clearance_m: float, from_s: float, to_s: float) -> shapely.Geometry:
+    """The area that a zone covers at some time in [from_s, to_s] of plan time, with a clearance around it."""
     area = _grown(zone, clearance_m)
     if not zone.moves:
         return area
@@ -96,8 +121,8 @@ def swept_area(zone: NoFlyZone, clearance_m: float, from_s: float, to_s: float) 
     return shapely.union_all(swept)
 
 
-def _grown(zone: NoFlyZone, clearance_m: float) -> shapely.Polygon:
-    if zone.radius_m is None:
+def _grown(zone: Zone, clearance_m: float) -> shapely.Polygon:
+    if isinstance(zone, KeepIn) or zone.radius_m is None:
         return outline(zone).buffer(clearance_m, join_style="mitre", mitre_limit=2.0)
     radius_m = zone.radius_m + clearance_m
     corners = math.ceil(math.pi / math.acos(radius_m / (radius_m + _TOO_LARGE_M)))

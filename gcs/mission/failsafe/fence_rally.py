@@ -1,6 +1,7 @@
 """The fence, the rally points and the returns of a plan: what a fleet needs when its plan ends early.
 
 All vehicles have the same fence. Its inclusion is a convex hull, so every straight return track stays inside it.
+Keep-in areas cut the hull; straight return tracks may leave a concave one.
 `rtl_altitudes` chooses return altitudes; `gcs.mission.check.fence_and_rally` checks the result.
 """
 
@@ -14,7 +15,7 @@ import shapely
 
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.frames import Origin, ned_to_geodetic, to_degE7
-from gcs.mission.failsafe.fence_areas import inclusion_corners, planned_places_m
+from gcs.mission.failsafe.fence_areas import EXCLUSION_SLACK_M, inclusion_area, planned_places_m
 from gcs.mission.failsafe.rtl_altitudes import ReturnPlan, plan_returns
 from gcs.mission.failsafe.rtl_parameters import return_parameters
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint, RallyPoint
@@ -25,8 +26,6 @@ from gcs.scenario.si import local_origin
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
 
-# A plan may touch a zone's edge, and no vehicle keeps its path to the centimetre: there the fence is this far inside.
-EXCLUSION_SLACK_M = 2.0  # ArduPilot's FENCE_MARGIN
 _RADIUS_DECIMALS = _HEIGHT_DECIMALS = 2
 _LEAST_RADIUS_M = 0.5
 
@@ -72,12 +71,14 @@ def build_safety(plan: Plan, firmware: FleetFirmware) -> Safety:
 
 
 def build_fence(plan: Plan) -> Fence:
-    """The fence: a hull around all tracks, with a margin, less the no-fly zones that do not move."""
+    """The fence: a hull around all tracks, with a margin, in all keep-in areas, less no-fly zones that do not move."""
     places = planned_places_m(plan)
     origin = local_origin(plan.scenario)
-    polygon = FencePolygon(_places(inclusion_corners(places), origin), inclusion=True)
+    allowed = inclusion_area(places, plan.scenario.keep_in)
+    rings = [np.array(ring.coords)[:-1] for ring in (allowed.exterior, *allowed.interiors)]
     zones: list[Zone] = []
-    polygons, circles = [polygon], []
+    polygons = [FencePolygon(_places(ring, origin), inclusion=not n) for n, ring in enumerate(rings)]
+    circles: list[FenceCircle] = []
     for number, zone in enumerate(plan.scenario.no_fly, start=1):
         kept = 0.0
         if zone.moves:

@@ -14,7 +14,7 @@ import shapely
 
 from gcs.mission.failsafe.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
-from gcs.scenario.environment.no_fly import displacement_m, outline
+from gcs.scenario.environment.no_fly import displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_height_m
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _LOWER_M = 0.3  # than home: PX4's return altitude counts from the ground of the
 def rally_points_ned_m(plan: Plan, points_max: int) -> Array:
     """Ground points (V, R, 3): each vehicle's landing point, then those that keep more returns out of no-fly zones."""
     chosen = plan.landing_points_ned_m[:, None]
-    if not plan.scenario.no_fly:
+    if not zones(plan.scenario):
         return chosen
     t_s = np.linspace(plan.t_start_s, np.nextafter(plan.t_end_s, -np.inf), _INSTANTS)
     start = (plan.leader_trajectory.state(t_s)[:, POSITION] + plan.offsets(t_s))[..., :2]  # (V, N, 2)
@@ -59,7 +59,7 @@ def straight_through(plan: Plan, t_s: Array, start: Array, ends: Array) -> Array
     shape = (len(start), len(t_s), ends.shape[1], 2)
     first, last = np.broadcast_to(start[:, :, None], shape), np.broadcast_to(ends[:, None], shape)
     through = np.zeros(shape[:3], dtype=bool)
-    for zone in plan.scenario.no_fly:
+    for zone in zones(plan.scenario):
         area = outline(zone).buffer(-plan.scenario.mission.tolerance_m)
         shapely.prepare(area)
         moved = displacement_m(zone, t_s)[:, None]
@@ -81,7 +81,7 @@ def _candidates(plan: Plan) -> Array:
     good = np.ptp(ground_m, axis=-1) <= 2 * _FLAT_M * _SLOPE
     good &= ground_m[..., 0] >= -plan.pads_ned_m[:, None, 2] - _LOWER_M
     fence = shapely.Polygon(inclusion_corners(planned_places_m(plan)))
-    avoided = [swept_area(zone, _CLEARANCE_M, plan.t_start_s, math.inf) for zone in plan.scenario.no_fly]
+    avoided = [swept_area(zone, _CLEARANCE_M, plan.t_start_s, math.inf) for zone in zones(plan.scenario)]
     for area in (outside_area(fence, _CLEARANCE_M), *avoided):
         good &= ~shapely.intersects(area, shapely.points(flat))
     places = np.concatenate([flat, -ground_m[..., :1]], axis=-1)

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from gcs.mission.failsafe.fence_areas import inclusion_corners, outside_area, planned_places_m, swept_area
 from gcs.physics.quadrotor import Array
+from gcs.scenario.environment.no_fly import zones
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -47,7 +48,7 @@ class ReturnRoutes:
     def __init__(self, plan: Plan) -> None:
         corners = inclusion_corners(planned_places_m(plan))
         self._inclusion = shapely.Polygon(corners)
-        self._zones = plan.scenario.no_fly
+        self._zones = zones(plan.scenario)
         self._moves = any(zone.moves for zone in self._zones)
         limits = plan.scenario.limits
         longest_m = _LONGEST_SHARE * float(np.linalg.norm(np.ptp(corners, axis=0)))

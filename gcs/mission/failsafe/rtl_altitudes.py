@@ -298,6 +298,6 @@ def return_warnings(plan: Plan, returns: ReturnPlan, firmware: FleetFirmware) ->
             sysids = ", ".join(str(sysid) for sysid in crossing.sysids if acts[sysid].at_fence == at_fence)
             yield (
                 f"from {crossing.from_s:.1f} s to {crossing.to_s:.1f} s the autopilot's own straight return {where} "
-                f"crosses no-fly zone {crossing.zone}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
+                f"crosses {crossing.name.edge}: vehicle {sysids}; at its fence it {at_fence}. Returns of the "
                 "ground station lead round it"
             )

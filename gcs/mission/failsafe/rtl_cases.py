@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gcs.autopilots.traits import FleetFirmware, one_each
 from gcs.mission.failsafe.rtl_motion import Returning, ReturnSpeeds
 from gcs.physics.quadrotor import POSITION, Array
+from gcs.scenario.environment.no_fly import ZoneName
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 if TYPE_CHECKING:
@@ -23,13 +24,19 @@ _LOOKS_MAX = 3_000_000
 
 @dataclass(frozen=True)
 class Crossing:
-    """A no-fly zone that straight returns of some vehicles cross only if they begin in [from_s, to_s] of plan time."""
+    """A zone that straight returns of some vehicles cross only if they begin in [from_s, to_s] of plan time."""
 
     zone: int
     ends: str
     from_s: float
     to_s: float
     sysids: tuple[int, ...]
+    keep_in: bool = False  # the zone is what is outside a keep-in area
+
+    @property
+    def name(self) -> ZoneName:
+        """The name of the zone."""
+        return ZoneName(self.zone, self.keep_in)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.scenario.environment.ground_bounds import highest_ground
+from gcs.scenario.environment.no_fly import zone_names, zones
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -52,11 +53,11 @@ def path_bounds(plan: Plan, spline: BSpline, limit_tolerance: float) -> PathBoun
     begins_s, ends_s = (np.tile(part, len(at_edges)) for part in (begin_s, end_s))
     slack, lasts_s = bent_m.ravel(), ends_s - begins_s
     margin_m = plan.scenario.limits.zone_margin_m or 0.0
-    for number, zone in enumerate(plan.scenario.no_fly, start=1):
+    for name, zone in zip(zone_names(plan.scenario), zones(plan.scenario), strict=True):
         parts = parts_beside(zone, begin_m, end_m, begins_s, ends_s)
         outside = outside_along(zone, parts, margin_m - LENGTH_TOLERANCE_M, slack=slack[parts.piece])
         if outside.verdict != "proved":
-            violated.append(f"no-fly zone {number} violated by {margin_m - outside.proved:.3g} m")
+            violated.append(f"{name} violated by {margin_m - outside.proved:.3g} m")
     required_m = plan.scenario.limits.clearance_min_m
     highest = highest_ground(plan.scenario.terrain)
     above = clearance_along(highest, begin_m, end_m, required_m - LENGTH_TOLERANCE_M, slack=slack, duration_s=lasts_s)

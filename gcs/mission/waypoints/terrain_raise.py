@@ -15,7 +15,7 @@ from gcs.mission.waypoints.clear_legs import short_of_m
 from gcs.mission.waypoints.leg_profile import LegProfile
 from gcs.mission.waypoints.speed_correction import Corrected
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.no_fly import outside_m, zones
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -65,7 +65,7 @@ class TerrainRaise:
     def _too_near_m(self, flown: Prediction, row: int | None) -> float:
         places, scenario = self._places(flown, row), self._plan.scenario
         t_s = np.broadcast_to(float(self._t_s[0]) + flown.t_s[::_EVERY], places.shape[:2])
-        away_m = [float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in scenario.no_fly]
+        away_m = [float(outside_m(zone, t_s, places[..., 0], places[..., 1]).min()) for zone in zones(scenario)]
         required_m = (scenario.limits.zone_margin_m or 0.0) - scenario.mission.tolerance_m
         return required_m - min(away_m, default=math.inf)
 

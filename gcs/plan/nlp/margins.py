@@ -11,7 +11,7 @@ import numpy as np
 
 from gcs.physics.quadrotor import ATTITUDE, RATES, VELOCITY, Array, control_from_rotors, derivative, rotors_from_control
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.no_fly import outside_m, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import quadrotor, torque_limits
@@ -144,10 +144,10 @@ def course(scenario: Scenario, velocities: Array, headings_rad: Array) -> Margin
 
 
 def no_fly(scenario: Scenario, states: Array, t_s: Array) -> list[Margin]:
-    """Distance outside every no-fly zone (Eqs. 21, 24), which is where it is at plan times t_s (N,)."""
+    """Distance outside every zone (Eqs. 21, 24), which is where it is at plan times t_s (N,)."""
     return [
-        Margin(f"no-fly zone {number}", "m", outside_m(zone, t_s, states[..., 0], states[..., 1]), 1.0)
-        for number, zone in enumerate(scenario.no_fly, start=1)
+        Margin(str(name), "m", outside_m(zone, t_s, states[..., 0], states[..., 1]), 1.0)
+        for name, zone in zip(zone_names(scenario), zones(scenario), strict=True)
     ]
 
 

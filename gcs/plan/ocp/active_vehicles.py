@@ -7,6 +7,7 @@ choice then includes what this one missed.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,10 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.coordinates import bent
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import FEET, coarse_floor_m, ground_feet_m, lift_m
-from gcs.scenario.environment.no_fly import Piece, displacement_m, pieces
+from gcs.scenario.environment.convex_pieces import Disk, Piece
+from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_envelope_m
-from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.scenario.si import ground_needed
 
 NEAR_GROUND, NEAR_ZONE = 6, 3  # active vehicles of each kind at one instant
 # Numbers of one active vehicle: base offset (3), its rate (3), its acceleration (3), offset that it blends to (3). Near
@@ -38,7 +40,7 @@ class ActiveVehicles:
     """Rows of the active vehicles at T instants, and their motion in the shape."""
 
     ground: Rows  # (T, G): each vehicle FEET times in turn
-    zones: tuple[Rows, ...]  # one (T, D) for every piece of a no-fly zone
+    zones: tuple[Rows, ...]  # one (T, D) for every piece of a zone
     moving: Rows  # (T, M)
     moving_used: NDArray[np.bool_]  # (T, M): false where another row is the same constraint
     leaning: NDArray[np.bool_]  # (T, M): whether the row's tilt may differ from the leader's because of its wind
@@ -50,28 +52,41 @@ def active_vehicles(problem: Problem, times_s: Array, states: Array) -> ActiveVe
     base = problem.shape.offsets(times_s)
     places = offsets_at(problem, base, states)
     ground = _near_ground(problem, places, states)
-    moved = [displacement_m(zone, times_s) for zone, _ in zone_pieces(problem)]
-    zones = tuple(
-        _near_piece(places, states, piece, away) for (_, piece), away in zip(zone_pieces(problem), moved, strict=True)
-    )
+    beside = zone_pieces(problem)
+    moved = [displacement_m(zone, times_s) for _, zone, _ in beside]
+    near = tuple(_near_piece(places, states, piece, away) for (_, _, piece), away in zip(beside, moved, strict=True))
     moving, used = _moving(problem, times_s, base)
     motion = [base, problem.shape.offsets(times_s, 1), problem.shape.offsets(times_s, 2)]
     target = np.broadcast_to(problem.target_ned_m[:, None], base.shape)
     every = np.concatenate([*motion, target, np.zeros((*base.shape[:2], 3))], axis=2)  # (V, T, SLOT)
-    rows = np.hstack([ground, *zones, moving])
+    rows = np.hstack([ground, *near, moving])
     parameters = every[rows, np.arange(len(times_s))[:, None]]
     first = ground.shape[1]
     parameters[:, :first, FOOT.start :] = _feet(problem, places, states, ground)
-    for chosen, away in zip(zones, moved, strict=True):
+    for chosen, away in zip(near, moved, strict=True):
         parameters[:, first : first + chosen.shape[1], MOVED] = away[:, None]
         first += chosen.shape[1]
     leaning = (moving != problem.leader) & problem.winds_differ
-    return ActiveVehicles(ground, zones, moving, used, leaning, parameters.reshape(len(times_s), -1))
+    return ActiveVehicles(ground, near, moving, used, leaning, parameters.reshape(len(times_s), -1))
 
 
-def zone_pieces(problem: Problem) -> list[tuple[NoFlyZone, Piece]]:
-    """All pieces of all no-fly zones, each with its zone."""
-    return [(zone, piece) for zone in problem.scenario.no_fly for piece in pieces(zone)]
+def zone_pieces(problem: Problem) -> list[tuple[str, Zone, Piece]]:
+    """The pieces of all zones that the flight can reach, each with its name and its zone."""
+    region = ground_needed(problem.scenario)
+    places = np.array(list(itertools.product(region.north_m, region.east_m)))
+    found: list[tuple[str, Zone, Piece]] = []
+    for name, zone in zip(zone_names(problem.scenario), zones(problem.scenario), strict=True):
+        every = pieces(zone)
+        parts = [f"{name}, part {part}" if len(every) > 1 else str(name) for part in range(1, len(every) + 1)]
+        found += [(part, zone, piece) for part, piece in zip(parts, every, strict=True) if _is_reached(piece, places)]
+    return found
+
+
+def _is_reached(piece: Piece, corners_m: Array) -> bool:
+    """Whether a half-plane has places in a region with these corners (4, 2); other pieces count as reached."""
+    if isinstance(piece, Disk) or piece.corners_m:
+        return True
+    return bool(piece.outside_m(corners_m[:, 0], corners_m[:, 1]).min() < 0.0)
 
 
 def offsets_at(problem: Problem, base: Array, states: Array) -> Array:

@@ -25,7 +25,7 @@ from gcs.plan.ocp.objectives import speed_across_and_along
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.ocp.terrain_spline import spline
 from gcs.scenario.environment.clearance_floor import FEET
-from gcs.scenario.environment.no_fly import Disk, Piece, pieces
+from gcs.scenario.environment.convex_pieces import Disk, Piece
 from gcs.scenario.environment.terrain import ground_envelope_m
 
 # Smooths the load factor at rest. At no speed does it let the optimiser exceed the verifier's limit by over 0.05 %.
@@ -135,8 +135,8 @@ def path_names(problem: Problem, chosen: ActiveVehicles) -> list[list[str]]:
             f"clearance of vehicle {ids[v]}{', other side' if foot % FEET else ''}"
             for foot, v in enumerate(chosen.ground[t])
         ]
-        for zone, near in zip(_zone_names(problem), chosen.zones, strict=True):
-            names += [f"{zone} for vehicle {ids[v]}" for v in near[t]]
+        for (piece, _, _), near in zip(zone_pieces(problem), chosen.zones, strict=True):
+            names += [f"{piece} for vehicle {ids[v]}" for v in near[t]]
         names += [f"{name} of vehicle {ids[v]}" for v in chosen.moving[t] for name in _moving_names(problem)]
         if problem.jerk_left_mps3 is not None:
             names.append("jerk of the formation")
@@ -191,7 +191,7 @@ def _path(
         values.append(-(x[2] + down) - height - slot[LIFT])
     # No-fly zones: Eq. 21 for the leader, Eq. 24 for a follower.
     zones = zone_pieces(problem)
-    for number, (_, piece) in enumerate(zones):
+    for number, (_, _, piece) in enumerate(zones):
         for _ in range(near_zone):
             slot = next(remaining)
             offset_north, offset_east, _ = _place(problem, x, slot)
@@ -223,6 +223,8 @@ def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
         squared = (north - piece.centre_m[0]) ** 2 + (east - piece.centre_m[1]) ** 2
         return (squared - piece.radius_m**2) / (2.0 * piece.radius_m)
     edges = [n * north + e * east - off for (n, e), off in zip(piece.normals, piece.offsets_m, strict=True)]
+    if len(edges) == 1:
+        return edges[0]
     sharpness = math.log(len(edges)) / CORNER_M
     largest = edges[0]
     for edge in edges[1:]:
@@ -231,15 +233,6 @@ def _outside(piece: Piece, north: ca.SX, east: ca.SX) -> ca.SX:
     for edge in edges:
         beside += ca.exp(sharpness * (edge - largest))
     return largest + ca.log(beside) / sharpness - CORNER_M
-
-
-def _zone_names(problem: Problem) -> list[str]:
-    """The name of each piece of each zone."""
-    names = []
-    for number, zone in enumerate(problem.scenario.no_fly, start=1):
-        count = len(pieces(zone))
-        names += [f"no-fly zone {number}{f', part {part}' if count > 1 else ''}" for part in range(1, count + 1)]
-    return names
 
 
 def _place(problem: Problem, x: list[ca.SX], slot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -111,7 +111,7 @@ class Replanner:
         try:
             return self._replanned(leader, t_s, tuple(zones), on_round, began)
         except PlanningError:
-            if not self._keeps_room or not (zones or self.plan.scenario.no_fly):
+            if not self._keeps_room or not (zones or self.plan.scenario.no_fly or self.plan.scenario.keep_in):
                 raise
         self._second = self._second or Replanner(
             self.plan, spare_disks=self.spare_disks, extra_objectives=self._extra_objectives, keeps_room=False

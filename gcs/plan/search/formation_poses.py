@@ -18,7 +18,7 @@ from gcs.plan.formation.shape import Rows
 from gcs.plan.ocp.objectives import departure_cost
 from gcs.plan.ocp.problem import Problem
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
-from gcs.scenario.environment.no_fly import outside_m
+from gcs.scenario.environment.no_fly import outside_m, zones
 
 REPRESENTATIVES = 24
 _STEPS = {"scale": 5, "heading": 5, "blend": 3}
@@ -70,7 +70,7 @@ def floor_m(problem: Problem, offsets_ned_m: Array, north_m: Array, east_m: Arra
         at_n, at_e = north_m + offset_n, east_m + offset_e
         least = coarse_floor_m(scenario.terrain, at_n, at_e, scenario.limits.clearance_min_m)
         floor = np.maximum(floor, least + offset_d)
-        for zone in scenario.no_fly:
+        for zone in zones(scenario):
             floor[outside_m(zone, when_s, at_n, at_e) < 0.0] = np.inf
     return np.asarray(floor)
 

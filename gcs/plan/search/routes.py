@@ -195,7 +195,7 @@ def _no_route(area: Map, start: tuple[int, int], end: tuple[int, int]) -> Infeas
     if not connected(high):
         return Infeasible(
             "no plan: no-fly zones block all routes from start to end",
-            hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m)",
+            hint="move or shrink a zone ([[no_fly]]), or widen the area ([limits] north_m, east_m; [[keep_in]])",
         )
     while high - low > 0.05:
         middle = 0.5 * (low + high)

@@ -7,7 +7,7 @@ from scipy.spatial.distance import pdist
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_distance import ground_distance_m
-from gcs.scenario.environment.no_fly import nearest_zone_m
+from gcs.scenario.environment.no_fly import nearest_zone_m, zones
 from gcs.scenario.schema.scenario import Scenario
 
 
@@ -23,7 +23,7 @@ def zone_distances_m(scenario: Scenario, t_s: Array, positions_ned_m: Array) -> 
 
     Negative inside, infinite without zones.
     """
-    return nearest_zone_m(scenario.no_fly, t_s, positions_ned_m[..., 0], positions_ned_m[..., 1])
+    return nearest_zone_m(zones(scenario), t_s, positions_ned_m[..., 0], positions_ned_m[..., 1])
 
 
 def ground_distances_m(scenario: Scenario, positions_ned_m: Array, reach_m: float) -> Array:

@@ -1,4 +1,4 @@
-"""Warnings about no-fly zones and ground that a plan passes nearer than the navigation error."""
+"""Warnings about zones and ground that a plan passes nearer than the navigation error."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def thin_margins(plan: Plan, report: Report) -> tuple[str, ...]:
     nearest = report.nearest_zone
     if nearest is not None and nearest.distance_m < error.horizontal_m - _SLACK_M:
         found.append(
-            f"vehicle {nearest.sysid} passes no-fly zone {nearest.number} at {_metres(nearest.distance_m)} m "
+            f"vehicle {nearest.sysid} passes {nearest.name.edge} at {_metres(nearest.distance_m)} m "
             f"(t = {nearest.t_s:.0f} s); the navigation error of {grade} sensors is up to {error.horizontal_m:g} m "
             f"(3 sigma). Set limits.zone_margin_m = {error.horizontal_m:g}{better}"
         )

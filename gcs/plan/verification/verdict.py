@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gcs.errors import VerificationError
+from gcs.scenario.environment.no_fly import ZoneName
 
 LENGTH_TOLERANCE_M = 0.8e-3  # every length; exact places at ends and joints too
 SPEED_TOLERANCE_MPS = 1e-3  # at ends and route points
 ANGLE_TOLERANCE_DEG = 0.01
 LIMIT_TOLERANCE = 1e-3  # share of the limit
 WINDOW_TOLERANCE_M = 10e-3
-ZONE = "no-fly zone "  # the name of a zone's check, before its number
 ROUTE = "route point"  # the names of the checks of a route begin so
 Verdict = Literal["proved", "violated", "undecided", "sampled"]
 _LISTED = 5  # failures in an error
@@ -61,12 +61,21 @@ class Check:
 
 @dataclass(frozen=True)
 class NearestZone:
-    """The no-fly zone that a vehicle passes nearest, and when; no vehicle is nearer to any zone than `distance_m`."""
+    """The zone that a vehicle passes nearest, and when; no vehicle is nearer to any zone than `distance_m`.
+
+    A zone is a no-fly zone or what is outside a keep-in area; each kind has numbers of its own.
+    """
 
     number: int
     sysid: int
     t_s: float
     distance_m: float
+    keep_in: bool = False
+
+    @property
+    def name(self) -> ZoneName:
+        """The name of the zone."""
+        return ZoneName(self.number, self.keep_in)
 
 
 @dataclass(frozen=True)

@@ -35,13 +35,13 @@ from gcs.plan.verification.scheduled_shape import stretches
 from gcs.plan.verification.verdict import (
     LENGTH_TOLERANCE_M,
     WINDOW_TOLERANCE_M,
-    ZONE,
     Check,
     NearestZone,
     Report,
     Verdict,
     refusal,
 )
+from gcs.scenario.environment.no_fly import zone_names, zones
 
 __all__ = ["AIRBORNE", "LENGTH_TOLERANCE_M", "Check", "Report", "Verdict", "refusal", "verify"]
 
@@ -68,18 +68,20 @@ def verify(plan: Plan) -> Report:
         min(separations) + limits.separation_min_m if separations else None,
         WINDOW_TOLERANCE_M - window.worst,
         terminal_m,
-        _least_zone(checks, limits.zone_margin_m or 0.0),
+        _least_zone(plan, checks),
     )
 
 
-def _least_zone(checks: list[Check], limit_m: float) -> NearestZone | None:
+def _least_zone(plan: Plan, checks: list[Check]) -> NearestZone | None:
     """The zone that a vehicle passes nearest, of all phases; None without zones."""
-    found = [c for c in checks if c.name.startswith(ZONE) and c.proved is not None]
+    names = {str(name): name for name in zone_names(plan.scenario)}
+    found = [c for c in checks if c.name in names and c.proved is not None]
     if not found:
         return None
     least = min(found, key=lambda c: c.worst)
-    distance_m = min(c.proved for c in found if c.proved is not None) + limit_m
-    return NearestZone(int(least.name.removeprefix(ZONE)), least.sysid or 0, least.t_s or 0.0, distance_m)
+    distance_m = min(c.proved for c in found if c.proved is not None) + (plan.scenario.limits.zone_margin_m or 0.0)
+    name = names[least.name]
+    return NearestZone(name.number, least.sysid or 0, least.t_s or 0.0, distance_m, name.keep_in)
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,9 @@ class _Proofs:
         return found
 
     def places(self) -> list[Check]:
-        """Box, heights, no-fly zones, and the distance to the ground."""
+        """Box, heights, no-fly zones, keep-in areas, and the distance to the ground."""
         scenario = self.plan.scenario
-        visits = [move[0] for zone in scenario.no_fly for move in zone.moves]
+        visits = [move[0] for zone in zones(scenario) for move in zone.moves]
         cells = self._cells(self._groups, *self._interval(np.array(visits)))
         airborne = np.array([i for i, p in enumerate(self.plan.phases) if p.name in AIRBORNE], dtype=np.intp)
         ground = ground_patches(scenario.terrain)

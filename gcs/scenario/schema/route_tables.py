@@ -69,3 +69,8 @@ class KeepIn(Part):
     def area(self) -> shapely.Polygon:
         """The area (north, east), m."""
         return shapely.Polygon(self.polygon_m)
+
+    @property
+    def moves(self) -> tuple[tuple[float, float, float], ...]:
+        """The displacements over time that a zone may have: none."""
+        return ()

@@ -49,11 +49,12 @@ def close_ups(
     """Return at most three stretches of the mission where something happens; its middle where nothing does."""
     during = np.flatnonzero((t_s >= 0.0) & (t_s <= scenario.time.flight_s))
     found = [_nearest_call(sysids, t_s, tracks_ned_m, during)] if len(sysids) > 1 and len(during) else []
-    if scenario.no_fly and len(during):
+    if (scenario.no_fly or scenario.keep_in) and len(during):
         away_m = zone_distances_m(scenario, t_s[during], tracks_ned_m[:, during])
         row, n = np.unravel_index(int(np.nanargmin(away_m)), away_m.shape)
         inside = "inside" if away_m[row, n] < 0.0 else "from"
-        title = f"vehicle {sysids[row]}, {abs(away_m[row, n]):.2f} m {inside} a no-fly zone"
+        zone = "the edge of a zone" if scenario.keep_in else "a no-fly zone"
+        title = f"vehicle {sysids[row]}, {abs(away_m[row, n]):.2f} m {inside} {zone}"
         found.append(CloseUp.around(title, float(t_s[during[n]])))
     if len(found) < MOST - len(moves) and len(during):
         found += _lowest(scenario, sysids, t_s, tracks_ned_m, during)
@@ -106,7 +107,7 @@ def draw_close_up(
     at = int(np.argmin(np.abs(t_s - what.at_s))) if what.at_s is not None else int(during[-1])
     low, high = _frame(tracks, size_in)
     draw_ground(axes, scenario, (low[::-1], high[::-1]), scale=False)
-    draw_zones(axes, scenario.no_fly, (float(t_s[at]), float(t_s[at])))
+    draw_zones(axes, scenario, (float(t_s[at]), float(t_s[at])))
     for colour, track, place in zip(colours(sysids), tracks, tracks_ned_m[:, at, 1::-1], strict=True):
         axes.plot(*track.T, color=colour, lw=1.2)
         axes.plot(*track[0], "o", color=colour, mfc="white", ms=4.5)

@@ -62,7 +62,7 @@ class FlightMap:
         handles = []
         if self.scenario is not None:
             draw_ground(axes, self.scenario, area)
-            draw_zones(axes, self.scenario.no_fly, self._span_s)
+            draw_zones(axes, self.scenario, self._span_s)
         for track in self.planned_ned_m if self.planned_ned_m is not None else ():
             axes.plot(track[:, 1], track[:, 0], **PLANNED)
         for colour, track in zip(colours(self.sysids), self.tracks_ned_m, strict=True):
@@ -81,7 +81,7 @@ class FlightMap:
         for t_s, place in zip(times_s, places, strict=True):
             labels.place(axes, f"{t_s:.0f} s", (float(place[1]), float(place[0])))
         if self.scenario is not None:
-            label_zones(axes, labels, self.scenario.no_fly, self._span_s)
+            label_zones(axes, labels, self.scenario, self._span_s)
 
     @property
     def _span_s(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What every map shows beside tracks: its area, the ground, no-fly zones, and the wind as an entry of the legend."""
+"""What every map shows beside tracks: its area, the ground, zones, and the wind as an entry of the legend."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from matplotlib.transforms import Affine2D
 
 from gcs.flight.assessment.pictures.label_places import Labels
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.no_fly import displacement_m, outline
+from gcs.scenario.environment.no_fly import Zone, displacement_m, outline, zones
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.schema.ground_tables import NoFlyZone
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import KeepIn, Scenario
 
 DART = Shape([(0.0, 1.0), (0.6, -0.8), (0.0, -0.4), (-0.6, -0.8), (0.0, 1.0)])  # points north
 Area = tuple[Array, Array]  # the least and the greatest north and east (2,), m
@@ -30,6 +29,7 @@ _ROOM, _LEAST_ROOM_M = 0.12, 5.0  # around tracks: share of their extent, and me
 _OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
 _THIN = 0.4  # shorter over longer side of an area, at least
 ZONE = "#c00000"
+KEEP_IN = "#1b7837"
 WIND = "#1f77b4"
 ARROW = Shape(
     [(-0.12, -1.0), (0.12, -1.0), (0.12, 0.2), (0.5, 0.2), (0.0, 1.0), (-0.5, 0.2), (-0.12, 0.2), (-0.12, -1.0)]
@@ -37,13 +37,13 @@ ARROW = Shape(
 
 
 def area_of(scenario: Scenario | None, places_ned_m: Array) -> Area:
-    """Return the area around places (..., 3) and the no-fly zones beside them, with some room."""
+    """Return the area around places (..., 3) and the zones beside them, with some room."""
     flat = places_ned_m[..., :2].reshape(-1, 2)
     low, high = np.nanmin(flat, axis=0), np.nanmax(flat, axis=0)
     room_m = max(_ROOM * float(np.max(high - low)), _LEAST_ROOM_M)
     if scenario is not None:
         near = low - 3.0 * room_m, high + 3.0 * room_m
-        for zone in scenario.no_fly:
+        for zone in zones(scenario):
             for corners in outlines(zone, (0.0, scenario.time.flight_s)):
                 low = np.minimum(low, np.maximum(corners.min(axis=0), near[0]))
                 high = np.maximum(high, np.minimum(corners.max(axis=0), near[1]))
@@ -98,10 +98,13 @@ def draw_ground(axes: Any, scenario: Scenario, area: Area, *, scale: bool = True
     axes.add_patch(box)
 
 
-def draw_zones(axes: Any, zones: tuple[NoFlyZone, ...], span_s: tuple[float, float]) -> None:
-    """Draw no-fly zones; a moving one where it is at both ends of a span, with its way."""
-    for zone in zones:
+def draw_zones(axes: Any, scenario: Scenario, span_s: tuple[float, float]) -> None:
+    """Draw edges of keep-in areas, and no-fly zones; a moving one where it is at both ends of a span, with its way."""
+    for zone in zones(scenario):
         first, *later = outlines(zone, span_s)
+        if isinstance(zone, KeepIn):
+            axes.add_patch(Polygon(first[:, ::-1], fill=False, ec=KEEP_IN, lw=1.4, zorder=1.6))
+            continue
         axes.add_patch(Polygon(first[:, ::-1], fc=ZONE, ec=ZONE, alpha=0.3, zorder=1.5))
         axes.add_patch(Polygon(first[:, ::-1], fill=False, ec=ZONE, lw=1.0, zorder=1.6))
         for corners in later:
@@ -112,9 +115,9 @@ def draw_zones(axes: Any, zones: tuple[NoFlyZone, ...], span_s: tuple[float, flo
             axes.annotate("", *ends, arrowprops=arrow, zorder=1.7, annotation_clip=True)
 
 
-def label_zones(axes: Any, labels: Labels, zones: tuple[NoFlyZone, ...], span_s: tuple[float, float]) -> None:
+def label_zones(axes: Any, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:
     """Write beside a moving zone when it is where."""
-    for zone in zones:
+    for zone in scenario.no_fly:
         places = outlines(zone, span_s)
         if len(places) > 1:
             for corners, t_s in zip(places, _moving_s(zone, span_s), strict=True):
@@ -123,8 +126,10 @@ def label_zones(axes: Any, labels: Labels, zones: tuple[NoFlyZone, ...], span_s:
 
 
 def zone_entry(scenario: Scenario) -> list[Polygon]:
-    """Return no-fly zones for a legend; nothing where there are none."""
-    return [Polygon([(0.0, 0.0)], fc=ZONE, ec=ZONE, alpha=0.3, label="no-fly zone")] if scenario.no_fly else []
+    """Return no-fly zones and keep-in areas for a legend; nothing where there are none."""
+    zone = Polygon([(0.0, 0.0)], fc=ZONE, ec=ZONE, alpha=0.3, label="no-fly zone")
+    area = Polygon([(0.0, 0.0)], fill=False, ec=KEEP_IN, lw=1.4, label="keep-in area")
+    return [zone] * bool(scenario.no_fly) + [area] * bool(scenario.keep_in)
 
 
 def layer_entries(axes: Any, scenario: Scenario) -> list[Any]:
@@ -153,15 +158,16 @@ def _hidden(area: Area, north_m: tuple[float, float], east_m: tuple[float, float
     return not any(inside)
 
 
-def _moving_s(zone: NoFlyZone, span_s: tuple[float, float]) -> Array:
+def _moving_s(zone: Zone, span_s: tuple[float, float]) -> Array:
     if not zone.moves:
         return np.array([span_s[0]])
     times = [t_s for t_s, *_ in zone.moves]
     return np.clip([times[0], times[-1]], *span_s)
 
 
-def outlines(zone: NoFlyZone, span_s: tuple[float, float]) -> list[Array]:
+def outlines(zone: Zone, span_s: tuple[float, float]) -> list[Array]:
     """Corners (C, 2), north and east, of a zone where it is first and last in a span; once if it does not move."""
     moved = displacement_m(zone, _moving_s(zone, span_s))
-    corners = np.array(outline(zone).exterior.coords)
+    area = zone.area if isinstance(zone, KeepIn) else outline(zone)
+    corners = np.array(area.exterior.coords)
     return [corners + one for one in moved[: 1 + bool(np.ptp(moved, axis=0).any())]]

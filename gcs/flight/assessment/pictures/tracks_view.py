@@ -18,6 +18,7 @@ from gcs.flight.assessment.pictures.flight_map import FlightMap, vehicle_entries
 from gcs.flight.assessment.pictures.label_places import Labels
 from gcs.flight.assessment.pictures.map_layers import (
     ARROW,
+    KEEP_IN,
     WIND,
     ZONE,
     Area,
@@ -29,8 +30,9 @@ from gcs.flight.assessment.pictures.map_layers import (
 )
 from gcs.physics.quadrotor import Array
 from gcs.plan.formation.changes.timeline import Move
+from gcs.scenario.environment.no_fly import zones
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import KeepIn, Scenario
 
 _HIGH = 0.25  # height of the box over its longer side
 _TICKS = 4
@@ -70,9 +72,10 @@ def _draw_in_space(axes: Any, chart: FlightMap, scenario: Scenario) -> None:
     sysids, tracks_ned_m, span_s = chart.sysids, chart.tracks_ned_m, (float(chart.t_s[0]), float(chart.t_s[-1]))
     low, high = area = chart.area
     lowest_m, top_m = _draw_ground(axes, scenario, area), float(np.nanmax(-tracks_ned_m[..., 2]))
-    for zone in scenario.no_fly:
+    for zone in zones(scenario):
+        colour = KEEP_IN if isinstance(zone, KeepIn) else ZONE
         for corners in outlines(zone, span_s):
-            _draw_zone(axes, scenario, np.clip(corners, low, high), top_m)
+            _draw_zone(axes, scenario, np.clip(corners, low, high), top_m, colour)
     for colour, track in zip(colours(sysids), tracks_ned_m, strict=True):
         under_m = ground_height_m(scenario.terrain, track[:, 0], track[:, 1])
         axes.plot(track[:, 1], track[:, 0], under_m, color="black", lw=0.5, alpha=0.35, zorder=8)
@@ -132,7 +135,7 @@ def _draw_ground(axes: Any, scenario: Scenario, area: Area) -> float:
     return float(height.min())
 
 
-def _draw_zone(axes: Any, scenario: Scenario, corners: Array, top_m: float) -> None:
+def _draw_zone(axes: Any, scenario: Scenario, corners: Array, top_m: float, colour: str) -> None:
     """Draw a wall around a zone, from the ground to the highest track."""
     corners = corners[np.linspace(0, len(corners) - 1, min(len(corners), _CORNERS)).astype(int)]
     north, east = corners.T
@@ -147,7 +150,7 @@ def _draw_zone(axes: Any, scenario: Scenario, corners: Array, top_m: float) -> N
         ]
         for n in range(len(north) - 1)
     ]
-    faces = Poly3DCollection(wall, facecolor=ZONE, edgecolor="none", alpha=0.13, zorder=7.5)
+    faces = Poly3DCollection(wall, facecolor=colour, edgecolor="none", alpha=0.13, zorder=7.5)
     axes.add_collection3d(faces)
     for edge in (foot_m, top):
-        axes.plot(east, north, edge, color=ZONE, lw=1.0, zorder=7.6)
+        axes.plot(east, north, edge, color=colour, lw=1.0, zorder=7.6)

@@ -30,6 +30,8 @@ DEFINITIONS = {
     "take-off to the order to land",
     "outside no-fly zones": "horizontal distance to the nearest no-fly zone, negative inside; from the pads to the "
     "last stop",
+    "inside keep-in areas": "horizontal distance to the edge of the nearest keep-in area, negative outside; from the "
+    "pads to the last stop",
     "inside the fence": "horizontal distance to the edge of the fence, negative outside; from the pads to the last "
     "stop",
     "height": f"height above the origin, every {GRID_S:g} s from the hover after take-off to the order to land",

@@ -18,8 +18,7 @@ from gcs.mission.failsafe.every_start.start_cells import StartCells, plan_interv
 from gcs.mission.failsafe.fence_areas import swept_area
 from gcs.mission.failsafe.rtl_cases import Crossing, return_ends
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.no_fly import outline
-from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.scenario.environment.no_fly import Zone, ZoneName, outline, zone_names, zones
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -34,11 +33,11 @@ def zones_crossed(plan: Plan, firmware: FleetFirmware, rally_ned_m: Array) -> It
     """The intervals of start times outside which no return of a vehicle crosses a no-fly zone."""
     ends_m = return_ends(plan, firmware, rally_ned_m).ned_m[..., :2]
     for to_rally in (False, True):
-        for number, zone in enumerate(plan.scenario.no_fly, start=1):
-            yield from _crossings(plan, zone, number, ends_m if to_rally else ends_m[:, :1], to_rally=to_rally)
+        for name, zone in zip(zone_names(plan.scenario), zones(plan.scenario), strict=True):
+            yield from _crossings(plan, zone, name, ends_m if to_rally else ends_m[:, :1], to_rally=to_rally)
 
 
-def _crossings(plan: Plan, zone: NoFlyZone, number: int, ends_m: Array, *, to_rally: bool) -> Iterator[Crossing]:
+def _crossings(plan: Plan, zone: Zone, name: ZoneName, ends_m: Array, *, to_rally: bool) -> Iterator[Crossing]:
     begin_s, end_s = plan_intervals(plan, _LONGEST_S)
     settled: list[tuple[float, float, Mask]] = []
     while len(begin_s):
@@ -60,10 +59,10 @@ def _crossings(plan: Plan, zone: NoFlyZone, number: int, ends_m: Array, *, to_ra
             _, to_s, more = settled.pop(0)
             rows = rows | more
         sysids = tuple(sysid for sysid, row in zip(plan.sysids, rows.tolist(), strict=True) if row)
-        yield Crossing(number, ends, from_s, to_s, sysids)
+        yield Crossing(name.number, ends, from_s, to_s, sysids, name.keep_in)
 
 
-def _met(plan: Plan, zone: NoFlyZone, cells: StartCells, ends_m: Array) -> tuple[Mask, Mask]:
+def _met(plan: Plan, zone: Zone, cells: StartCells, ends_m: Array) -> tuple[Mask, Mask]:
     """Whether (V, N) a return of a cell may cross the zone; and whether its middle one crosses much of it."""
     places, levels_m = cells.fleet
     away_m = np.linalg.norm(places[:, :, None, :2] - ends_m[:, None], axis=-1)

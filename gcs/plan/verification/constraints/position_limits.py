@@ -1,4 +1,4 @@
-"""Places: the box and the height limits of Eq. 51, and the no-fly zones (Eqs. 21, 24), for every vehicle."""
+"""Places of every vehicle: box and height limits (Eq. 51), no-fly zones (Eqs. 21, 24) and keep-in areas."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gcs.plan.verification.proof.polynomials import enclosed
 from gcs.plan.verification.proof.subdivision import Cells, Constraint, Mask, Rows
 from gcs.plan.verification.proof.taylor import Taylor
 from gcs.plan.verification.proof.vehicle_tree import VehicleTree, enclosed_offsets
-from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M, ZONE
-from gcs.scenario.environment.no_fly import Convex, Disk, displacement_m, pieces
+from gcs.plan.verification.verdict import LENGTH_TOLERANCE_M
+from gcs.scenario.environment.convex_pieces import Convex, Disk
+from gcs.scenario.environment.no_fly import Zone, displacement_m, pieces, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
-from gcs.scenario.schema.scenario import NoFlyZone
 
 ORDER = 2
 RESOLUTION_M = 0.25e-3
@@ -31,7 +31,7 @@ def enclosed_places(plan: Plan, tree: VehicleTree, cells: Cells) -> Taylor:
 
 @dataclass(frozen=True)
 class PositionLimits:
-    """Box, height limits and no-fly zones. The lower height limit and the narrow box hold in some phases only."""
+    """Box, height limits and zones. The lower height limit and the narrow box hold in some phases only."""
 
     plan: Plan
     tree: VehicleTree
@@ -44,7 +44,7 @@ class PositionLimits:
     def constraints(self) -> tuple[Constraint, ...]:
         """In the order of the margins."""
         lengths = ["height", "height above ground", "north position", "east position"]
-        lengths += [f"{ZONE}{number}" for number in range(1, len(self.plan.scenario.no_fly) + 1)]
+        lengths += map(str, zone_names(self.plan.scenario))
         return tuple(Constraint(name, "m", LENGTH_TOLERANCE_M, RESOLUTION_M) for name in lengths)
 
     def bounds(self, cells: Cells) -> tuple[Array, Array]:
@@ -60,7 +60,7 @@ class PositionLimits:
             low, high = (np.where(is_mission, narrow[end], wide[end]) for end in (0, 1))
             found.append(_between(place[axis], low, high))
         margin_m = limits.zone_margin_m or 0.0
-        for zone in self.plan.scenario.no_fly:
+        for zone in zones(self.plan.scenario):
             low, seen = _outside(zone, place, cells)
             found.append((low - margin_m, seen - margin_m))
         return np.stack([f[0] for f in found]), np.stack([f[1] for f in found])
@@ -92,7 +92,7 @@ def _between(value: Taylor, low: Array, high: Array) -> tuple[Array, Array]:
     return np.minimum(least - low, high - most), np.minimum(value.middle - low, high - value.middle)
 
 
-def _outside(zone: NoFlyZone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
+def _outside(zone: Zone, place: Taylor, cells: Cells) -> tuple[Array, Array]:
     """The distance outside a zone, where it is at the time: it moves evenly within a cell."""
     ends = [displacement_m(zone, t_s) for t_s in (cells.start_s, cells.end_s)]  # (N, 2)
     moved = np.zeros((ORDER + 1, 2, len(cells)))

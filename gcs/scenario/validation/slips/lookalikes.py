@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from gcs.scenario.degrees.place_questions import Pair, degrees, shown, shown_column, shown_points
+from gcs.scenario.schema.fields import Place
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import local_origin
 from gcs.scenario.validation.mistakes import Mistake
@@ -53,9 +54,11 @@ def _end_is_in_metres(scenario: Scenario) -> Mistakes:
     yield from _place(scenario, ("end", "position_m"), scenario.end.position_m)
 
 
-@RULES.needs("start", "end")
+@RULES.needs("start", "route", "end")
 def _flight_has_a_length(scenario: Scenario) -> Mistakes:
     """Degrees far from the origin, which is perhaps that of the template."""
+    if scenario.route:
+        return
     ends = (scenario.start.position_m, scenario.end.position_m)
     apart_m = max(abs(a - b) for a, b in zip(*ends, strict=True))
     if apart_m >= _SHORT_M or not all(_has_many_digits(value) for end in ends for value in end[:2]):
@@ -88,6 +91,18 @@ def _zones_are_in_metres(scenario: Scenario) -> Mistakes:
             )
 
 
+@RULES.needs("origin", "keep_in")
+def _keep_in_areas_are_in_metres(scenario: Scenario) -> Mistakes:
+    for row, area in enumerate(scenario.keep_in):
+        yield from _line(scenario, ("keep_in", row, "polygon_m"), area.polygon_m)
+
+
+@RULES.needs("origin", "route")
+def _route_is_in_metres(scenario: Scenario) -> Mistakes:
+    for row, point in enumerate(scenario.route):
+        yield from _place(scenario, ("route", row, "position_m"), point.position_m)
+
+
 @RULES.needs("origin", "limits")
 def _box_is_in_metres(scenario: Scenario) -> Mistakes:
     corners = list(zip(scenario.limits.north_m, scenario.limits.east_m, strict=True))
@@ -101,12 +116,15 @@ def _summits_are_in_metres(scenario: Scenario) -> Mistakes:
     yield from _columns(scenario, ("terrain", "mountains", "north_m"), summits, mountains.north_m)
 
 
-@RULES.needs("origin", "start", "end", "limits")
+@RULES.needs("origin", "start", "route", "end", "limits")
 def _heights_count_upwards_from_the_origin(scenario: Scenario) -> Mistakes:
     (low, high), sea_m = scenario.limits.height_m, scenario.origin.alt_amsl_m
-    for table, boundary in (("start", scenario.start), ("end", scenario.end)):
-        height = boundary.position_m[2]
-        key: Key = (table, "position_m", 2)
+    places: list[tuple[Key, Place]] = [(("start",), scenario.start.position_m)]
+    places += [(("route", row), point.position_m) for row, point in enumerate(scenario.route)]
+    places.append((("end",), scenario.end.position_m))
+    for table, place in places:
+        height = place[2]
+        key: Key = (*table, "position_m", 2)
         if low <= height <= high:
             continue
         if height < 0.0 and low <= -height <= high:
