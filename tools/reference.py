@@ -78,6 +78,65 @@ END
 `gcs` asks about numbers that look like something else, and says what to write: swapped latitude and longitude (the
 order of GeoJSON and KML), degrees under a key in metres, metres under a key in degrees, degrees times 10 million
 (MAVLink), and a lost sign. It refuses places more than 100 km from the origin.
+
+## Routes and keep-in areas
+
+`[[route]]` tables are points that the leader passes between start and end, in the order of the file. It flies through a
+point, or beside it within `radius_m`; with `hold_s` it hovers there. `speed_mps` and `heading_deg` are those at the
+point. Times (`at_s`, `after_s`, `by_s`) count from T0, when the leader is at the start. `gcs` names the leg for which a
+time is too short. `shape` names the shape from the point on; beside other scheduled changes, write
+`[[formation.change]]` with `at_point` instead.
+
+`loops = 2` flies all points twice; then a point has no times. All rounds together have at most 100 points. With
+`end = "start"` the flight ends where it started, at rest. Two points in a row must be more than 0.1 m apart.
+
+`[[keep_in]]` is an area that no vehicle leaves, from take-off to landing and at any height. Planner, verification,
+`gcs check` and the assessment of a flight treat its edge as that of a no-fly zone, also with `zone_margin_m`. The
+exported fence ends at the edge, or up to 2 m beyond it where the plan comes near. With several areas, vehicles stay
+inside each of them.
+
+```sh
+mkdir -p plans/orchard
+cat > plans/orchard/scenario.toml <<'END'
+schema_version = 1
+name = "orchard"
+vehicle_type = "quad500"
+origin = { lat_deg = 47.4, lon_deg = 8.55, alt_amsl_m = 488.0 }
+time = { flight_s = 120.0 }
+start = { position_m = [0.0, 0.0, 15.0] }
+end = "start"
+
+[limits]
+north_m = [-40.0, 140.0]
+east_m = [-40.0, 120.0]
+height_m = [0.0, 40.0]
+clearance_min_m = 5.0
+separation_min_m = 5.0
+
+[[keep_in]]
+polygon_m = [[-30.0, -30.0], [130.0, -30.0], [130.0, 110.0], [60.0, 110.0], [-30.0, 60.0]]
+
+[[route]]
+name = "gate"
+position_m = [80.0, 0.0, 15.0]
+radius_m = 3.0
+
+[[route]]
+name = "well"
+position_m = [100.0, 70.0, 20.0]
+hold_s = 5.0
+
+[[route]]
+position_m = [40.0, 50.0, 15.0]
+by_s = 90.0
+
+[formation]
+count = 4
+start_shape = "line"
+shape = [{ name = "line", generator = "line", spacing_m = 8.0 }]
+END
+./tools/run gcs show plans/orchard
+```
 """
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
 Schema = dict[str, Any]

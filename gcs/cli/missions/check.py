@@ -133,6 +133,7 @@ def check(
 def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetReport, limits: FlightLimits) -> None:
     """Show a table of the least and the proved separation and clearance against their limits."""
     from gcs.mission.check.flight_checks import LENGTH_TOLERANCE_M, highest_m
+    from gcs.scenario.environment.no_fly import in_words
 
     table = Table("criterion", "measured", "proved", "limit", "verdict", "where")
     if report.closest is not None:
@@ -159,8 +160,7 @@ def _summary(screen: Screen, missions: tuple[MissionFile, ...], report: FleetRep
             min(found.proved_m for found, _ in beside),
             f"≥ {required_m:g} m{_planned(limits.zone_margin_m, required_m)}",
         )
-        what = "zones" if any(name.keep_in for name, _ in limits.zones) else "no-fly zones"
-        _add(table, f"distance to {what}", zone.distance_m, proved_m, required_m, where, limit)
+        _add(table, f"distance to {in_words(limits)}", zone.distance_m, proved_m, required_m, where, limit)
     tops = [(top, row) for row, flight in enumerate(report.flights) if (top := highest_m(flight)) is not None]
     if limits.height_max_m is not None and tops:
         (top_m, t_s), row = max(tops)

@@ -20,7 +20,7 @@ from gcs.mission.formats.mission_file import MissionFile
 from gcs.mission.predicted.closest_approach import Closest, closest_approach
 from gcs.mission.predicted.planned_flight import PredictedFlight, Surroundings
 from gcs.physics.quadrotor import Array
-from gcs.scenario.environment.no_fly import ZoneName
+from gcs.scenario.environment.no_fly import ZoneName, zone_names, zones
 
 LENGTH_TOLERANCE_M = 0.01  # rounding by degE7 and float32
 _BELOW_HOME_M = 0.5
@@ -173,7 +173,7 @@ def check_zones(
     required_m = limits.zone_margin_m - limits.tolerance_m
     nearest: ZoneDistance | None = None
     findings = []
-    for name, zone in limits.zones:
+    for name, zone in zip(zone_names(limits), zones(limits), strict=True):
         parts = parts_beside(zone, track.begin_m, track.end_m, *_plan_times(track, flight, limits))
         bound = outside_along(zone, parts, required_m - LENGTH_TOLERANCE_M, slack=track.bent_m[parts.piece])
         piece, share = parts.whole(bound.piece, bound.share)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from gcs.mission.predicted.planned_flight import Surroundings
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.ground_bounds import highest_ground
-from gcs.scenario.environment.no_fly import Zone, ZoneName, zone_names, zones
 from gcs.scenario.environment.terrain import ground_height_m
 from gcs.scenario.navigation_error import judged_separation_m
-from gcs.scenario.schema.scenario import Scenario
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from gcs.scenario.si import local_origin
 
 # Share by which an autopilot's model may exceed a commanded speed: a vehicle behind its target catches up.
@@ -26,11 +25,12 @@ class FlightLimits:
     clearance_m: float = 0.0  # from the ground in any direction, between take-off and landing
     height_max_m: float | None = None  # above the origin's height
     speed_ned_mps: tuple[float, float, float] | None = None
-    zones: tuple[tuple[ZoneName, Zone], ...] = ()
+    no_fly: tuple[NoFlyZone, ...] = ()
     leaves_s: float = 0.0  # plan time at which take-off ends; it fixes the position of moving zones
     tolerance_m: float = 0.0  # waypoints may be this far from the plan that was verified against these limits
     overspeed: float = 0.01  # share by which a speed limit may be exceeded
     zone_margin_m: float = 0.0  # from zones
+    keep_in: tuple[KeepIn, ...] = ()
     planned_separation_m: float | None = None  # what the plan keeps, for display
     planned_clearance_m: float | None = None
 
@@ -46,13 +46,14 @@ def limits_of(scenario: Scenario, separation_m: float | None = None) -> FlightLi
         max(limits.clearance_min_m - tolerance_m, 0.0),
         limits.height_m[1] + tolerance_m,
         limits.speed_ned_mps,
-        tuple(zip(zone_names(scenario), zones(scenario), strict=True)),
+        scenario.no_fly,
         -(
             scenario.ground_phases.hover_s
             + (scenario.ground_phases.run_up_s if any(scenario.start.velocity_mps) else 0)
         ),
         tolerance_m,
         zone_margin_m=limits.zone_margin_m or 0.0,
+        keep_in=scenario.keep_in,
         planned_separation_m=limits.separation_min_m,
         planned_clearance_m=limits.clearance_min_m,
     )

@@ -10,19 +10,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 import shapely
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.convex_pieces import Disk, Piece, pieces_inside, pieces_outside
-from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone
 
 _CORNERS = 256  # of a disk: less than a centimetre too large up to a radius of 100 m
 _CORNER_REACH = 1.2  # of the margin: a widened polygon's corners are cut off there
 _BEYOND_M = 1e6  # how far all that is outside a keep-in area reaches in an outline; scenarios end at 100 km
 
 Zone = NoFlyZone | KeepIn  # a keep-in area stands for all that is outside it
+
+
+class HasZones(Protocol):
+    """A scenario, or the limits that follow from one."""
+
+    @property
+    def keep_in(self) -> tuple[KeepIn, ...]:
+        """The areas that no vehicle leaves."""
+
+    @property
+    def no_fly(self) -> tuple[NoFlyZone, ...]:
+        """The zones that no vehicle enters."""
 
 
 @dataclass(frozen=True)
@@ -41,20 +54,20 @@ class ZoneName:
         return f"the edge of {self}" if self.keep_in else str(self)
 
 
-def zones(scenario: Scenario) -> tuple[Zone, ...]:
+def zones(of: HasZones) -> tuple[Zone, ...]:
     """All that vehicles avoid: outside of keep-in areas, then no-fly zones (those that a re-plan adds are the last)."""
-    return (*scenario.keep_in, *scenario.no_fly)
+    return (*of.keep_in, *of.no_fly)
 
 
-def zone_names(scenario: Scenario) -> tuple[ZoneName, ...]:
+def zone_names(of: HasZones) -> tuple[ZoneName, ...]:
     """The names of `zones`, in their order."""
-    areas = (ZoneName(number, keep_in=True) for number in range(1, len(scenario.keep_in) + 1))
-    return (*areas, *map(ZoneName, range(1, len(scenario.no_fly) + 1)))
+    areas = (ZoneName(number, keep_in=True) for number in range(1, len(of.keep_in) + 1))
+    return (*areas, *map(ZoneName, range(1, len(of.no_fly) + 1)))
 
 
-def in_words(scenario: Scenario) -> str:
-    """What kinds of zones a scenario has, as a table names them."""
-    kinds = {"keep-in areas": scenario.keep_in, "no-fly zones": scenario.no_fly}
+def in_words(of: HasZones) -> str:
+    """What kinds of zones there are, as a table names them."""
+    kinds = {"keep-in areas": of.keep_in, "no-fly zones": of.no_fly}
     return " and ".join(kind for kind, listed in kinds.items() if listed) or "no-fly zones"
 
 

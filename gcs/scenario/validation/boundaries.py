@@ -1,4 +1,4 @@
-"""Rules about both ends of the flight: box, ground clearance, no-fly zones, pads, run-up, take-off and landing.
+"""Rules about both ends of the flight: box, ground clearance, pads, run-up, take-off and landing.
 
 The formation at the end is known where it keeps its shape. Where it ends in a named shape, its places are known, but
 not which vehicle takes which. Otherwise these rules check the leader alone, and the verification of the plan checks the
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gcs.errors import counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.environment.clearance_floor import clearance_floor_m
-from gcs.scenario.environment.no_fly import outside_m
-from gcs.scenario.schema.scenario import START_SHAPE, Boundary, Scenario
+from gcs.scenario.schema.fields import Place
+from gcs.scenario.schema.scenario import START_SHAPE, Scenario
 from gcs.scenario.si import (
     NED_FROM_UP,
     ground_step_jerk_peak,
@@ -42,20 +42,28 @@ from gcs.scenario.validation.toml_lines import Key
 _RUN_UP_SAMPLE_M = 1.0
 _SAME_M = 0.01  # a place in degrees is known to a centimetre
 _FOOT_M, _HEIGHT = 0.3048, 2
-_BOX = ("north_m", "east_m", "height_m")
+BOX = ("north_m", "east_m", "height_m")
 _NAMED = 8  # vehicles one sentence names
+
+_START: Key = ("start",)
 
 RULES = Rules()
 
 
 @dataclass(frozen=True)
-class _End:
-    """The vehicles at one end whose position there is known, and the table that sets it."""
+class Stop:
+    """A place of the leader that a table sets, and the vehicles whose position is then known."""
 
-    table: str
-    boundary: Boundary
+    key: Key  # of the table
+    position_m: Place
     sysids: tuple[int, ...]
     places_up_m: Array  # (K, 3) north, east, height
+    radius_m: float = 0.0  # the leader may be so far from the place
+
+    @property
+    def table(self) -> str:
+        """The table as text."""
+        return dotted(self.key)
 
 
 @RULES.needs("start", "formation")
@@ -75,34 +83,20 @@ def _leader_starts_where_it_is(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "formation", "limits")
 def _ends_are_in_the_box(scenario: Scenario) -> Mistakes:
-    for axis, key in enumerate(_BOX):
-        low, high = getattr(scenario.limits, key)
-        stray = {sysids(scenario)[row] for row in _strays(scenario, axis)}
-        if stray:
+    for axis in range(len(BOX)):
+        if _strays(scenario, axis):
             yield _stray_vehicle(scenario, axis)
-        for end in _ends(scenario):
-            along = end.places_up_m[:, axis]
-            beyond = np.maximum(low - along, along - high)
-            beyond[[sysid in stray for sysid in end.sysids]] = 0.0
-            worst = int(beyond.argmax())
-            if beyond[worst] > SLACK:
-                text = (
-                    f"puts {_vehicles(end, beyond > SLACK)} outside limits.{key}, {plain(low)} to {plain(high)}; "
-                    f"vehicle {end.sysids[worst]} would be at {plain(along[worst])}"
-                )
-                own = end.boundary.position_m[axis]
-                moves_with = (lambda _: "") if end.table == "end" else partial(_vehicles_move_with, scenario, axis)
-                step = _into_the_box(end.table, axis, key, own, along, (low, high), moves_with)
-                yield Mistake((end.table, "position_m", axis), text, own, remedy=step)
+        for end in ends(scenario):
+            yield from out_of_the_box(scenario, end, axis)
 
 
 @RULES.needs("start", "end", "formation", "limits")
 def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
-    name, limits, end = _last_shape(scenario), scenario.limits, scenario.end
+    name, limits, end = last_shape(scenario), scenario.limits, scenario.end
     if name is None:
         return
-    places_m = _last_places_up_m(scenario, name)
-    for axis, key in enumerate(_BOX):
+    places_m = last_places_up_m(scenario, name)
+    for axis, key in enumerate(BOX):
         low, high = getattr(limits, key)
         stray = _strays(scenario, axis) if name == START_SHAPE else []
         along, own = np.delete(places_m[:, axis], stray), end.position_m[axis]
@@ -116,38 +110,10 @@ def _last_shape_is_in_the_box(scenario: Scenario) -> Mistakes:
             yield Mistake(("end", "position_m", axis), text, own, remedy=step)
 
 
-@RULES.needs("end", "formation", "no_fly", "time")
-def _last_shape_is_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
-    name = _last_shape(scenario)
-    if name is None:
-        return
-    places_m, leader = _last_places_up_m(scenario, name), leader_index(scenario)
-    for index, zone in enumerate(scenario.no_fly):
-        outside = outside_m(zone, np.array(scenario.time.flight_s), places_m[:, 0], places_m[:, 1])
-        if outside.min() < -SLACK <= outside[leader]:  # else the rule about the leader reports it
-            key = "radius_m" if zone.polygon_m is None else "polygon_m"
-            inside, deep_m = int(np.count_nonzero(outside < -SLACK)), -float(outside.min())
-            text = f"contains {counted(inside, 'place')} of the last shape, {name}, at the end, {deep_m:.2f} m inside"
-            step = f"move the zone or [end] apart by more than {_up(deep_m, 0.1):.1f} m"
-            yield Mistake(("no_fly", index, key), text, zone.radius_m, remedy=step)
-
-
 @RULES.needs("start", "end", "formation", "limits", "terrain")
 def _ends_clear_the_ground(scenario: Scenario) -> Mistakes:
-    low: set[int] = set()
-    for end in _ends(scenario):
-        missing = _missing_m(scenario, end.places_up_m)
-        if end.table == "start":
-            low = {end.sysids[row] for row in _own_mistakes(scenario, missing > SLACK)}
-        elif low:
-            missing[[sysid in low for sysid in end.sysids]] = 0.0
-        worst = int(missing.argmax())
-        if missing[worst] > SLACK:
-            text = f"vehicle {end.sysids[worst]} would be {_below(float(missing[worst]), scenario)}"
-            key: Key = ("formation", "vehicle", worst) if end.table == "start" and low else (end.table,)
-            own = float(end.places_up_m[worst, 2]) if len(key) > 1 else end.boundary.position_m[2]
-            step = f"set {dotted(key)}.position_m[2] to {plain(_up(own + float(missing[worst]), 0.1))} or more"
-            yield Mistake((*key, "position_m", 2), text, own, remedy=step)
+    for end in ends(scenario):
+        yield from too_low(scenario, end)
 
 
 @RULES.needs("start", "formation", "limits", "terrain", "ground_phases")
@@ -167,27 +133,6 @@ def _run_up_clears_the_ground(scenario: Scenario) -> Mistakes:
             )
             yield Mistake(("ground_phases", "run_up_m"), text, length)
             return
-
-
-@RULES.needs("start", "end", "formation", "no_fly", "time", "limits")
-def _ends_are_outside_no_fly_zones(scenario: Scenario) -> Mistakes:
-    margin_m = scenario.limits.zone_margin_m or 0.0
-    for index, zone in enumerate(scenario.no_fly):
-        for end, t_s in zip(_ends(scenario), (0.0, scenario.time.flight_s), strict=True):
-            outside = outside_m(zone, np.array(t_s), end.places_up_m[:, 0], end.places_up_m[:, 1])
-            worst = int(outside.argmin())
-            if -SLACK <= outside[worst] < margin_m - SLACK:
-                text = (
-                    f"too much: vehicle {end.sysids[worst]} is {plain(float(outside[worst]))} m from no-fly zone "
-                    f"{index + 1} at its {end.table}"
-                )
-                step = f"set limits.zone_margin_m to {plain(np.floor(100.0 * float(outside[worst])) / 100.0)} or less"
-                yield Mistake(("limits", "zone_margin_m"), text, margin_m, remedy=step)
-            if outside[worst] < -SLACK:
-                key = "radius_m" if zone.polygon_m is None else "polygon_m"
-                text = f"contains vehicle {end.sysids[worst]} at its {end.table}, {-outside[worst]:.2f} m inside"
-                step = f"move the zone or [{end.table}] apart by more than {_up(-float(outside[worst]), 0.1):.1f} m"
-                yield Mistake(("no_fly", index, key), text, zone.radius_m, remedy=step)
 
 
 @RULES.needs("start", "end", "formation", "limits", "terrain", "ground_phases")
@@ -227,7 +172,7 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
         spare = f"{spare_mps2:g} m/s² (limits.accel_max_mps2)"
     end_ned_m = np.array(scenario.end.position_m) * NED_FROM_UP + offsets_ned_m(scenario)
     climb_m = np.delete(pads_ned_m(scenario)[:, 2] - hover_start_ned_m(scenario)[:, 2], _strays(scenario, _HEIGHT))
-    descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_at_end(scenario)]
+    descent_m = (landing_points_ned_m(scenario)[:, 2] - end_ned_m[:, 2])[_rows_known_later(scenario)]
     steps = (
         ("takeoff_s", float(climb_m.max()), phases.takeoff_s),
         ("landing_s", float(descent_m.max()), phases.landing_s),
@@ -252,6 +197,40 @@ def _climb_and_descent_are_slow_enough(scenario: Scenario) -> Mistakes:
             )
 
 
+def out_of_the_box(scenario: Scenario, stop: Stop, axis: int) -> Mistakes:
+    """The mistake of vehicles outside the box along an axis, but for those outside by their own positions."""
+    key, stray = BOX[axis], _strays(scenario, axis)
+    low, high = getattr(scenario.limits, key)
+    along = stop.places_up_m[:, axis]
+    beyond = np.maximum(low - along, along - high) - stop.radius_m
+    beyond[np.isin(stop.sysids, [sysids(scenario)[row] for row in stray])] = 0.0
+    worst = int(beyond.argmax())
+    if beyond[worst] > SLACK:
+        text = (
+            f"puts {_vehicles(stop, beyond > SLACK)} outside limits.{key}, {plain(low)} to {plain(high)}; "
+            f"vehicle {stop.sysids[worst]} would be at {plain(along[worst])}"
+        )
+        own = stop.position_m[axis]
+        moves_with = partial(_vehicles_move_with, scenario, axis) if stop.key == _START else (lambda _: "")
+        step = _into_the_box(stop.table, axis, key, own, along, (low, high), moves_with)
+        yield Mistake((*stop.key, "position_m", axis), text, own, remedy=step)
+
+
+def too_low(scenario: Scenario, stop: Stop) -> Mistakes:
+    """The mistake of the vehicle that is lowest above the ground; at the start, of one too low by its own position."""
+    missing = _missing_m(scenario, stop.places_up_m)
+    rows = _own_mistakes(scenario, _missing_m(scenario, _at_start(scenario).places_up_m) > SLACK)
+    if stop.key != _START:
+        missing[np.isin(stop.sysids, [sysids(scenario)[row] for row in rows])] = 0.0
+    worst = int(missing.argmax())
+    if missing[worst] > SLACK:
+        text = f"vehicle {stop.sysids[worst]} would be {_below(float(missing[worst]), scenario)}"
+        key: Key = ("formation", "vehicle", worst) if stop.key == _START and rows else stop.key
+        own = stop.position_m[2] if key == stop.key else float(stop.places_up_m[worst, 2])
+        step = f"set {dotted(key)}.position_m[2] to {plain(up(own + float(missing[worst]), 0.1))} or more"
+        yield Mistake((*key, "position_m", 2), text, own, remedy=step)
+
+
 def _own_mistakes(scenario: Scenario, wrong: NDArray[np.bool_]) -> list[int]:
     """The rows of vehicles that are wrong (V,) at the start by their own positions; none where the leader is wrong."""
     formation, start = scenario.formation, scenario.start.position_m
@@ -263,14 +242,14 @@ def _own_mistakes(scenario: Scenario, wrong: NDArray[np.bool_]) -> list[int]:
 
 def _strays(scenario: Scenario, axis: int) -> list[int]:
     """The rows of vehicles outside the box along an axis at the start, while the leader is inside."""
-    low, high = getattr(scenario.limits, _BOX[axis])
+    low, high = getattr(scenario.limits, BOX[axis])
     along = _at_start(scenario).places_up_m[:, axis]
     return _own_mistakes(scenario, (along < low - SLACK) | (along > high + SLACK))
 
 
 def _stray_vehicle(scenario: Scenario, axis: int) -> Mistake:
     """The mistake of vehicles outside the box along an axis, at the key of the one that is the farthest outside."""
-    key, rows = _BOX[axis], _strays(scenario, axis)
+    key, rows = BOX[axis], _strays(scenario, axis)
     low, high = getattr(scenario.limits, key)
     start = _at_start(scenario)
     along = start.places_up_m[:, axis]
@@ -328,46 +307,52 @@ def _into_the_box(
     return step
 
 
-def _up(value: float, step: float) -> float:
+def up(value: float, step: float) -> float:
     """The value rounded up to a multiple of a step."""
     return float(np.ceil(value / step - SLACK) * step)
 
 
-def _ends(scenario: Scenario) -> tuple[_End, _End]:
-    rows = _rows_known_at_end(scenario)
-    ids = sysids(scenario)
-    places = np.array(scenario.end.position_m) + offsets_ned_m(scenario)[rows] * NED_FROM_UP
-    return _at_start(scenario), _End("end", scenario.end, tuple(ids[row] for row in rows), places)
+def ends(scenario: Scenario) -> tuple[Stop, Stop]:
+    """The start and the end."""
+    return _at_start(scenario), stop_at(scenario, ("end",), scenario.end.position_m)
 
 
-def _at_start(scenario: Scenario) -> _End:
+def stop_at(scenario: Scenario, key: Key, position_m: Place, radius_m: float = 0.0) -> Stop:
+    """A place of the leader after the start, with the vehicles whose position is then known without a plan."""
+    rows, ids = _rows_known_later(scenario), sysids(scenario)
+    places = np.array(position_m) + offsets_ned_m(scenario)[rows] * NED_FROM_UP
+    return Stop(key, position_m, tuple(ids[row] for row in rows), places, radius_m)
+
+
+def _at_start(scenario: Scenario) -> Stop:
     places = np.array(scenario.start.position_m) + offsets_ned_m(scenario) * NED_FROM_UP
-    return _End("start", scenario.start, sysids(scenario), places)
+    return Stop(_START, scenario.start.position_m, sysids(scenario), places)
 
 
-def _rows_known_at_end(scenario: Scenario) -> list[int]:
-    """Rows of the vehicles whose position at the end is known without a plan."""
-    if scenario.formation.ends_in_start_shape:
+def _rows_known_later(scenario: Scenario) -> list[int]:
+    """Rows of the vehicles whose position after the start is known: of all where the formation keeps its shape."""
+    if scenario.formation.ends_in_start_shape and not any(point.shape for point in scenario.route):
         return list(range(len(sysids(scenario))))
     return [leader_index(scenario)]
 
 
-def _last_shape(scenario: Scenario) -> str | None:
+def last_shape(scenario: Scenario) -> str | None:
     """The name of the shape in which the formation ends, where changes at their times make it so."""
     formation = scenario.formation
     scheduled = [change for change in formation.change if not change.auto]
-    if formation.frame != "inertial" or not scheduled:
+    if any(point.shape for point in scenario.route) or formation.frame != "inertial" or not scheduled:
         return None
     if len(scheduled) > 1 and any(change.at_s is None for change in scheduled):
         return None  # which one is the last is known when the leader's track is
     return scheduled[-1].to
 
 
-def _last_places_up_m(scenario: Scenario, name: str) -> Array:
+def last_places_up_m(scenario: Scenario, name: str) -> Array:
+    """The places (V, 3) of a named shape at the end: north, east, height."""
     return np.asarray(np.array(scenario.end.position_m) + shape_offsets_ned_m(scenario, name) * NED_FROM_UP)
 
 
-def _vehicles(end: _End, chosen: NDArray[np.bool_]) -> str:
+def _vehicles(end: Stop, chosen: NDArray[np.bool_]) -> str:
     ids = [str(sysid) for sysid, is_chosen in zip(end.sysids, chosen, strict=True) if is_chosen]
     if len(ids) > _NAMED:
         ids = [*ids[:_NAMED], f"and {len(ids) - _NAMED} more"]

@@ -11,14 +11,14 @@ import numpy as np
 
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules
+from gcs.scenario.validation import boundaries, formation_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.route import route_places, route_shapes, route_times
+from gcs.scenario.validation.route.route_times import WITH_TURNS
 from gcs.scenario.validation.rule_set import Mistakes, Rules
 from gcs.scenario.validation.slips import lookalikes
 from gcs.scenario.validation.slips.shown_values import dotted, plain
 from gcs.scenario.validation.toml_lines import Key
-
-_WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
 
 RULES = Rules()
 
@@ -34,7 +34,16 @@ def check(
     asked = [mistake for mistake in lookalikes.RULES.violated(scenario, tables) if mistake.key not in certain]
     alike = {dotted(mistake.key): mistake for mistake in asked}
     sound = set(tables) - {mistake.key[0] for mistake in alike.values()}
-    rule_sets = (RULES, vehicle_rules.RULES, boundaries.RULES, formation_rules.RULES)
+    rule_sets = (
+        RULES,
+        vehicle_rules.RULES,
+        boundaries.RULES,
+        zone_rules.RULES,
+        route_places.RULES,
+        route_times.RULES,
+        formation_rules.RULES,
+        route_shapes.RULES,
+    )
     return [*alike.values(), *(mistake for rules in rule_sets for mistake in rules.violated(scenario, sound))]
 
 
@@ -84,6 +93,8 @@ def _flight_ends_in_a_hover(scenario: Scenario) -> Mistakes:
 
 @RULES.needs("start", "end", "time", "limits")
 def _time_is_enough(scenario: Scenario) -> Mistakes:
+    if scenario.route:
+        return  # `route_times` has the rule
     distance_m = np.abs(np.subtract(scenario.end.position_m, scenario.start.position_m))
     needed = distance_m / scenario.limits.speed_ned_mps
     axis = int(needed.argmax())
@@ -95,7 +106,7 @@ def _time_is_enough(scenario: Scenario) -> Mistakes:
             f"too short: {plain(distance_m[axis])} m {name} take at least {needed[axis]:.1f} s "
             f"at limits.speed_ned_mps[{axis}] = {plain(scenario.limits.speed_ned_mps[axis])} m/s"
         )
-        enough_s = np.ceil(needed[axis] * _WITH_TURNS)
+        enough_s = np.ceil(needed[axis] * WITH_TURNS)
         yield Mistake(("time", key), text, longest_s, remedy=f"set time.{key} to {enough_s:.0f}")
 
 
@@ -108,7 +119,7 @@ def _a_free_time_can_be_chosen(scenario: Scenario) -> Mistakes:
             "needs a cost of time, or the slowest flight is the best. Give [objective] time_weight, or a latest_s here"
         )
         yield Mistake(("time", "free"), text, True)
-    if any(not change.auto for change in scenario.formation.change):
+    if any(not change.auto and change.at_point is None for change in scenario.formation.change):
         text = "the planner cannot choose the time while changes have fixed times. Set auto = true in each"
         yield Mistake(("time", "free"), text, True)
     if any(zone.moves for zone in scenario.no_fly):

@@ -135,15 +135,15 @@ def test_the_schema_refuses_what_the_loader_refuses(schema: Schema, repo_root: P
     data["origin"]["lat_deg"] = 95.0
     data["limits"]["hieght_m"] = [0.0, 1.0]
     data["time"]["flight_s"] = "275"
-    del data["end"]["position_m"]
+    del data["start"]["position_m"]
     data["sensors"]["grade"] = "rtx"
-    data["end"]["velocity_mps"] = [0.0, 0.0]
+    data["start"]["velocity_mps"] = [0.0, 0.0]
     assert sorted(violations(data, schema, schema)) == [
-        ".end.velocity_mps: 2 items",
-        ".end: not one of [['position_m'], ['position_deg']]",
         ".limits.hieght_m: unknown",
         ".origin.lat_deg: 95.0 out of range",
         ".sensors.grade: not in ['rtk', 'gnss']",
+        ".start.velocity_mps: 2 items",
+        ".start: not one of [['position_m'], ['position_deg']]",
         ".time.flight_s: not number",
     ]
 

@@ -11,8 +11,20 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from gcs.scenario.environment.no_fly import Convex, displacement_m, outline, outside_m, pieces
-from gcs.scenario.schema.scenario import NoFlyZone
+from gcs.scenario.environment.convex_pieces import Convex
+from gcs.scenario.environment.no_fly import (
+    displacement_m,
+    in_words,
+    narrowed,
+    nearest_zone_m,
+    outline,
+    outside_m,
+    pieces,
+    signed_distance_m,
+    zone_names,
+    zones,
+)
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 
 L_SHAPE = ((0.0, 0.0), (30.0, 0.0), (30.0, 10.0), (10.0, 10.0), (10.0, 40.0), (0.0, 40.0))
 STAR = tuple(
@@ -81,3 +93,44 @@ def test_a_moving_zone_is_where_it_is_at_the_time() -> None:
 def test_what_is_no_zone_says_why(keys: dict[str, Any], told: str) -> None:
     with pytest.raises(ValidationError, match=told):
         zone(**keys)
+
+
+def area(*corners: tuple[float, float]) -> KeepIn:
+    return KeepIn(polygon_m=corners)
+
+
+YARD = area((0.0, 0.0), (100.0, 0.0), (100.0, 60.0), (0.0, 60.0))
+
+
+def test_outside_a_keep_in_area_is_a_zone(simulation1: Scenario) -> None:
+    scenario = simulation1.model_copy(update={"keep_in": (YARD, YARD), "no_fly": (zone(polygon_m=L_SHAPE),)})
+    assert [str(name) for name in zone_names(scenario)] == ["keep-in area 1", "keep-in area 2", "no-fly zone 1"]
+    assert [name.edge for name in zone_names(scenario)][1:] == ["the edge of keep-in area 2", "no-fly zone 1"]
+    assert zones(scenario)[-1] == scenario.no_fly[0]  # those that a re-plan adds are the last
+    assert in_words(scenario) == "keep-in areas and no-fly zones"
+    north, east = np.array([50.0, 95.0, 107.0, 103.0, 0.0]), np.array([20.0, 30.0, 30.0, 64.0, 60.0])
+    true_m = [20.0, 5.0, -7.0, -5.0, 0.0]
+    assert signed_distance_m(YARD, north, east) == pytest.approx(true_m)
+    assert nearest_zone_m((YARD,), np.zeros(5), north, east) == pytest.approx(true_m)
+    assert outside_m(YARD, np.array(0.0), north, east)[:3] == pytest.approx(true_m[:3])
+    assert np.array_equal(shapely.intersects(outline(YARD), shapely.points(north, east)), np.array(true_m) <= 0.0)
+
+
+@given(st.floats(0.01, 29.9), st.floats(-20.0, 120.0), st.floats(-20.0, 80.0))
+def test_a_narrowed_area_is_that_much_smaller(margin_m: float, north_m: float, east_m: float) -> None:
+    smaller = narrowed(YARD, margin_m, (50.0, 30.0))
+    at = (np.array(0.0), np.array(north_m), np.array(east_m))
+    assert float(outside_m(smaller, *at)) == pytest.approx(float(outside_m(YARD, *at)) - margin_m, abs=1e-9)
+
+
+def test_of_an_area_that_falls_apart_the_part_at_the_start_is_left() -> None:
+    """Two yards with a neck of 4 m between them."""
+    west = [(0.0, 0.0), (40.0, 0.0), (40.0, 18.0), (60.0, 18.0), (60.0, 0.0), (100.0, 0.0)]
+    necked = area(*west, *((north_m, 40.0 - east_m) for north_m, east_m in west[::-1]))
+    assert narrowed(necked, 0.0, (20.0, 20.0)) is necked
+    assert len(shapely.get_parts(narrowed(necked, 1.0, (20.0, 20.0)).area)) == 1
+    assert narrowed(necked, 1.0, (20.0, 20.0)).area.contains(shapely.Point(80.0, 20.0))
+    for north_m, other_m in ((20.0, 80.0), (80.0, 20.0)):
+        left = narrowed(necked, 3.0, (north_m, 20.0)).area
+        assert left.contains(shapely.Point(north_m, 20.0)) and not left.contains(shapely.Point(other_m, 20.0))
+    assert narrowed(necked, 30.0, (20.0, 20.0)) == necked  # no place keeps this margin

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from gcs.scenario.schema.scenario import Scenario
-from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules
+from gcs.scenario.validation import boundaries, cross_table, formation_rules, vehicle_rules, zone_rules
 from gcs.scenario.validation.cross_table import check
+from gcs.scenario.validation.route import route_places, route_shapes, route_times
 from gcs.scenario.validation.slips import lookalikes
 from gcs.scenario.validation.slips.shown_values import dotted
 
@@ -105,6 +106,10 @@ def test_rules_look_at_no_table_but_those_they_need(data: dict[str, Any]) -> Non
             cross_table.RULES,
             vehicle_rules.RULES,
             boundaries.RULES,
+            zone_rules.RULES,
+            route_places.RULES,
+            route_times.RULES,
+            route_shapes.RULES,
             formation_rules.RULES,
         ):
             for needed, rule in rules._rules:

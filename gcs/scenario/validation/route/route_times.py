@@ -1,0 +1,168 @@
+"""Rules about the legs of a route: their number, their lengths, and the times that they leave each other.
+
+A leg leads from one point to the next; leg 1 from the start to the first point, the last one to the end.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.errors import counted
+from gcs.scenario.schema.fields import Place
+from gcs.scenario.schema.route_tables import ROUTE_MAX
+from gcs.scenario.schema.scenario import RoutePoint, Scenario
+from gcs.scenario.si import route_points
+from gcs.scenario.validation.mistakes import Mistake
+from gcs.scenario.validation.rule_set import Mistakes, Rules
+from gcs.scenario.validation.slips.shown_values import dotted, plain
+from gcs.scenario.validation.spacing import SLACK
+from gcs.scenario.validation.toml_lines import Key
+
+WITH_TURNS = 1.25  # of the least time, so that the vehicles also accelerate, brake and turn
+_SHORTEST_M = 0.1  # leg
+_TIMES = ("at_s", "after_s", "by_s")
+
+RULES = Rules()
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """One leg: its number, the table that it leads to, and the least time that it takes."""
+
+    number: int
+    to: Key
+    least_s: float
+    axis: int  # that takes longest
+    hold_s: float  # before it begins
+
+    def in_words(self, speeds_mps: tuple[float, float, float]) -> str:
+        """What it takes, at the limit of its slowest axis."""
+        return (
+            f"leg {self.number}, to {dotted(self.to)}, takes at least {self.least_s:.1f} s at "
+            f"limits.speed_ned_mps[{self.axis}] = {plain(speeds_mps[self.axis])} m/s"
+        )
+
+
+@RULES.needs("route", "loops")
+def _rounds_are_few(scenario: Scenario) -> Mistakes:
+    count, loops = len(scenario.route), scenario.loops
+    if loops > 1 and not count:
+        yield Mistake(("loops",), "has no effect without [[route]]. Remove it, or give points", loops)
+    if count * loops > ROUTE_MAX:
+        text = f"makes {count * loops} points of {count}; all rounds together have at most {ROUTE_MAX}"
+        yield Mistake(("loops",), text, loops, remedy=f"set loops to {ROUTE_MAX // count} or less")
+
+
+@RULES.needs("route", "loops")
+def _times_are_in_one_round(scenario: Scenario) -> Mistakes:
+    if scenario.loops == 1:
+        return
+    for row, point in enumerate(scenario.route):
+        for key in _TIMES:
+            if (time_s := getattr(point, key)) is not None:
+                text = f"is one time, and the point is passed {scenario.loops} times. Remove it, or write all rounds"
+                yield Mistake(("route", row, key), text, time_s)
+
+
+@RULES.needs("start", "route", "loops", "end")
+def _legs_have_a_length(scenario: Scenario) -> Mistakes:
+    told: set[Key] = set()
+    for (before, first), (key, second) in itertools.pairwise(_places(scenario)):
+        own = before if key == ("end",) else key
+        if np.linalg.norm(np.subtract(second, first)) <= _SHORTEST_M and scenario.route and own not in told:
+            told.add(own)
+            other = dotted(key if own == before else before)
+            text = f"is the place of {other} too; a leg is longer than {_SHORTEST_M:g} m. Remove the point"
+            yield Mistake((*own, "position_m"), text, scenario.route[int(own[1])].position_m)
+
+
+@RULES.needs("start", "route", "loops", "end", "time", "limits")
+def _times_are_enough(scenario: Scenario) -> Mistakes:
+    """From each time that is set to the next one, at the speed limits and without turns."""
+    if not scenario.route:
+        return  # `cross_table` has the rule
+    speeds = scenario.limits.speed_ned_mps
+    since_s, since, earliest_s, way = 0.0, "the start", 0.0, list[_Leg]()
+    for leg, point in zip(_legs(scenario), (*route_points(scenario), None), strict=True):
+        way.append(leg)
+        earliest_s += leg.hold_s + leg.least_s
+        key, due_s = _due(scenario, point)
+        if due_s is not None and earliest_s > due_s + SLACK:
+            at: Key = ("time", key) if point is None else (*leg.to, key)
+            if due_s > since_s:
+                needed_s = earliest_s - since_s
+                text = f"too {'short' if point is None else 'early'}: {_needs(way, needed_s, speeds)}"
+                text += f"{key} leaves {plain(due_s - since_s)} s from {since}"
+                enough_s = since_s + np.ceil(needed_s * WITH_TURNS)
+                yield Mistake(at, text, due_s, remedy=f"set {dotted(at)} to {enough_s:.0f} or more")
+            elif point is not None:  # else the rule about times after the flight reports it
+                text = f"must be later than {since} at {plain(since_s)} s: the leader passes it before. Correct it"
+                yield Mistake(at, text, due_s)
+            earliest_s = due_s
+        fixed_s = _fixed_s(scenario, point)
+        if point is not None and fixed_s is not None:
+            if point.at_s is not None or fixed_s >= earliest_s:
+                since_s, since, way = fixed_s, dotted(leg.to), []
+            earliest_s = max(earliest_s, fixed_s)
+
+
+@RULES.needs("route", "time")
+def _times_are_in_flight(scenario: Scenario) -> Mistakes:
+    key, longest_s = _due(scenario, None)
+    for row, point in enumerate(scenario.route):
+        for name in _TIMES:
+            time_s = getattr(point, name)
+            if longest_s is not None and time_s is not None and time_s >= longest_s and name != "by_s":
+                text = f"is after the flight, which ends at time.{key} = {longest_s:g}"
+                step = f"set route[{row}].{name} to less than {plain(longest_s)}, or time.{key} to more"
+                yield Mistake(("route", row, name), text, time_s, remedy=step)
+
+
+def _needs(way: list[_Leg], needed_s: float, speeds_mps: tuple[float, float, float]) -> str:
+    """What some legs and the holds before them take, and which takes longest."""
+    longest = max(way, key=lambda leg: leg.least_s).in_words(speeds_mps)
+    if len(way) == 1 and not way[0].hold_s:
+        return f"{longest}; "
+    what = f"{counted(len(way), 'leg')}{' and holds' if any(leg.hold_s for leg in way) else ''}"
+    return f"{longest}, and {what} take {needed_s:.1f} s; "
+
+
+def _due(scenario: Scenario, point: RoutePoint | None) -> tuple[str, float | None]:
+    """The key of the latest time of a point, or of the end, and that time; None where there is none."""
+    if point is None:
+        time = scenario.time
+        return ("latest_s", time.latest_s) if time.free else ("flight_s", time.flight_s)
+    if scenario.loops > 1:
+        return "", None  # another rule refuses its times
+    return ("at_s", point.at_s) if point.at_s is not None else ("by_s", point.by_s)
+
+
+def _fixed_s(scenario: Scenario, point: RoutePoint | None) -> float | None:
+    """The time before which the leader does not leave a point; None where there is none."""
+    if point is None or scenario.loops > 1:
+        return None
+    return point.at_s if point.at_s is not None else point.after_s
+
+
+def _places(scenario: Scenario) -> list[tuple[Key, Place]]:
+    """The start, every point of every round and the end, each with its table."""
+    rows = itertools.cycle(range(max(len(scenario.route), 1)))
+    points: list[tuple[Key, Place]] = [
+        (("route", row), point.position_m) for row, point in zip(rows, route_points(scenario), strict=False)
+    ]
+    return [(("start",), scenario.start.position_m), *points, (("end",), scenario.end.position_m)]
+
+
+def _legs(scenario: Scenario) -> list[_Leg]:
+    radii = np.array([0.0, *(point.radius_m or 0.0 for point in route_points(scenario)), 0.0])
+    holds = [0.0, *(point.hold_s or 0.0 for point in route_points(scenario))]
+    found = []
+    for number, ((_, first), (key, second)) in enumerate(itertools.pairwise(_places(scenario)), start=1):
+        away_m = np.abs(np.subtract(second, first))
+        least_s = np.maximum(away_m - radii[number - 1] - radii[number], 0.0) / scenario.limits.speed_ned_mps
+        axis = int(least_s.argmax())
+        found.append(_Leg(number, key, float(least_s[axis]), axis, holds[number - 1]))
+    return found
