@@ -19,6 +19,7 @@ from gcs.plan.formation.followers import formation_motion, rounded_thrust_polyno
 from gcs.plan.formation.shape import Rows, Shape, stretched
 from gcs.plan.nlp.ipopt import Solution, solve
 from gcs.plan.nlp.leg_mesh import first_mesh
+from gcs.plan.nlp.mesh import Mesh
 from gcs.plan.nlp.program.multipliers import moved
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.violations import accel_reserve_mps2, complaints, find_violations, jerk_reserve_mps3, tightenings
@@ -41,6 +42,14 @@ _RESERVES = (1.0, 0.8, 0.6, 0.4, 0.2)  # shares of it
 
 
 @dataclass(frozen=True)
+class Warm:
+    """The mesh and the solution of a similar problem, from which a flight is solved again."""
+
+    mesh: Mesh
+    solution: Solution
+
+
+@dataclass(frozen=True)
 class Optimum:
     """A trajectory that is verified between its nodes, its cost and its refinement history."""
 
@@ -50,20 +59,26 @@ class Optimum:
     history: tuple[MeshRound, ...]
     moves: tuple[Move, ...] = ()
     point_s: tuple[float, ...] = ()  # when the leader arrives at each point of the route
+    last: Warm | None = None  # for a flight of several legs
 
 
 def optimise(
-    problem: Problem, guess: Trajectory, on_round: Callable[[MeshRound], None] = lambda _: None, *, near: bool = False
+    problem: Problem,
+    guess: Trajectory,
+    on_round: Callable[[MeshRound], None] = lambda _: None,
+    *,
+    near: bool = False,
+    warm: Warm | None = None,
 ) -> Optimum:
     """The best trajectory near a guess. Raises PlanningError where every mesh leaves violations between its nodes.
 
-    `near`: the guess is the solution of a similar problem.
+    `near`: the guess is the solution of a similar problem. `warm`: it is that solution, on its mesh.
     """
     problem = replace(problem, clearance_reserve_m=clearance_reserve_m(problem))
     longest_s = LONGEST_S if all(c.free_end for c in problem.coordinates) else LONGEST_MOVING_S
-    mesh = first_mesh(problem, longest_s, SHORTEST_S, DEGREE)
+    mesh = first_mesh(problem, longest_s, SHORTEST_S, DEGREE) if warm is None else warm.mesh
     trajectory = guess
-    solution: Solution | None = None
+    solution = None if warm is None else warm.solution
     history: list[MeshRound] = []
     for _ in range(MAX_ROUNDS):
         program = transcribe(problem, mesh, trajectory)
@@ -92,7 +107,8 @@ def optimise(
         on_round(history[-1])
         # Q of Eq. 33 depends on the times of the nodes and of the end: where they have moved, solve once more.
         if not problems and not drift and late < _SETTLED:
-            return Optimum(trajectory, shape, solution.objective, tuple(history), point_s=problem.point_s)
+            last = Warm(mesh, solution) if problem.points else None
+            return Optimum(trajectory, shape, solution.objective, tuple(history), point_s=problem.point_s, last=last)
         problem = replace(
             problem,
             tightenings=(*problem.tightenings, *tightenings(problem, missed)),

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from gcs.errors import PlanningError
-from gcs.plan.nlp.mesh_refinement import Optimum, optimise, with_end
+from gcs.plan.nlp.mesh_refinement import Optimum, with_end, with_times
 from gcs.plan.ocp.objectives import FreeTime
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.homotopy_classes import best_class
 from gcs.plan.search.infeasibility import least_time_s
+from gcs.plan.search.shape_schedule import optimise_on_schedule
 from gcs.plan.trajectory.plan import Alternative, MeshRound
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
@@ -65,9 +66,10 @@ def _rounded(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], No
         return best  # all flights of one time cost the same
     end_s = float(np.ceil((best.trajectory.end_s - 1e-9) / _ROUND_S)) * _ROUND_S
     end_s = round(min(end_s, time.latest_s), 6)
-    exact = replace(with_end(problem, end_s), free_time=replace(time, earliest_s=end_s, latest_s=end_s))
+    exact = with_times(problem, best.trajectory.end_s, best.point_s)
+    exact = replace(with_end(exact, end_s), free_time=replace(time, earliest_s=end_s, latest_s=end_s))
     try:
-        found = optimise(exact, _stretched(best.trajectory, end_s), on_round)
+        found = optimise_on_schedule(exact, _stretched(best.trajectory, end_s), on_round)
     except PlanningError:
         return best
     return replace(found, history=(*best.history, *found.history), moves=best.moves)

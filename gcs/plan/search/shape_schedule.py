@@ -16,7 +16,17 @@ from gcs.plan.formation.changes.automatic import automatic_moves
 from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.leg_mesh import first_mesh
-from gcs.plan.nlp.mesh_refinement import DEGREE, LONGEST_S, SHORTEST_S, Optimum, flown_shape, optimise, with_end
+from gcs.plan.nlp.mesh_refinement import (
+    DEGREE,
+    LONGEST_S,
+    SHORTEST_S,
+    Optimum,
+    Warm,
+    flown_shape,
+    optimise,
+    with_end,
+    with_times,
+)
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.ocp.problem import Problem
 from gcs.plan.search.initial_guess import facing_along
@@ -46,14 +56,16 @@ def optimise_on_schedule(
     if np.max(np.abs(np.subtract(apart, starts)), initial=0.0) <= _GUESSED * problem.duration_s:
         starts = apart
     near = False
+    warm: Warm | None = None
     for _ in range(_TRIES):
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         laid = replace(problem, shape=timeline.shape)
         if problem.follows_course and not near:
             guess, near = _with_fixed_turns(laid, guess)
-        found = optimise(laid, guess, on_round, near=near)
+        found = optimise(laid, guess, on_round, near=near, warm=warm)
         history += found.history
-        problem = replace(problem, point_s=found.point_s)
+        if problem.points:
+            problem = with_times(problem, found.trajectory.end_s, found.point_s)
         crossed = _starts_s(problem, changes, found.trajectory)
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
         if late <= _LATE_S:
@@ -66,7 +78,7 @@ def optimise_on_schedule(
             )
             moves = (*timeline.moves, *automatic)
             return replace(found, history=history, moves=tuple(sorted(moves, key=lambda move: move.start_s)))
-        guess, starts = found.trajectory, crossed
+        guess, starts, warm = found.trajectory, crossed, found.last
     raise PlanningError(
         f"no plan: after {_TRIES} iterations the leader crosses a gate {late:.2f} s from the start of its change; "
         f"the limit is {_LATE_S:g} s",
