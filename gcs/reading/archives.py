@@ -59,6 +59,12 @@ def read_member(file: IO[bytes], name: str, largest_bytes: int) -> bytes:
             raise BadArchive(f"{name} is damaged ({type(problem).__name__})") from problem
 
 
+def member_names(file: IO[bytes]) -> list[str]:
+    """The names of the members of an archive, in its order. Raises `BadArchive`."""
+    with _opened(file) as archive:
+        return archive.namelist()
+
+
 def read_arrays(
     file: IO[bytes], known: Mapping[str, ArrayKind], *, wanted: Collection[str] = (), stored: bool = False
 ) -> dict[str, NDArray[Any]]:

@@ -153,8 +153,11 @@ def scenario_text(
     *,
     full: bool = False,
     flight: Flight | None = None,
+    template: str = "template.toml",
 ) -> str:
     """The text of a scenario named after its folder, at a place on Earth; `full` has every table, commented.
+
+    `template` is the text that is filled otherwise: "template_route.toml" has points between start and end.
 
     Raises UsageError for a folder whose name cannot be a scenario's, for a place out of range, and for a `flight` that
     no scenario allows.
@@ -173,8 +176,7 @@ def scenario_text(
             f"--at {lat_deg:g} {lon_deg:g} {alt_amsl_m:g}: out of range.",
             hint="give latitude (-85 to 85), longitude (-180 to 180) and height above the sea (-500 to 9000 m)",
         ) from None
-    template = "template_full.toml" if full else "template.toml"
-    text = (files("gcs.scenario") / template).read_text(encoding="utf-8")
+    text = (files("gcs.scenario") / ("template_full.toml" if full else template)).read_text(encoding="utf-8")
     filled = {"NAME": name, "FOLDER": str(folder), "LAT": repr(lat_deg), "LON": repr(lon_deg), "ALT": repr(alt_amsl_m)}
     filled |= (flight or FirstFlight()).keys()
     text, table, formation = text.partition("[formation]")

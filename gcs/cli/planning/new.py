@@ -92,6 +92,16 @@ def new(
             show_default=False,
         ),
     ] = None,
+    route: Annotated[
+        Path | None,
+        typer.Option(
+            "--route",
+            metavar="FILE",
+            help="Route drawn in another program: .plan, .waypoints, .kml, .kmz, .gpx or .geojson. Instead of "
+            "--course, --distance and --end. --height counts for points without a height.",
+            show_default=False,
+        ),
+    ] = None,
     full: Annotated[bool, typer.Option("--full", help="Write every table, with comments.")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -103,6 +113,10 @@ def new(
     With --positions vehicles and shapes come from spreadsheets saved as CSV (UTF-8); a sheet with a mistake is refused,
     with its rows. --spacing is then the least distance that is allowed, and --count the number that must be there.
 
+    With --route the formation flies along a route that was drawn, or recorded, in another program. What the scenario
+    cannot carry over is printed, with the number and the name of each item. The origin is the planned home, else the
+    first point; --at gives another.
+
     Examples: gcs new plans/first
 
     gcs new plans/line --at 47.39,8.54 --count 4 --shape line --spacing 8 --course north-east --distance 400
@@ -110,6 +124,8 @@ def new(
     gcs new plans/there --at 47.39,8.54 --end 47.393,8.546
 
     gcs new plans/show --at 46.95,7.44,540 --positions grid.csv --shapes star.csv --shapes ring.csv --height 40
+
+    gcs new plans/valley --route valley.plan --count 4 --shape line
 
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
@@ -123,6 +139,10 @@ def new(
         raise UsageError(f"--positions and {wrong} exclude each other.", hint=f"leave out {wrong}")
     if shapes and positions is None:
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
+    if route is not None:
+        others = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
+        if wrong := next((option for option, value in others.items() if value), ""):
+            raise UsageError(f"--route and {wrong} exclude each other.", hint=f"leave out {wrong}")
     given: dict[str, Any] = {
         "count": count,
         "shape": shape,
@@ -145,11 +165,20 @@ def new(
     wanted = {key: value for key, value in given.items() if value is not None}
     flight: Flight | None = FirstFlight(**wanted) if wanted else None
     if positions is not None:
-        from gcs.cli.planning.new_from_sheets import flight_of_sheets
+        from gcs.cli.planning.sources.new_from_sheets import flight_of_sheets
 
         origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
         flight, place = flight_of_sheets(positions, shapes or [], wanted, origin, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
+    if route is not None:
+        from gcs.cli.planning.sources.new_from_drawing import text_of_drawing
+
+        text, left_out = text_of_drawing(folder, route, wanted, None if at is None else parse_place(at), screen)
+        atomic_write(file, text)
+        screen.say(f"wrote {file}")
+        screen.say(f"next: gcs plan {folder}")
+        screen.result({"scenario": file, "left_out": left_out})
+        return
     atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
     screen.say(f"wrote {file}")
     if alt_amsl_m is None:

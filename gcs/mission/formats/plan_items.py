@@ -71,6 +71,7 @@ class ComplexItem(PlanPart):
 
     type: Literal["ComplexItem"]
     complexItemType: str = "unnamed"
+    TransectStyleComplexItem: Any = None  # the simple items of surveys and corridors are in it
 
 
 ITEMS_MAX = 20_000  # an autopilot stores less than a tenth of it
@@ -124,7 +125,7 @@ class PlanText:
                 reason = f"a complex item ({item.complexItemType}); replace it by simple items"
                 raise self.refused((*path, index), reason)
             simple.append(item)
-        read = [self._item(item, (*path, index)) for index, item in enumerate(simple)]
+        read = [self.item(item, (*path, index)) for index, item in enumerate(simple)]
         numbers = [item.number(index) for index, item in enumerate(simple)]
         wrong = [index for index, number in enumerate(numbers) if number != index + 1]
         for index in wrong:
@@ -134,7 +135,9 @@ class PlanText:
             read = [self._jump(item, numbers, (*path, index)) for index, item in enumerate(read)]
         return tuple(read)
 
-    def _item(self, item: PlanItem, path: tuple[Key, ...]) -> MissionItem:
+    def item(self, item: PlanItem, path: tuple[Key, ...]) -> MissionItem:
+        """The item at `path`. Raises `FileFormatError` for a place that is missing or not on Earth."""
+
         def told(odd: Odd, text: str) -> None:
             if odd is not Odd.NO_PLACE or item.frame != Frame.MISSION:  # QGroundControl itself writes nulls there
                 self.told(odd, path, text)

@@ -90,7 +90,9 @@ class _Rally(PlanPart):
     points: list[PointAndAltitude] = Field(default_factory=list)
 
 
-class _Document(PlanPart):
+class PlanDocument(PlanPart):
+    """All of a `.plan` file."""
+
     fileType: Literal["Plan"]
     version: Literal[1]
     mission: PlannedMission
@@ -129,7 +131,7 @@ def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = 
     """
     oddities = OddityList(source)
     plan = PlanText(without_mark(decoded(text, source), oddities), source, oddities)
-    document = plan.parsed(_Document)
+    document = plan.parsed(PlanDocument)
     mission = document.mission
     file = PlanFile(
         plan.autopilot(mission.firmwareType, ("mission", "firmwareType"), firmware),
@@ -137,8 +139,8 @@ def read_plan_file(text: str | bytes, source: str, firmware: Autopilot | None = 
         plan.mission_items(mission.items, ("mission", "items")),
         mission.cruiseSpeed,
         mission.hoverSpeed,
-        _read_fence(document.geoFence, plan),
-        _read_rally(document.rallyPoints, plan),
+        fence_in_plan(document.geoFence, plan),
+        rally_in_plan(document.rallyPoints, plan),
     )
     return replace(file, oddities=oddities.found())
 
@@ -207,7 +209,8 @@ def _written_fence(fence: Geofence) -> dict[str, Any]:
     return written
 
 
-def _read_fence(fence: _Fence, plan: PlanText) -> Geofence:
+def fence_in_plan(fence: _Fence, plan: PlanText) -> Geofence:
+    """The fence of a document. Raises `FileFormatError` for one of version 1 that is not empty."""
     if fence.version != 2:
         path = ("geoFence", "version")
         if fence.polygon or fence.polygons or fence.circles or fence.breachReturn:
@@ -220,7 +223,8 @@ def _read_fence(fence: _Fence, plan: PlanText) -> Geofence:
     )
 
 
-def _read_rally(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
+def rally_in_plan(rally: _Rally, plan: PlanText) -> tuple[RallyPoint, ...]:
+    """The rally points of a document."""
     if rally.version != 2:
         text = f"{rally.version} instead of 2, with {len(rally.points)} points; QGroundControl drops them"
         plan.told(Odd.RALLY_1, ("rallyPoints", "version"), text)

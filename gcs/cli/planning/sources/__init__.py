@@ -1,0 +1,1 @@
+"""What `gcs new` makes a scenario of: sheets of positions, drawn routes."""

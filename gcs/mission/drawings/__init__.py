@@ -1,0 +1,1 @@
+"""Routes that people drew in other programs: read into a `Drawing`, and written as a scenario."""

@@ -1,0 +1,175 @@
+"""A drawing: the points of a route, areas, and what a scenario cannot carry over of the file."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from gcs.errors import FileFormatError
+from gcs.mission.model import Home
+
+NAME_MAX = 100
+_SHOWN_MAX = 60  # of a name in a sentence
+_UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
+Place = tuple[float, float]  # latitude, longitude, degrees
+
+
+class Datum(StrEnum):
+    """What a drawn height is counted from."""
+
+    HOME = "home"
+    SEA = "mean sea level"
+    GROUND = "the ground"
+    NONE = "nothing"  # the point has no height
+
+
+@dataclass(frozen=True)
+class DrawnPoint:
+    """A point of a route: its place, its height in metres above its datum, and what was drawn with it.
+
+    `label` names it in sentences: "item 4 (NAV_WAYPOINT)". `speed_mps` is the speed that was drawn for the leg to it.
+    """
+
+    place: Place
+    height_m: float
+    datum: Datum
+    label: str
+    name: str = ""
+    speed_mps: float | None = None
+    hold_s: float = 0.0
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class DrawnArea:
+    """A polygon: its corners, its holes, and whether vehicles stay inside it; None where the file does not say so."""
+
+    corners: tuple[Place, ...]
+    label: str
+    inside: bool | None = None
+    holes: tuple[tuple[Place, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class DrawnDisk:
+    """A disk: its centre, its radius, and whether vehicles stay inside it."""
+
+    centre: Place
+    radius_m: float
+    label: str
+    inside: bool
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What is not carried over, or is changed: the thing in the file, and the rest of a sentence about it."""
+
+    label: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.label}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """The contents of a drawn file. `speed_mps` counts where a point has none of its own."""
+
+    source: str
+    points: tuple[DrawnPoint, ...]
+    areas: tuple[DrawnArea, ...] = ()
+    disks: tuple[DrawnDisk, ...] = ()
+    home: Home | None = None
+    speed_mps: float | None = None
+    returns: bool = False  # to its start, after the last point
+    recorded: bool = False  # by a receiver on the way, with many more points than a person draws
+    left_out: tuple[LeftOut, ...] = ()
+
+    def without(self, *left_out: LeftOut) -> Drawing:
+        """The drawing with more sentences."""
+        return replace(self, left_out=(*self.left_out, *left_out))
+
+
+@dataclass
+class Sketch:
+    """A drawing while it is read: what was found so far."""
+
+    source: str
+    points: list[DrawnPoint] = field(default_factory=list)
+    areas: list[DrawnArea] = field(default_factory=list)
+    disks: list[DrawnDisk] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+
+    def leave_out(self, label: str, text: str) -> None:
+        """Add a sentence."""
+        self.left_out.append(LeftOut(label, text))
+
+    def refused(self, text: str, hint: str = "") -> FileFormatError:
+        """The error for the whole file."""
+        return FileFormatError(f"{self.source}: {text}.", hint=hint)
+
+
+def tidy(name: str) -> str:
+    """A name from a file: one line, without unseen characters, of at most `NAME_MAX` characters."""
+    return _UNSEEN.sub(" ", name).strip()[:NAME_MAX].strip()
+
+
+def labelled(what: str, number: int, name: str = "") -> str:
+    """How sentences call a thing: 'line 2 ("Ridge")'."""
+    short = name if len(name) <= _SHOWN_MAX else f"{name[: _SHOWN_MAX - 3]}..."
+    return f"{what} {number}" + (f' ("{short}")' if short else "")
+
+
+def on_earth(lat_deg: float, lon_deg: float) -> Place:
+    """A place, with a longitude from -180 to 180. Raises ValueError for one that is not on Earth."""
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 360.0):
+        raise ValueError(f"latitude {lat_deg:g}, longitude {lon_deg:g} is not on Earth")
+    return lat_deg, lon_deg if abs(lon_deg) <= 180.0 else (lon_deg + 180.0) % 360.0 - 180.0
+
+
+def ring(corners: Sequence[Place], label: str) -> tuple[Place, ...]:
+    """The corners of a ring without those that repeat the one before, or the first. Raises ValueError for under 3."""
+    open_ring = [place for place, _ in itertools.groupby(corners)]
+    while len(open_ring) > 1 and open_ring[-1] == open_ring[0]:
+        open_ring.pop()
+    if len(open_ring) < 3:
+        raise ValueError(f"{label} has {len(open_ring)} corners; an area has at least 3")
+    return tuple(open_ring)
+
+
+def sentences(left_out: Iterable[LeftOut]) -> list[str]:
+    """The sentences, with equal ones joined: "items 3, 4 and 7 (DO_SET_ROI): ..."."""
+    joined: dict[tuple[str, str, str], list[str]] = {}
+    for one in left_out:
+        what, number, rest = _parts(one.label)
+        numbers = joined.setdefault((what, rest, one.text), [])
+        if number not in numbers:
+            numbers.append(number)
+    found = []
+    for (what, rest, text), numbers in joined.items():
+        if len(numbers) == 1:
+            found.append(f"{what}{' ' * bool(numbers[0])}{numbers[0]}{rest}: {text}")
+        else:
+            found.append(f"{what}s {_listed(numbers)}{rest}: {text}")
+    return found
+
+
+def _listed(numbers: Sequence[str]) -> str:
+    """Numbers as a list, with runs of three and more: "2, 4 to 9 and 12"."""
+    runs: list[list[int]] = []
+    for number in map(int, numbers):
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    parts = [part for run in runs for part in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run))]
+    return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
+
+
+def _parts(label: str) -> tuple[str, str, str]:
+    """A label's noun, its number, and what follows."""
+    found = re.fullmatch(r"([A-Za-z -]+) ([0-9]+)(.*)", label, re.DOTALL)
+    return (found[1], found[2], found[3]) if found else (label, "", "")

@@ -1,0 +1,146 @@
+"""Drawings in KML and KMZ: lines, polygons, points and tracks of Placemarks, in folders of any depth."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from gcs.errors import FileFormatError
+from gcs.mission.drawings.drawing import (
+    Datum,
+    Drawing,
+    DrawnArea,
+    DrawnPoint,
+    Place,
+    Sketch,
+    labelled,
+    on_earth,
+    ring,
+    tidy,
+)
+from gcs.mission.drawings.drawn_lines import DrawnLine, drawing_of
+from gcs.reading.archives import BadArchive, member_names, read_member
+from gcs.reading.bounded_file import MIB
+from gcs.reading.bounded_xml import XmlElement, read_xml
+
+_IN_KMZ = "doc.kml"
+UNPACKED_MAX_BYTES = 64 * MIB
+_COMMA = re.compile(r"\s*,\s*")
+_DATUMS = {"absolute": Datum.SEA, "relativeToGround": Datum.GROUND}  # all others lie on the ground
+_GEOMETRIES = ("LineString", "LinearRing", "Polygon", "Point", "Track", "MultiTrack", "Model")
+_ELSEWHERE = ("NetworkLink", "GroundOverlay", "PhotoOverlay", "Tour")
+_INSIDE = {"1": True, "0": False}
+
+
+@dataclass
+class _Found:
+    """What Placemarks hold, while they are read."""
+
+    sketch: Sketch
+    lines: list[DrawnLine] = field(default_factory=list)
+    spots: list[DrawnPoint] = field(default_factory=list)
+
+
+def draw_kmz(data: bytes, source: str) -> Drawing:
+    """The drawing in a KMZ archive: in doc.kml, else in its first KML. Raises `FileFormatError`."""
+    try:
+        names = [name for name in member_names(io.BytesIO(data)) if name.lower().endswith(".kml")]
+        if not names:
+            raise BadArchive("it holds no KML")
+        name = _IN_KMZ if _IN_KMZ in names else names[0]
+        text = read_member(io.BytesIO(data), name, UNPACKED_MAX_BYTES)
+    except BadArchive as error:
+        raise FileFormatError(f"{source}: is no KMZ: {error}.", hint="save the drawing as KML") from error
+    return draw_kml(text, source)
+
+
+def draw_kml(data: bytes, source: str) -> Drawing:
+    """The drawing in a KML file. Raises `FileFormatError`."""
+    found = _Found(Sketch(source))
+    try:
+        root = read_xml(data)
+        if root.name != "kml":
+            raise ValueError(f"its root is <{tidy(root.name)}>, not <kml>")
+        for number, placemark in enumerate(root.below("Placemark"), start=1):
+            _placemark(placemark, number, found)
+    except ValueError as error:
+        raise FileFormatError(f"{source}: {error}.", hint="save the drawing again as KML") from error
+    for kind in _ELSEWHERE:
+        for number, one in enumerate(root.below(kind), start=1):
+            found.sketch.leave_out(labelled(kind, number, tidy(one.said("name"))), "not carried over: it draws no line")
+    return drawing_of(found.sketch, found.lines, found.spots)
+
+
+def _placemark(placemark: XmlElement, number: int, found: _Found) -> None:
+    name = tidy(placemark.said("name"))
+    label = labelled("Placemark", number, name)
+    marks = {data.attributes.get("name", ""): data.said("value") for data in placemark.below("Data")}
+    for shape in _shapes(placemark):
+        datum = next((_DATUMS.get(mode.text, Datum.NONE) for mode in shape.all("altitudeMode")), Datum.NONE)
+        if shape.name == "Polygon":
+            _polygon(shape, label, _INSIDE.get(marks.get("inclusion", "")), found)
+        elif shape.name == "Point":
+            found.spots += _points(_coordinates(shape), datum, label, name)
+        elif shape.name in ("LineString", "LinearRing"):
+            found.lines.append(DrawnLine(label, tuple(_points(_coordinates(shape), datum, label))))
+        elif shape.name in ("Track", "MultiTrack"):
+            rows = [coord.text.split() for coord in shape.below("coord")]
+            datum = datum if shape.name == "Track" else _mode_below(shape)
+            track = tuple(_points(map(_numbers, rows), datum, label))
+            found.lines.append(DrawnLine(label, track, recorded=True))
+        else:
+            found.sketch.leave_out(label, "not carried over: a model is no line")
+
+
+def _shapes(placemark: XmlElement) -> Iterator[XmlElement]:
+    """The geometries of a Placemark, also those in a MultiGeometry."""
+    for child in placemark.children:
+        if child.name == "MultiGeometry":
+            yield from _shapes(child)
+        elif child.name in _GEOMETRIES:
+            yield child
+
+
+def _mode_below(shape: XmlElement) -> Datum:
+    return next((_DATUMS.get(mode.text, Datum.NONE) for mode in shape.below("altitudeMode")), Datum.NONE)
+
+
+def _coordinates(shape: XmlElement) -> Iterator[list[float]]:
+    for corner in _COMMA.sub(",", shape.said("coordinates")).split():
+        yield _numbers(corner.split(","))
+
+
+def _numbers(parts: list[str]) -> list[float]:
+    """Longitude, latitude and perhaps a height. Raises ValueError."""
+    try:
+        values = [float(part) for part in parts if part]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+        raise ValueError(f"'{tidy(','.join(parts))[:60]}' is not longitude, latitude and height")
+    return values
+
+
+def _points(
+    rows: Iterator[list[float]] | map[list[float]], datum: Datum, label: str, name: str = ""
+) -> Iterator[DrawnPoint]:
+    for number, (lon_deg, lat_deg, *rest) in enumerate(rows, start=1):
+        height_m, point_datum = (rest[0], datum) if rest else (0.0, Datum.NONE)
+        own = label if name or label == "" else f"point {number} of {label}"
+        yield DrawnPoint(on_earth(lat_deg, lon_deg), height_m, point_datum, own, name)
+
+
+def _polygon(shape: XmlElement, label: str, inside: bool | None, found: _Found) -> None:
+    rings = [_ring(edge, label) for edge in (shape.first("outerBoundaryIs", "LinearRing"),) if edge is not None]
+    if not rings:
+        raise ValueError(f"{label} is a polygon without an edge")
+    holes = [inner.first("LinearRing") for inner in shape.all("innerBoundaryIs")]
+    inner = tuple(_ring(edge, label) for edge in holes if edge is not None)
+    found.sketch.areas.append(DrawnArea(rings[0], label, inside, inner))
+
+
+def _ring(edge: XmlElement, label: str) -> tuple[Place, ...]:
+    return ring([on_earth(lat_deg, lon_deg) for lon_deg, lat_deg, *_ in _coordinates(edge)], label)

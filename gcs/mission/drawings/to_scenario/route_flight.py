@@ -1,0 +1,258 @@
+"""The scenario of a drawn route: what stands in its template, with names and heights as they were drawn."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from gcs.errors import FileFormatError
+from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tidy
+from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
+from gcs.mission.drawings.to_scenario.flight_time import CRUISE_MPS, flight_time_s, is_passed_at_speed, turns_rad
+from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
+from gcs.physics.quadrotor import Array
+from gcs.scenario.degrees.place_questions import degrees
+from gcs.scenario.formations import places_up_m, turned
+from gcs.scenario.load import load_vehicle
+from gcs.scenario.schema.fields import FARTHEST_M, FLIGHT_MAX_S
+from gcs.scenario.schema.formation_table import Generator
+from gcs.scenario.template import FirstFlight
+from gcs.scenario.vehicle_types import preset_file
+
+_TYPE = "quad500"  # of the template
+_SHARE = 0.8  # of the speed limits: a plan needs more than the mean speed
+_ROOM_M = 60.0  # beside the formation, for detours
+_SAID_MAX = 40  # sentences in the scenario
+_COMMENT_AT = 30
+_LONGEST_FLIGHT = f"the longest flight is {FLIGHT_MAX_S} s"
+
+
+@dataclass(frozen=True)
+class RouteFlight:
+    """A flight of `count` vehicles in a shape along a drawn route; `route` and `areas` are what the drawing holds."""
+
+    drawing: Drawing
+    route: PlacedRoute
+    areas: AreaTables
+    count: int = 6
+    shape: Generator = "vee"
+    spacing_m: float = 10.0
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """What is not carried over of the drawing, or is changed."""
+        return (*self.route.left_out, *self.areas.left_out, *self._speeds_said)
+
+    @property
+    def flight_s(self) -> float:
+        """The time from start to end, s. Raises `FileFormatError` for more than a scenario allows."""
+        holds_s = np.array([point.drawn.hold_s for point in self.route.points] + [0.0] * self.route.returns)
+        holds_s[[0, -1]] = 0.0
+        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * self._limits_mps[1], holds_s)
+        if time_s > FLIGHT_MAX_S:
+            text = f"the route is {self.length_m / 1000.0:.1f} km long and takes {time_s:,.0f} s; {_LONGEST_FLIGHT}"
+            raise FileFormatError(f"{self.drawing.source}: {text}.", hint="split it into several files")
+        return time_s
+
+    @property
+    def length_m(self) -> float:
+        """The length of the route, m."""
+        return float(np.linalg.norm(np.diff(self._course_m, axis=0), axis=1).sum())
+
+    def keys(self) -> dict[str, str]:
+        """What stands in the template for each @KEY@."""
+        points, returns = self.route.points, self.route.returns
+        places_m = turned(places_up_m(self.shape, self.count, self.spacing_m), self._course_deg)
+        lowest_m, highest_m = (float(edge) for edge in self._heights_m(places_m))
+        first = FirstFlight(
+            self.count, self.shape, self.spacing_m, self._course_deg, max(1.0, self.length_m), points[0].place_m[2]
+        ).keys()
+        source = tidy(Path(self.drawing.source).name)
+        yaw = f"roll_pitch_yaw_deg = [0.0, 0.0, {first['YAW']}]\n" if first["YAW"] != "0.0" else ""
+        interior = points[1:] if returns else points[1:-1]
+        legs = zip(interior, self._turns_rad, strict=False)
+        north_m, east_m = self._box(places_m)
+        ends = np.array([points[0].place_m[2], points[0 if returns else -1].place_m[2]]) + float(places_m[:, 2].max())
+        return first | {
+            "ALONG": _text(f"{first['TITLE']} along {source}")[1:-1],
+            "SOURCE": source,
+            "SAID": self._comments(),
+            "ORIGIN_IS": self.route.origin_is,
+            "LAT": _number(self.route.origin.lat_deg),
+            "LON": _number(self.route.origin.lon_deg),
+            "ALT": repr(float(round(self.route.origin.alt_amsl_m, 3))),
+            "FLIGHT": repr(self.flight_s),
+            "LENGTH": f"{self.length_m:.0f} m in {self.flight_s:.0f} s",
+            "END_WORD": _commented('end = "start"', "the route comes back") + "\n" if returns else "",
+            "TABLES": "\n".join(
+                [
+                    _place_table("[start]", points[0], "of the leader, which hovers there") + yaw,
+                    *(self._route_table(point, turn) for point, turn in legs),
+                    *([] if returns else [_place_table("[end]", points[-1]) + yaw]),
+                    *map(_area_text, *_named_areas(self.areas)),
+                ]
+            ),
+            "BOX_NORTH": str(north_m),
+            "BOX_EAST": str(east_m),
+            "BOX_HEIGHT": str([0.0, max(40.0, 10.0 * math.ceil(highest_m / 10.0 + 1.5))]),
+            "CLEARANCE": repr(min(5.0, math.floor(5.0 * lowest_m) / 10.0)),
+            "TAKEOFF": repr(max(20.0, float(math.ceil(20.0 / 15.0 * ends[0])))),
+            "LANDING": repr(max(30.0, float(math.ceil(2.0 * ends[1])))),
+        }
+
+    @property
+    def _course_m(self) -> Array:
+        """The places that the leader passes (N, 3), with the start again where it comes back."""
+        places_m = self.route.places_m
+        return np.concatenate([places_m, places_m[:1]]) if self.route.returns else places_m
+
+    @cached_property
+    def _limits_mps(self) -> tuple[float, float]:
+        """The speed limits of the vehicle type, horizontal and vertical."""
+        north, east, up = load_vehicle(preset_file(_TYPE)).limits.speed_ned_mps
+        return min(north, east), up
+
+    @property
+    def _drawn_mps(self) -> list[float | None]:
+        """The speed that was drawn for each leg; None where none was."""
+        drawn = [point.drawn.speed_mps for point in self.route.points[1:]]
+        return drawn + [None] * self.route.returns
+
+    @property
+    def _leg_speeds_mps(self) -> Array:
+        most_mps = _SHARE * self._limits_mps[0]
+        plain_mps = self.drawing.speed_mps or CRUISE_MPS
+        return np.array([min(most_mps, plain_mps if speed is None else speed) for speed in self._drawn_mps])
+
+    @property
+    def _turns_rad(self) -> list[float]:
+        return [float(turn) for turn in turns_rad(self._course_m)]
+
+    @property
+    def _speeds_said(self) -> list[LeftOut]:
+        most_mps = _SHARE * self._limits_mps[0]
+        return [
+            LeftOut(
+                point.drawn.label,
+                f"drawn at {point.drawn.speed_mps:g} m/s, too fast for this type of vehicle; {most_mps:g} m/s here",
+            )
+            for point in self.route.points[1:]
+            if point.drawn.speed_mps is not None and point.drawn.speed_mps > most_mps
+        ]
+
+    @property
+    def _course_deg(self) -> float:
+        """The direction of the first leg that is not vertical, degrees."""
+        for leg_m in np.diff(self._course_m, axis=0):
+            if float(np.hypot(*leg_m[:2])) > 1.0:
+                return round(math.degrees(math.atan2(leg_m[1], leg_m[0])), 1) + 0.0
+        return 0.0
+
+    def _heights_m(self, places_m: Array) -> tuple[float, float]:
+        """The lowest and the highest place of a vehicle. Raises `FileFormatError` for one at the ground."""
+        heights_m = self.route.places_m[:, 2]
+        lowest_m = float(heights_m.min() + places_m[:, 2].min())
+        if lowest_m < 1.0:
+            row = int(heights_m.argmin())
+            raise FileFormatError(
+                f"{self.drawing.source}: {self.route.points[row].drawn.label} is {heights_m[row]:.1f} m above the "
+                f"origin, too low for a {self.shape} of {self.count} vehicles.",
+                hint="give another --shape, or a smaller --spacing",
+            )
+        return lowest_m, float(heights_m.max() + places_m[:, 2].max())
+
+    def _box(self, places_m: Array) -> tuple[list[float], list[float]]:
+        """The least and the greatest place north and east, for the formation at any heading, with room for detours."""
+        room_m = _ROOM_M + float(np.hypot(*places_m[:, :2].T).max())
+        low = 10.0 * np.floor((self._course_m[:, :2].min(axis=0) - room_m) / 10.0)
+        high = 10.0 * np.ceil((self._course_m[:, :2].max(axis=0) + room_m) / 10.0)
+        low, high = np.maximum(low, -FARTHEST_M), np.minimum(high, FARTHEST_M)
+        return [float(low[0]), float(high[0])], [float(low[1]), float(high[1])]
+
+    def _route_table(self, point: PlacedPoint, turn_rad: float) -> str:
+        drawn, lines = point.drawn, _place_table("[[route]]", point)
+        if drawn.name:
+            head, rest = lines.split("\n", 1)
+            lines = f"{head}\nname = {_text(drawn.name)}\n{rest}"
+        if drawn.radius_m:
+            lines += f"radius_m = {max(0.001, min(round(drawn.radius_m, 3), float(FARTHEST_M)))!r}\n"
+        if drawn.hold_s:
+            lines += f"hold_s = {round(drawn.hold_s, 3)!r}\n"
+        elif drawn.speed_mps is not None:
+            speed = f"speed_mps = {round(max(0.001, min(drawn.speed_mps, _SHARE * self._limits_mps[0])), 3)!r}"
+            is_straight = is_passed_at_speed(turn_rad)
+            lines += f"{speed}\n" if is_straight else _commented(f"# {speed}", "of the leg to it; it turns here") + "\n"
+        return lines
+
+    def _comments(self) -> str:
+        """What is left out, as lines of comments; empty if nothing is."""
+        said = sentences(self.left_out)
+        more = [f"and {len(said) - _SAID_MAX} more"] if len(said) > _SAID_MAX else []
+        lines = ["# Not carried over as it was drawn:", *(f"#   {line}" for line in [*said[:_SAID_MAX], *more])]
+        return "\n".join(lines) if said else "#"
+
+
+def route_flight(
+    drawing: Drawing,
+    at: tuple[float, float, float | None] | None = None,
+    height_m: float | None = None,
+    **formation: object,
+) -> RouteFlight:
+    """The flight along a drawing. `at` and `height_m` as `placed_route` has them; `formation`: count, shape, spacing_m.
+
+    Raises `FileFormatError` for a drawing that makes no flight.
+    """
+    route = placed_route(drawing, at, height_m)
+    flight = RouteFlight(drawing, route, area_tables(drawing, route))
+    return replace(flight, **formation)  # type: ignore[arg-type]
+
+
+def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:
+    """A table with the place of a point; its label in the drawing is the comment."""
+    told = point.drawn.label
+    if head != "[[route]]" and point.drawn.name and point.drawn.name not in told:
+        told = f'{told}, "{point.drawn.name}"'
+    title = _commented(head, f"{told}, {also}" if also else told)
+    return f"{title}\nposition_deg = {_shown(point.drawn.place)}\n{point.key} = {point.height_m!r}\n"
+
+
+def _named_areas(areas: AreaTables) -> tuple[list[str], list[AreaTable]]:
+    heads = ["[[keep_in]]"] * len(areas.keep_in) + ["[[no_fly]]"] * len(areas.no_fly)
+    return heads, [*areas.keep_in, *areas.no_fly]
+
+
+def _area_text(head: str, area: AreaTable) -> str:
+    lines = [_commented(head, area.label)]
+    if area.radius_m is not None:
+        (lat_deg, lon_deg), radius_m = area.corners[0], round(max(area.radius_m, 0.001), 3)
+        lines += [f"lat_deg = {_number(lat_deg)}", f"lon_deg = {_number(lon_deg)}", f"radius_m = {radius_m!r}"]
+    elif len(area.corners) <= 4:
+        lines.append(f"polygon_deg = [{', '.join(map(_shown, area.corners))}]")
+    else:
+        rows = [", ".join(map(_shown, area.corners[at : at + 4])) for at in range(0, len(area.corners), 4)]
+        lines += ["polygon_deg = [", *(f"  {row}," for row in rows), "]"]
+    return "\n".join(lines) + "\n"
+
+
+def _shown(place: Place) -> str:
+    return f"[{_number(place[0])}, {_number(place[1])}]"
+
+
+def _number(value: float) -> str:
+    """Degrees as a number of TOML, which tells 47.0 from 47."""
+    text = degrees(value)
+    return text if "." in text else f"{text}.0"
+
+
+def _commented(code: str, comment: str) -> str:
+    return f"{code.ljust(_COMMENT_AT - 2)}  # {tidy(comment)}"
+
+
+def _text(value: str) -> str:
+    """A text of TOML."""
+    return json.dumps(value, ensure_ascii=False)
