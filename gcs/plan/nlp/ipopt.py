@@ -84,7 +84,7 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
         options |= _SHAPE_OPTIONS
     elif program.moving_shape:
         options |= _MOVING_OPTIONS
-    if program.end_s is None:
+    if program.free_time:
         options |= _TIME_OPTIONS
     if near:
         options |= _NEAR_OPTIONS

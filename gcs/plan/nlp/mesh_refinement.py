@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.errors import PlanningError
+from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import RATES, VELOCITY, Array, hover_trim
-from gcs.plan.formation.changes.timeline import Move
+from gcs.plan.formation.changes.timeline import Move, in_turn, lay, starts_at_points
 from gcs.plan.formation.coordinates import composed
 from gcs.plan.formation.followers import formation_motion, rounded_thrust_polynomial
 from gcs.plan.formation.shape import Rows, Shape, stretched
@@ -126,8 +126,18 @@ def optimise(
 
 
 def with_times(problem: Problem, end_s: float, point_s: tuple[float, ...]) -> Problem:
-    """The same problem with another end and other times at the points of its route."""
-    return replace(with_end(problem, end_s), point_s=point_s)
+    """The same problem with another end and other times at the points of its route, where changes of shape begin."""
+    if not problem.points:
+        return with_end(problem, end_s)
+    starts_s = starts_at_points(problem.scenario, point_s)
+    timed = replace(with_end(problem, end_s), point_s=point_s)
+    if starts_s is None:
+        return timed
+    try:
+        starts_s = in_turn(problem.scenario, starts_s, end_s)
+        return replace(timed, shape=lay(problem.scenario, starts_s, problem.start_s, end_s).shape)
+    except Infeasible:
+        return timed  # the flight may still find times that fit
 
 
 def with_end(problem: Problem, end_s: float) -> Problem:

@@ -57,6 +57,11 @@ class FreeTime:
     weight: float  # cost of `reference_s` seconds
     reference_s: float  # also the time over which energy is a mean
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether one time is left."""
+        return self.earliest_s == self.latest_s
+
 
 class Share(Enum):
     """How the rate of a term becomes a cost."""

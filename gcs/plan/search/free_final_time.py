@@ -72,7 +72,7 @@ def _rounded(problem: Problem, best: Optimum, on_round: Callable[[MeshRound], No
         found = optimise_on_schedule(exact, _stretched(best.trajectory, end_s), on_round)
     except PlanningError:
         return best
-    return replace(found, history=(*best.history, *found.history), moves=best.moves)
+    return replace(found, history=(*best.history, *found.history))
 
 
 def _stretched(trajectory: Trajectory, end_s: float) -> Trajectory:

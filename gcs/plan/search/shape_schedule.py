@@ -13,7 +13,7 @@ import numpy as np
 
 from gcs.errors import Infeasible, PlanningError
 from gcs.plan.formation.changes.automatic import automatic_moves
-from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
+from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.nlp.ipopt import solve
 from gcs.plan.nlp.leg_mesh import first_mesh
 from gcs.plan.nlp.mesh_refinement import (
@@ -67,6 +67,9 @@ def optimise_on_schedule(
         if problem.points:
             problem = with_times(problem, found.trajectory.end_s, found.point_s)
         crossed = _starts_s(problem, changes, found.trajectory)
+        if starts_at_points(scenario, found.point_s) is not None:  # the flight was verified with these times
+            starts = in_turn(scenario, crossed, problem.end_s)
+            timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         late = float(np.max(np.abs(np.subtract(crossed, starts)), initial=0.0))
         if late <= _LATE_S:
             automatic = automatic_moves(

@@ -82,6 +82,19 @@ def scheduled(scenario: Scenario) -> tuple[ChangeTable, ...]:
     return tuple(change for change in scenario.formation.change if not change.auto)
 
 
+def starts_at_points(scenario: Scenario, point_s: tuple[float, ...]) -> tuple[float, ...] | None:
+    """When each scheduled change begins, by the leader's times at the points of the route; None with gates.
+
+    None too where no change begins at a point.
+    """
+    changes = scheduled(scenario)
+    if all(change.at_point is None for change in changes) or any(change.gate_m is not None for change in changes):
+        return None
+    return tuple(
+        point_s[change.at_point - 1] if change.at_point is not None else change.at_s or 0.0 for change in changes
+    )
+
+
 def stops_ned_m(scenario: Scenario) -> tuple[Array, ...]:
     """The rigid shapes (V, 3) of the schedule: the first, and the result of each change. Raises as `lay`."""
     return (offsets_ned_m(scenario), *(made.after_ned_m for made in made_changes(scenario)))

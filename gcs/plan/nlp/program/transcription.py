@@ -57,6 +57,7 @@ class Program:
     step_rows: int = 0  # so many last rows of g limit the steps of the thrust
     moving_shape: bool = False  # on a schedule
     end_s: float | None = None  # of the flight, where it is given
+    free_time: bool = False
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y sampled from an existing trajectory: the warm start."""
@@ -216,7 +217,8 @@ def bounded_program(
         np.zeros(0) if parameters is None else parameters,
         2 * steps,
         bool(problem.shape.moving_s),
-        problem.end_s if problem.free_time is None else None,
+        None if problem.free_time is not None and not problem.free_time.is_fixed else problem.end_s,
+        problem.free_time is not None,
     )
 
 
