@@ -12,6 +12,7 @@ import pytest
 from gcs.errors import ScenarioError
 from gcs.flight.assessment.judge import Truth, Verdict, judge
 from gcs.flight.progress import FlightTimes
+from gcs.mission.failsafe.fence_rally import build_fence
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.replanning.replanner import Replanner
@@ -161,3 +162,22 @@ def test_a_vehicle_outside_the_fence_or_above_the_ceiling_fails_the_flight(besid
     assert not found["height"].ok
     planned = {c.name: c for c in judged(plan, lambda t_s, states: None).criteria}
     assert planned["inside the fence"].value >= 10.0 - 1e-6 and planned["height"].ok
+
+
+@pytest.mark.slow
+def test_a_plan_stays_in_a_keep_in_area_and_leaves_room_to_its_edge(simulation1: Scenario) -> None:
+    """The straight way from (2, 1) to (40, 14) cuts the inner corner of an L; the fence does not."""
+    corners = [[-10.0, -10.0], [50.0, -10.0], [50.0, 30.0], [30.0, 30.0], [30.0, 4.0], [-10.0, 4.0]]
+    wide = {"north_m": [-20.0, 80.0], "east_m": [-60.0, 60.0]}
+    rtk = {"grade": "rtk"}
+    scenario = meadow(alone(simulation1), limits=wide, keep_in=[{"polygon_m": corners}], sensors=rtk)
+    plan = make_plan(scenario)
+    report, error_m = verify(plan), navigation_error(scenario).horizontal_m
+    assert report.ok, report.failures
+    assert report.nearest_zone is not None and report.nearest_zone.keep_in
+    assert error_m - 1e-3 <= report.nearest_zone.distance_m <= nearest_m(plan)
+    straight = replace(make_plan(scenario.model_copy(update={"keep_in": ()})), scenario=scenario)
+    assert {check.name for check in verify(straight).failures} == {"keep-in area 1"}
+    assert any("the edge of keep-in area 1" in told for told in thin_margins(straight, verify(straight)))
+    (around,) = build_fence(plan).geofence.polygons
+    assert around.inclusion and len(around.points) > 4

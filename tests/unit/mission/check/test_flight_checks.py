@@ -13,7 +13,7 @@ from gcs.mission.check.fleet_check import as_on_the_wire, check_fleet
 from gcs.mission.check.flight_checks import check_ground, check_limits, check_separation, check_zones
 from gcs.mission.check.flight_limits import FlightLimits, limits_of, surroundings_of
 from gcs.mission.predicted.planned_flight import Surroundings, fly
-from gcs.scenario.schema.scenario import NoFlyZone, Scenario
+from gcs.scenario.schema.scenario import KeepIn, NoFlyZone, Scenario
 from tests.unit.mission.fleets import FLAT, ORIGIN, UNKNOWN, at, mission, out_and_land, speed
 
 HILL = Surroundings(ORIGIN, lambda north, east: 8.0 * np.exp(-(((north - 50) / 10) ** 2)) + 0.0 * east)
@@ -95,6 +95,23 @@ def test_ceiling_speed_and_closed_areas() -> None:
     ] == [True]
     free = FlightLimits(height_max_m=10.0, speed_ned_mps=(5.0, 5.0, 2.0), no_fly=(), tolerance_m=0.5)
     assert list(check_limits(across, fly(across, FLAT), free)) == []
+
+
+def test_a_keep_in_area_is_not_left() -> None:
+    """100 m north along east = 0: the area ends at north = 97 m, or has its edge 2 m beside the way."""
+    across = mission(out_and_land(100.0))
+    for corners, least_m, told in (
+        (((-50.0, -50.0), (97.0, -50.0), (97.0, 50.0), (-50.0, 50.0)), -3.0, "m outside keep-in area 1"),
+        (((-50.0, -50.0), (150.0, -50.0), (150.0, 2.0), (-50.0, 2.0)), 2.0, "m from the edge of keep-in area 1; at"),
+    ):
+        limits = FlightLimits(keep_in=(KeepIn(polygon_m=corners),), zone_margin_m=2.5)
+        nearest, (found,) = check_zones(across, fly(across, FLAT), limits)
+        assert nearest is not None and nearest.distance_m == pytest.approx(least_m, abs=0.02)
+        assert str(nearest.zone) == "keep-in area 1"
+        assert (found.rule, found.level) == (Rule.AREA, Level.ERROR)
+        assert told in found.message
+        wide = FlightLimits(keep_in=limits.keep_in, zone_margin_m=least_m - 0.1)
+        assert check_zones(across, fly(across, FLAT), wide)[1] == []
 
 
 def test_a_scenarios_limits(simulation1: Scenario) -> None:

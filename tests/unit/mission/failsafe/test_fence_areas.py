@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import shapely
 
-from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M, inclusion_corners
+from gcs.mission.failsafe.fence_areas import INCLUSION_MARGIN_M, inclusion_area, inclusion_corners
+from gcs.scenario.schema.scenario import KeepIn
 
 
 def test_last_bits_make_no_corners() -> None:
@@ -30,3 +32,33 @@ def test_vehicles_in_one_place_or_in_line_have_a_fence() -> None:
         assert len(corners) == 4
         low_m, high_m = places_m.min(axis=0) - corners.min(axis=0), corners.max(axis=0) - places_m.max(axis=0)
         assert np.concatenate([low_m, high_m]).max() < 1.5 * INCLUSION_MARGIN_M
+
+
+def _area(*corners: tuple[float, float]) -> KeepIn:
+    return KeepIn(polygon_m=corners)
+
+
+WAY_M = np.linspace([0.0, 0.0], [100.0, 0.0], 51)
+
+
+def test_a_keep_in_area_cuts_the_fence() -> None:
+    """A straight way along the middle of 12 m: the hull's 10 m of margin become 6 m, and 8 m beside one more area."""
+    assert np.array_equal(np.array(inclusion_area(WAY_M, ()).exterior.coords)[:-1], inclusion_corners(WAY_M))
+    strip = _area((-50.0, -6.0), (150.0, -6.0), (150.0, 6.0), (-50.0, 6.0))
+    cut = inclusion_area(WAY_M, [strip])
+    assert cut.bounds[1::2] == pytest.approx((-6.0, 6.0))
+    half = _area((-50.0, -50.0), (150.0, -50.0), (150.0, 1.5), (-50.0, 1.5))
+    both = inclusion_area(WAY_M, [strip, half])
+    assert both.bounds[1::2] == pytest.approx((-6.0, 2.0))  # the way is 1.5 m from the edge: 0.5 m more are free
+    assert both.covers(shapely.MultiPoint(WAY_M)) and shapely.covers(cut, both.buffer(-1e-6))
+
+
+def test_a_fence_in_an_area_of_many_corners_has_few_and_holds_all_of_the_way() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    out_m = 58.0 + 3.0 * np.sin(40.0 * angles)
+    waves = _area(*((float(50.0 + r * np.cos(a)), float(r * np.sin(a))) for r, a in zip(out_m, angles, strict=True)))
+    wide = np.concatenate([WAY_M, 40.0 * np.array([[1.25, 1.0], [1.25, -1.0]])])
+    fence = inclusion_area(wide, [waves])
+    assert len(fence.exterior.coords) <= 41
+    assert fence.covers(shapely.MultiPoint(wide)) and fence.is_valid
+    assert fence.difference(waves.area.buffer(8.0)).area == pytest.approx(0.0, abs=1e-6)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.verify import verify
 from tests.unit.plan.problems import alone, changed
 from tests.unit.plan.verification.constraints.even_flights import assert_margin, check_of, even
 
@@ -83,3 +84,29 @@ def test_the_box_holds_in_the_mission_and_around_the_pads_elsewhere(north: Plan)
     end = check_of(boxed, "north position", "landing")
     pads = np.concatenate([boxed.pads_ned_m, boxed.landing_points_ned_m])
     assert_margin(end, max(39.0, float(pads[:, 0].max())) - 2.0 * boxed.t_end_s)
+
+
+def test_inside_a_keep_in_area(north: Plan) -> None:
+    """5 m to the nearest edge along the way; an area with a notch into the way is left, and only that is reported."""
+
+    def kept(*corners: tuple[float, float]) -> Plan:
+        return replace(north, scenario=changed(north.scenario, keep_in=[{"polygon_m": corners}]))
+
+    yard = ((-50.0, -30.0), (150.0, -30.0), (150.0, 6.0), (-50.0, 6.0))
+    assert_margin(check_of(kept(*yard), "keep-in area 1"), 5.0)
+    notched = check_of(kept(*yard[:3], (20.0, 6.0), (15.0, 0.5), (10.0, 6.0), yard[3]), "keep-in area 1")
+    assert notched.verdict == "violated"
+    assert notched.worst == pytest.approx(-0.5 / np.hypot(5.0, 5.5) * 5.0, abs=2e-3)
+    assert notched.t_s == pytest.approx(7.5, abs=0.3)
+
+
+def test_names_of_zones_count_by_kind(north: Plan) -> None:
+    areas = [{"polygon_m": [[-50.0, -50.0 - n], [150.0, -50.0], [150.0, 50.0], [-50.0, 50.0]]} for n in range(2)]
+    zoned = with_zone(
+        replace(north, scenario=changed(north.scenario, keep_in=areas)), north_m=0, east_m=40, radius_m=20
+    )
+    report = verify(zoned)
+    named = {check.name for check in report.checks if "area" in check.name or "zone" in check.name}
+    assert named == {"keep-in area 1", "keep-in area 2", "no-fly zone 1"}
+    assert report.nearest_zone is not None
+    assert str(report.nearest_zone.name) == "no-fly zone 1"
