@@ -42,6 +42,11 @@ class ArduPilotNavigator:
     step_s: float = 0.02
 
     @property
+    def delay_begins_m(self) -> float:
+        """A delay begins when the target has come to rest at the waypoint."""
+        return 0.0
+
+    @property
     def snap_mps4(self) -> float:
         """The limit of snap along a leg."""
         return min(0.25 * math.pi * self.jerk_mps3 / self.input_time_s, self.snap_max_mps4)

@@ -99,6 +99,10 @@ class Navigator(Protocol):
     def step_s(self) -> float:
         """The time between two states."""
 
+    @property
+    def delay_begins_m(self) -> float:
+        """The distance from a waypoint at which its delay begins; 0 where it begins in rest at the waypoint."""
+
     def within(self, ability: Ability) -> Navigator:
         """Return the same navigator for a vehicle with this ability."""
 

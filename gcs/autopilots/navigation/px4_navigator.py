@@ -42,6 +42,11 @@ class Px4Navigator:
     switch_s: float = 0.05  # from arrival to the next leg
     step_s: float = 0.04
 
+    @property
+    def delay_begins_m(self) -> float:
+        """A waypoint is reached, and its delay begins, at the acceptance radius."""
+        return self.radius_m
+
     def within(self, ability: Ability) -> Px4Navigator:
         """Return the same navigator for a vehicle with this ability."""
         acceleration = min(self.acceleration_mps2, ability.horizontal_mps2)

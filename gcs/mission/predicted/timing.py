@@ -100,9 +100,10 @@ def predicted(
         flown[row] = np.stack([np.interp(t_s, knots_s, flight.ned_m[:, axis]) for axis in range(3)], axis=-1)
         waypoints, passed_s = _passages(plan, row, mission, flight, knots_s)
         early.append([leaves_s - passed_s[waypoints.index(delay - 1)] for delay, leaves_s in mission.gates])
-        stops = {delay - 1 for delay, _ in mission.gates}
-        due_s = [math.nan if item in stops else float(mission.arrival_s[item] or 0.0) for item in waypoints]
-        due_s[-1] = _near_end_s(plan, row)
+        gates, holds = {delay - 1 for delay, _ in mission.gates}, _holds(mission)
+        due_s = [math.nan if item in gates else float(mission.arrival_s[item] or 0.0) for item in waypoints]
+        for number in (*(waypoints.index(item) for item in holds), -1):
+            due_s[number] = _near_s(plan, row, float(mission.arrival_s[waypoints[number]] or 0.0))
         late.append(passed_s - due_s)
     vehicles: list[VehicleTiming] = []
     for first in range(0, len(missions), _BATCH):
@@ -127,13 +128,20 @@ def _leaving_s(mission: VehicleMission, flight: PredictedFlight) -> float:
     return float(flight.t_s[min(int(np.argmax(flight.item >= first)), len(flight.t_s) - 1)])
 
 
+def _holds(mission: VehicleMission) -> set[int]:
+    """The indices of waypoints at which the vehicle waits for a time of its own, not at a gate."""
+    delays = {index for index, item in enumerate(mission.items) if item.command == Command.NAV_DELAY}
+    every = {i - 1 for i in delays - {index for index, _ in mission.gates}}
+    return {index for index in every if mission.items[index].command == Command.NAV_WAYPOINT}
+
+
 def _passages(
     plan: Plan, row: int, mission: VehicleMission, flight: PredictedFlight, knots_s: Array
 ) -> tuple[list[int], Array]:
     """Indices of the waypoints, and when each is passed: at the nearest point, or near it where the vehicle stops."""
     waypoints = [i for i, item in enumerate(mission.items) if item.command == Command.NAV_WAYPOINT]
     origin = local_origin(plan.scenario)
-    stops = {delay - 1 for delay, _ in mission.gates} | {waypoints[-1]}
+    stops = {delay - 1 for delay, _ in mission.gates} | _holds(mission) | {waypoints[-1]}
     times = []
     for index, following in itertools.zip_longest(waypoints, waypoints[1:]):
         begin = max(int(np.searchsorted(flight.item, index)) - 1, 0)
@@ -162,9 +170,9 @@ def _place(mission: VehicleMission, index: int, origin: Origin) -> Array:
     return geodetic_to_ned(from_degE7(item.lat_degE7), from_degE7(item.lon_degE7), alt_m, origin)
 
 
-def _near_end_s(plan: Plan, row: int) -> float:
-    """The time at which the plan comes near its last waypoint."""
-    t_s = np.arange(0.0, plan.flight_s + 0.5 * _GRID_S, 0.5 * _GRID_S).clip(max=plan.flight_s)
+def _near_s(plan: Plan, row: int, arrives_s: float) -> float:
+    """The time at which the plan comes near the waypoint where it stops at `arrives_s`."""
+    t_s = np.arange(0.0, arrives_s + 0.5 * _GRID_S, 0.5 * _GRID_S).clip(max=arrives_s)
     position = plan.motion(t_s, slice(row, row + 1))[0][0][:, POSITION]
     far = np.flatnonzero(np.linalg.norm(position - position[-1], axis=1) > NEAR_M)
     return float(t_s[min(int(far[-1]) + 1, len(t_s) - 1)]) if len(far) else 0.0

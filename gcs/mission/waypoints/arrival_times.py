@@ -7,6 +7,7 @@ translated; in a changing formation each vehicle has speeds of its own. `speed_c
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from gcs.autopilots.navigation.navigator import Navigator
 from gcs.autopilots.traits import Autopilot
 from gcs.errors import ScenarioError, VerificationError
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
+from gcs.mission.waypoints.drawn_points import with_drawn_points
 from gcs.mission.waypoints.leg_profile import LegProfile, leg_profile
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices
 from gcs.mission.waypoints.speed_correction import Corrected, correct
@@ -79,7 +81,7 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
             "the plan's own speeds, to look at in other ground stations",
         )
     sampled = _Samples.of(plan, rows)
-    stops = _gate_samples(sampled.t_s, gates)
+    stops = _gate_samples(sampled.t_s, gates, [(each.arrives_s, each.leaves_s) for each in plan.passages])
     best: _Attempt | None = None
     for tolerances, share in _PLACEMENTS:
         attempt = _attempt(plan, firmware, sampled, stops, (tolerances, share))
@@ -96,10 +98,17 @@ def corrected_legs(plan: Plan, firmware: Autopilot, gates: int = 0) -> TimedLegs
 
 @dataclass(frozen=True)
 class _Samples:
-    """The planned flight of the vehicles with legs of their own: times (M,) and positions (R, M, 3)."""
+    """The planned flight of the vehicles with legs of their own: times (M,), positions (R, M, 3), route points."""
 
     t_s: Array
     position_ned_m: Array
+    drawn: tuple[int, ...] = ()
+
+    def part(self, first: int, last: int) -> SampledFlight:
+        """The samples from the first to the last."""
+        drawn = tuple(index - first for index in self.drawn if first < index < last)
+        span = slice(first, last + 1)
+        return SampledFlight(self.t_s[span], self.position_ned_m[:, span], drawn=drawn)
 
     @classmethod
     def of(cls, plan: Plan, rows: slice) -> _Samples:
@@ -108,7 +117,8 @@ class _Samples:
         samples = math.ceil((plan.flight_s - begin) / _SAMPLE_S) + 1
         t_s = np.asarray(begin + _SAMPLE_S * np.arange(samples), dtype=np.float64)
         t_s[-1] = plan.flight_s
-        return cls(t_s, on_grid(plan.motion(t_s, rows)[0][..., POSITION], SAMPLE_GRID))
+        t_s, drawn = with_drawn_points(t_s, plan)
+        return cls(t_s, on_grid(plan.motion(t_s, rows)[0][..., POSITION], SAMPLE_GRID), drawn)
 
 
 @dataclass(frozen=True)
@@ -131,6 +141,7 @@ def _attempt(
     leader = plan.leader if rows > 1 else 0
     waypoints = [0]
     speeds: list[Array] = []
+    waits: list[Array] = []
     raises_m = np.zeros(1)
     gates: list[Gate] = []
     takeoff = plan.phase("takeoff")
@@ -139,23 +150,26 @@ def _attempt(
     leaves_s = math.nan
     off_s = 0.0
     for first, last in pairwise(stops):
-        part = SampledFlight(t_s[first : last + 1], position[:, first : last + 1])
+        part = sampled.part(first, last)
         kept = [first + i for i in gentle_indices(part, Deviation(path_m, _TIME_M), navigator.sustained_mps, share)]
         gate = last != stops[-1]
         terrain = TerrainRaise(plan, sampled.t_s[kept])
         early_s = _GATE_LEAD_S + SLACK_S if gate else 0.0
         part_speeds = np.full((rows, len(kept) - 1), np.nan)
+        part_waits = np.zeros((rows, len(kept) - 1))
         for row in (leader, *(r for r in range(rows) if r != leader)):
             profile, legs = _profile(plan, firmware, sampled, row, kept, early_s)
             found = correct(navigator, profile, lead_s)
             too_near_m = terrain.raise_over_ground(navigator, profile, legs, found, row if rows > 1 else None)
             off_s = max(off_s, _worst_s(found, gate) + _NO_FLY_COST_SPM * too_near_m)
-            part_speeds[row, legs] = found.speeds_mps
+            part_speeds[row, legs], part_waits[row, legs] = found.speeds_mps, profile.holds_s
+            part_waits[row, : legs[0]] = np.diff(t_s[kept])[: legs[0]]
             if row == leader:
                 lead_s = (found.lead_s, found.lead_s)
         if math.isnan(leaves_s):
             leaves_s = float(t_s[0]) - lead_s[0]
         speeds.append(part_speeds)
+        waits.append(part_waits)
         waypoints += kept[1:]
         raises_m = np.concatenate([raises_m, terrain.by_waypoint_m[1:]])
         if gate:
@@ -163,7 +177,13 @@ def _attempt(
             lead_s = (_GATE_LEAD_S,) * 2
     whole = SampledFlight(t_s, position)
     timed = TimedLegs(
-        t_s[waypoints], deviation(whole, waypoints), np.concatenate(speeds, axis=1), leaves_s, tuple(gates), raises_m
+        t_s[waypoints],
+        deviation(whole, waypoints),
+        np.concatenate(speeds, axis=1),
+        leaves_s,
+        tuple(gates),
+        raises_m,
+        np.concatenate(waits, axis=1),
     )
     return _Attempt(timed, off_s)
 
@@ -188,12 +208,16 @@ def _profile(
         slowest_mps=max(_SLOWEST_MPS, firmware.speed_mps[0]),
         fastest_mps=firmware.speed_mps[1],
         airborne_s=climb_s(plan, firmware) + begin_s - takeoff.end_s,
+        delay_begins_m=firmware.navigator.delay_begins_m,
     )
     return profile, legs
 
 
-def _gate_samples(t_s: Array, gates: int) -> list[int]:
-    """Samples at which the formation stops, first and last included: whole seconds after the start, evenly spread."""
+def _gate_samples(t_s: Array, gates: int, passed_s: Sequence[tuple[float, float]] = ()) -> list[int]:
+    """Samples at which the formation stops, first and last included: whole seconds after the start, evenly spread.
+
+    None is within a second of a route point, or of the hold there.
+    """
     duration_s = float(t_s[-1] - t_s[0])
     if gates < 0 or (gates and duration_s / (gates + 1) < _GATES_EVERY_S):
         most = max(int(duration_s / _GATES_EVERY_S) - 1, 0)
@@ -201,5 +225,15 @@ def _gate_samples(t_s: Array, gates: int) -> list[int]:
             f"{gates} gates do not fit a flight of {duration_s:.0f} s; limit {most}.",
             hint=f"give fewer --gates: they are at least {_GATES_EVERY_S:g} s apart",
         )
-    seconds = [round(duration_s * number / (gates + 1)) for number in range(1, gates + 1)]
-    return [0, *(round(second / _SAMPLE_S) for second in seconds), len(t_s) - 1]
+    free_s = [
+        second
+        for second in range(1, int(duration_s))
+        if not any(begin - 1.0 < second + float(t_s[0]) < end + 1.0 for begin, end in passed_s)
+    ]
+    wanted_s = [round(duration_s * number / (gates + 1)) for number in range(1, gates + 1)]
+    seconds = {min(free_s, key=lambda second: (abs(second - due_s), second), default=0) for due_s in wanted_s} - {0}
+    if len(seconds) < gates:
+        raise ScenarioError(
+            f"{gates} gates do not fit between the route points and their holds.", hint="give fewer --gates"
+        )
+    return [0, *(int(np.abs(t_s - t_s[0] - second).argmin()) for second in sorted(seconds)), len(t_s) - 1]

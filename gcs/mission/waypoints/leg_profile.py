@@ -22,7 +22,8 @@ class LegProfile:
     """Legs between points (N + 1, 3), from rest at time 0.
 
     `due_s` (N, len(SHARES)) are the times at which these shares of each leg are due, `holds_s` (N,) the holds at leg
-    ends. Speeds are between `slowest_mps` and `fastest_mps` (N,). `airborne_s` is the time flown before time 0.
+    ends. The end of a leg with a hold is due when the autopilot's delay begins. Speeds are between `slowest_mps` and
+    `fastest_mps` (N,). `airborne_s` is the time flown before time 0.
     """
 
     points_ned_m: Array
@@ -69,8 +70,10 @@ class LegProfile:
     def _nearest_s(self, flown: Prediction, leg: int, row: int) -> float:
         """The time of passing the end of a leg, refined within one step of `row`."""
         t_s = float(flown.t_s[row])
-        if leg + 1 == len(self.holds_s) or self.holds_s[leg] > 0.0:
+        if leg + 1 == len(self.holds_s):
             return t_s
+        if self.holds_s[leg] > 0.0:
+            return float(flown.completed_s[leg] - self.holds_s[leg])
         away, velocity = self.points_ned_m[leg + 1] - flown.position_ned_m[row], flown.velocity_ned_mps[row]
         step_s = float(flown.t_s[1] - flown.t_s[0])
         beside_s = float(away @ velocity) / max(float(velocity @ velocity), 1e-6)
@@ -86,11 +89,13 @@ def leg_profile(
     slowest_mps: float,
     fastest_mps: float,
     airborne_s: float,
+    delay_begins_m: float = 0.0,
 ) -> tuple[LegProfile, list[int]]:
     """The profile through samples (M, 3) at t_s (M,), and for each leg its number among pairs of `waypoints`.
 
-    If the samples rest from one waypoint to the next, there is a hold instead of a leg. No component of a speed
-    exceeds `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
+    If the samples rest from one waypoint to the next, there is a hold instead of a leg. The autopilot's delay begins
+    so far from the waypoint, or in rest there (0), and ends when the samples leave. No component of a speed exceeds
+    `speed_ned_mps` (3,), and no speed `fastest_mps`. Points and due times are on `ORDER_GRID`.
     """
     ends_ned_m = on_grid(position_ned_m[waypoints], ORDER_GRID)
     legs: list[int] = []
@@ -103,6 +108,10 @@ def leg_profile(
         length = float(np.linalg.norm(chord))
         if length < _STILL_M and j != waypoints[-1]:
             if holds:
+                if holds[-1] == 0.0:
+                    begins_s = _near_s(t_s[: i + 1], position_ned_m[: i + 1], delay_begins_m)
+                    holds[-1] = float(t_s[i]) - begins_s
+                    due[-1] = np.minimum(due[-1], begins_s - t_s[waypoints[0]] - waited_s)
                 holds[-1] += float(t_s[j] - t_s[i])
             else:
                 waited_s += float(t_s[j] - t_s[i])
@@ -130,3 +139,9 @@ def leg_profile(
         ),
         legs,
     )
+
+
+def _near_s(t_s: Array, position_ned_m: Array, near_m: float) -> float:
+    """When the samples have come within this distance of the last one, for good."""
+    far = np.flatnonzero(np.linalg.norm(position_ned_m - position_ned_m[-1], axis=1) > max(near_m, 1e-9))
+    return float(t_s[far[-1] + 1]) if near_m > 0.0 and len(far) else float(t_s[-1])

@@ -21,6 +21,7 @@ from gcs.frames import from_degE7, geodetic_to_ned, ned_to_geodetic, to_degE7
 from gcs.mission.machine_independent import SAMPLE_GRID, on_grid
 from gcs.mission.model import Altitude, Command, Frame, Home, MissionItem, VehicleMission
 from gcs.mission.waypoints.clear_legs import clear_legs
+from gcs.mission.waypoints.drawn_points import with_drawn_points
 from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
 from gcs.mission.waypoints.timed_legs import TimedLegs, rows_with_own_legs
 from gcs.physics.quadrotor import POSITION, Array
@@ -50,9 +51,8 @@ _DAY_S = 86400
 def timed_legs(plan: Plan) -> TimedLegs:
     """The times of the waypoints of all vehicles, for an autopilot that keeps the commanded speeds exactly.
 
-    The start of the run-up, T0 and the arrival are always among them. Every leg keeps the clearance of
-    `limits_of(scenario)` over the ground. Raises `ScenarioError` for a tolerance that
-    rounding alone would violate.
+    The start of the run-up, T0, the route points and the arrival are always among them. Every leg keeps the clearance
+    of `limits_of(scenario)` over the ground. Raises `ScenarioError` for a tolerance that rounding alone would violate.
     """
     tolerance_m = plan.scenario.mission.tolerance_m
     path_m = tolerance_m - ROUNDING_M
@@ -68,8 +68,9 @@ def timed_legs(plan: Plan) -> TimedLegs:
         if phase.name not in ("run-up", "mission"):
             continue
         t_s = np.linspace(phase.start_s, phase.end_s, 1 + int(np.ceil((phase.end_s - phase.start_s) / _SAMPLE_S)))
+        t_s, drawn = with_drawn_points(t_s, plan)
         everyone = on_grid(plan.motion(t_s, slice(None))[0][..., POSITION], SAMPLE_GRID)  # (V, N, 3)
-        flown = SampledFlight(t_s, everyone[rows], SPEED_MIN_MPS, clear_legs(plan.scenario, t_s, everyone))
+        flown = SampledFlight(t_s, everyone[rows], SPEED_MIN_MPS, clear_legs(plan.scenario, t_s, everyone), drawn)
         indices = waypoint_indices(flown, Deviation(path_m, TIME_SHARE * tolerance_m))
         errors.append(deviation(flown, indices))
         kept.append(t_s[indices])
@@ -147,8 +148,7 @@ def _vehicle_mission(plan: Plan, row: int, legs: TimedLegs, firmware: Autopilot,
         _fly_planned(draft, t_s, length_m, (places, yaw_ned_rad), rest_s)
         gates: tuple[tuple[int, float], ...] = ()
     else:
-        speeds = legs.speeds_mps[min(row, len(legs.speeds_mps) - 1)]
-        gates = _fly_corrected(draft, legs, speeds, (places, yaw_ned_rad), rest_s)
+        gates = _fly_corrected(draft, legs, row, (places, yaw_ned_rad), rest_s)
     draft.fly_to(Command.NAV_LAND, places[-2], yaw_ned_rad[-1], landing.end_s)
     return VehicleMission(plan.sysids[row], home, tuple(draft.items), tuple(draft.arrival_s), legs.left_s, gates)
 
@@ -169,21 +169,24 @@ def _fly_planned(draft: _Draft, t_s: Array, length_m: Array, ends: tuple[Array, 
 
 
 def _fly_corrected(
-    draft: _Draft, legs: TimedLegs, speeds_mps: Array, ends: tuple[Array, Array], rest_s: float
+    draft: _Draft, legs: TimedLegs, row: int, ends: tuple[Array, Array], rest_s: float
 ) -> tuple[tuple[int, float], ...]:
-    """Add every leg at its corrected speed (W - 1,). Return the delays at gates: index of the item, and plan time."""
+    """Add every leg at its corrected speed, and delays. Return those at gates: index of the item, and plan time."""
+    assert legs.speeds_mps is not None
     places, yaw_ned_rad = ends
+    own = min(row, len(legs.speeds_mps) - 1)
+    speeds_mps = legs.speeds_mps[own]
+    waits_s = np.where(np.isnan(speeds_mps), np.diff(legs.t_s), 0.0) if legs.waits_s is None else legs.waits_s[own]
     gates = {gate.waypoint: gate for gate in legs.gates}
     delays = []
     last = len(speeds_mps) - 1
     for leg, speed in enumerate(speeds_mps.tolist()):
-        if math.isnan(speed):
-            draft.wait(legs.t_s[leg + 1] - legs.t_s[leg])
-        else:
+        if not math.isnan(speed):
             draft.set_speed(speed)
             hold_s = rest_s if leg == last else 0.0
             at_s = float(legs.t_s[leg + 1])
             draft.fly_to(Command.NAV_WAYPOINT, places[leg + 1], yaw_ned_rad[leg + 1], at_s, hold_s)
+        draft.wait(waits_s[leg])
         if gate := gates.get(leg + 1):
             draft.wait(gate.slack_s)
             delays.append((len(draft.items) - 1, gate.leaves_s))

@@ -4,7 +4,7 @@ A leg is flown straight at constant speed: length / time, or the lowest speed of
 distance from every sample (3D) is at most `path_m`, and its distance from the plan *at the same time* at most `time_m`;
 so a leg along which the speed changes is split even if the path is straight. A leg that a flight does not allow, over a
 slope for example, is split too: aside by the limit may be lower by much more. An autopilot that does not keep its speed
-over short legs gets legs as long as it needs; these may exceed both limits.
+over short legs gets legs as long as it needs; these may exceed both limits. Drawn points stay waypoints all the same.
 """
 
 from __future__ import annotations
@@ -37,13 +37,19 @@ class Deviation:
 class SampledFlight:
     """Samples of a trajectory: times (N,), positions (V, N, 3) in NED of all vehicles, lowest speed of a leg.
 
-    `allowed` refuses legs for other reasons than their deviation.
+    `allowed` refuses legs for other reasons than their deviation. `drawn` are the samples at route points, in order:
+    no leg passes over them.
     """
 
     t_s: Array
     position_ned_m: Array
     speed_min_mps: float = 0.0
     allowed: Allowed | None = None
+    drawn: tuple[int, ...] = ()
+
+    def farthest(self, start: int) -> int:
+        """The last sample at which a leg from `start` may end."""
+        return next((index for index in self.drawn if index > start), len(self.t_s) - 1)
 
     def leg_errors_m(self, i: int, j: int) -> Array:
         """The (path, time) error (2,) of the leg from sample i to j."""
@@ -92,12 +98,13 @@ def gentle_indices(flown: SampledFlight, limits: Deviation, sustained: Sustained
     last = len(flown.t_s) - 1
     indices = [0]
     while indices[-1] < last:
+        farthest = flown.farthest(indices[-1])
         end = _longest_leg(flown, both, indices[-1])
-        while end < last and not pace.sustained(indices[-1], end):
+        while end < farthest and not pace.sustained(indices[-1], end):
             end += 1
+        while end == farthest and indices[-1] not in (0, *flown.drawn) and not pace.sustained(indices[-1], end):
+            del indices[-1]
         indices.append(end)
-    while len(indices) > 2 and not pace.sustained(indices[-2], last):
-        del indices[-2]
     return indices
 
 
@@ -130,7 +137,7 @@ def fewest_indices(flown: SampledFlight, limits: Deviation) -> list[int]:
 
 def _longest_leg(flown: SampledFlight, limits: Array, start: int) -> int:
     """The end of the longest leg from `start`: doubling steps, then bisection to the first leg that exceeds a limit."""
-    last = len(flown.t_s) - 1
+    last = flown.farthest(start)
 
     def within(end: int) -> bool:
         near = bool(np.all(flown.leg_errors_m(start, end) <= limits))

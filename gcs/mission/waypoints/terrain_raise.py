@@ -37,6 +37,7 @@ class TerrainRaise:
         self._plan, self._t_s = plan, t_s
         self._clearance_m = limits_of(plan.scenario).clearance_m + _OVER_M
         self.by_waypoint_m = np.zeros(len(t_s))
+        self._rests: set[int] = set()  # legs on which a vehicle rests: both ends are one waypoint
 
     def raise_over_ground(
         self, navigator: Navigator, profile: LegProfile, legs: list[int], found: Corrected, row: int | None
@@ -46,6 +47,7 @@ class TerrainRaise:
         Return how much nearer to a no-fly zone than they may any of them would be, m.
         """
         flown = found.flown
+        self._rests |= set(range(len(self.by_waypoint_m) - 1)) - set(legs)
         for _ in range(_ROUNDS):
             low = self._short_m(flown, row)
             number = np.minimum(np.searchsorted(flown.completed_s, flown.t_s), len(legs) - 1)
@@ -57,6 +59,8 @@ class TerrainRaise:
                 more_m[ends] = np.maximum(more_m[ends], low[number == leg].max(initial=0.0))
             more_m[[0, -1]] = 0.0
             self.by_waypoint_m += np.ceil(more_m / _RAISE_GRID_M) * _RAISE_GRID_M
+            for leg in sorted(self._rests):
+                self.by_waypoint_m[leg : leg + 2] = self.by_waypoint_m[leg : leg + 2].max()
             raised = profile.points_ned_m.copy()
             raised[1:, 2] -= self.by_waypoint_m[np.array(legs) + 1]
             flown = predict(navigator, replace(profile, points_ned_m=raised).orders(found.speeds_mps))

@@ -26,8 +26,9 @@ class TimedLegs:
     """Times (W,) at which all vehicles pass their waypoints, from the start of the run-up to the arrival.
 
     Speeds (1 or V, W - 1), NaN where a vehicle rests, are corrected for an autopilot; without them each leg is flown at
-    its length over its time. All vehicles leave the hover at plan time `leaves_s`, by default the first time. Waypoints
-    are `raised_m` (W,) above the plan where long legs would violate the clearance.
+    its length over its time. With them come the delays `waits_s` (1 or V, W - 1) after each leg. All vehicles leave the
+    hover at plan time `leaves_s`, by default the first time. Waypoints are `raised_m` (W,) above the plan where long
+    legs would violate the clearance.
     """
 
     t_s: Array
@@ -36,6 +37,7 @@ class TimedLegs:
     leaves_s: float | None = None
     gates: tuple[Gate, ...] = ()
     raised_m: Array | None = None
+    waits_s: Array | None = None
 
     @property
     def left_s(self) -> float:

@@ -24,7 +24,7 @@ class Passage:
     @property
     def title(self) -> str:
         """The point's number, and its name if it has one."""
-        return f"point {self.number}" + (f" ({self.point.name})" if self.point.name else "")
+        return f"point {self.number}" + (f' ("{self.point.name}")' if self.point.name else "")
 
     @property
     def position_ned_m(self) -> Array:

@@ -21,7 +21,7 @@ def routed(meadow_plan: Plan) -> Plan:
 
 
 def test_passages_are_numbered_from_one_and_have_the_names_of_their_points(routed: Plan) -> None:
-    assert [passage.title for passage in routed.passages] == ["point 1 (gate)", "point 2", "point 3"]
+    assert [passage.title for passage in routed.passages] == ['point 1 ("gate")', "point 2", "point 3"]
     assert [passage.times_s for passage in routed.passages] == [(5.0,), (9.0, 11.0), (14.0,)]
     leader = routed.leader_trajectory.state(np.array(routed.route_s))[:, POSITION]
     np.testing.assert_allclose([passage.position_ned_m for passage in routed.passages], leader, atol=1e-12)
@@ -42,12 +42,12 @@ def test_a_plan_that_begins_in_the_air_has_the_last_points_of_the_last_round(rou
         ((9.0, 14.0), True, ""),
         ((), True, ""),
         ((-1.0, 14.0), True, ""),  # it has hovered there for a second
-        ((-1.0, 9.0, 14.0), True, "the time of point 1 (gate), -1 s, is not within its flight"),
+        ((-1.0, 9.0, 14.0), True, 'the time of point 1 ("gate"), -1 s, is not within its flight'),
         ((-2.5, 14.0), True, "the time of point 2, -2.5 s, is not within its flight"),
         ((9.0, 14.0), False, "it has 2 times for 3 route points"),
         ((1.0, 5.0, 9.0, 14.0), True, "it has 4 times for 3 route points"),
         ((5.0, 9.0, 10.5), False, "the leader would be at point 3 before it leaves point 2"),
-        ((9.0, 5.0, 14.0), False, "the leader would be at point 2 before it leaves point 1 (gate)"),
+        ((9.0, 5.0, 14.0), False, 'the leader would be at point 2 before it leaves point 1 ("gate")'),
         ((5.0, 9.0, 20.5), False, "the time of point 3, 20.5 s, is not within its flight"),
         ((5.0, float("nan"), 14.0), False, "the time of point 2, nan s, is not within its flight"),
     ],

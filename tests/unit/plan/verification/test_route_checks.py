@@ -46,7 +46,7 @@ def test_a_route_that_is_flown_is_proved(routed: Plan) -> None:
     found = {check.name.partition(": ")[2]: check for check in report.checks if check.name.startswith("route point")}
     assert set(found) == {"order", "distance", "time", "speed", "heading"}
     assert {check.verdict for check in found.values()} == {"proved"}
-    assert found["speed"].name == "route point 2 (gate): speed"
+    assert found["speed"].name == 'route point 2 ("gate"): speed'
     assert found["order"].worst == pytest.approx(4.0)  # from T0 to the first point
 
 
@@ -66,7 +66,7 @@ def test_a_route_that_is_flown_is_proved(routed: Plan) -> None:
     ],
 )
 def test_a_point_that_is_not_met_is_named(routed: Plan, metres: float, keys: dict[str, Any], said: list[str]) -> None:
-    assert failed(aside(routed, metres, **keys)) == [f"route point 2 (gate): {kind}" for kind in said]
+    assert failed(aside(routed, metres, **keys)) == [f'route point 2 ("gate"): {kind}' for kind in said]
 
 
 def test_the_margin_of_a_missed_point_is_its_distance(routed: Plan) -> None:
@@ -108,7 +108,7 @@ def hovering(plan: Plan, wobble_m: float) -> Plan:
 )
 def test_a_hold_is_bounded_at_every_instant(meadow_plan: Plan, wobble_m: float, said: list[str]) -> None:
     plan = hovering(meadow_plan, wobble_m)
-    assert failed(plan) == [f"route point 2 (look): {kind} during the hold" for kind in said]
+    assert failed(plan) == [f'route point 2 ("look"): {kind} during the hold' for kind in said]
     held = next(c for c in route_checks(plan) if c.name.endswith("distance during the hold"))
     assert held.proved is not None
     assert -held.proved >= wobble_m >= -held.worst
@@ -117,7 +117,7 @@ def test_a_hold_is_bounded_at_every_instant(meadow_plan: Plan, wobble_m: float, 
 
 def test_a_hold_that_is_left_too_early_fails(meadow_plan: Plan) -> None:
     plan = aside(hovering(meadow_plan, 0.0), 0.0, hold_s=4.5)
-    assert failed(plan) == [f"route point 2 (look): {kind} during the hold" for kind in ("distance", "speed")]
+    assert failed(plan) == [f'route point 2 ("look"): {kind} during the hold' for kind in ("distance", "speed")]
 
 
 def test_a_plan_that_begins_in_the_air_answers_for_the_points_ahead(meadow_plan: Plan, routed: Plan) -> None:
@@ -129,4 +129,4 @@ def test_a_plan_that_begins_in_the_air_answers_for_the_points_ahead(meadow_plan:
     phases = (Phase("mission", 12.0, 20.0), *in_a_hold.phases[-2:])
     assert failed(replace(in_a_hold, phases=phases, route_s=(10.0,), begin_state=(0.0,) * 12)) == []
     over = replace(in_a_hold, phases=phases, route_s=(7.0,), begin_state=(0.0,) * 12)
-    assert "route point 2 (look): order" in failed(over)
+    assert 'route point 2 ("look"): order' in failed(over)
