@@ -27,6 +27,7 @@ ITEMS_FLOWN_MAX = 20_000  # jumps can make a mission endless
 _TERRAIN_STEP_M, _TERRAIN_STEPS_MAX = 5.0, 2_000
 ALTITUDE_MAX_M = 1e5  # higher altitudes are reported as errors, and flown at this one
 _STILL_M = 1e-3
+_VERTICAL_MPS2 = 4.0  # no autopilot has more: over centimetres none reaches its climb speed
 _DAY_S = 86400.0
 _HOLDING = frozenset({MavCommand.NAV_WAYPOINT, MavCommand.NAV_LOITER_TIME, MavCommand.NAV_SPLINE_WAYPOINT})
 _PLACES = _HOLDING | {MavCommand.NAV_LOITER_UNLIM, MavCommand.NAV_LOITER_TURNS, MavCommand.NAV_LOITER_TO_ALT}
@@ -351,7 +352,8 @@ class Flying:
 
     def _duration_s(self, leg: Array, length_m: float) -> float:
         if math.hypot(leg[0], leg[1]) < _STILL_M:
-            return float(abs(leg[2])) / (self.climb_mps if leg[2] < 0 else self.sink_mps)
+            most_mps = self.climb_mps if leg[2] < 0 else self.sink_mps
+            return length_m / min(most_mps, math.sqrt(_VERTICAL_MPS2 * length_m))
         return length_m / self.speed_mps
 
     def _place(self, index: int) -> Array:

@@ -99,7 +99,8 @@ def leg_profile(
     """
     ends_ned_m = on_grid(position_ned_m[waypoints], ORDER_GRID)
     legs: list[int] = []
-    points, due = [ends_ned_m[0]], []
+    points = [ends_ned_m[0]]
+    due: list[Array] = []
     holds: list[float] = []
     fastest: list[float] = []
     waited_s = 0.0

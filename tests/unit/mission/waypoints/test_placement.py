@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, waypoint_indices
+from gcs.mission.waypoints.placement import Deviation, SampledFlight, deviation, gentle_indices, waypoint_indices
 
 T = np.linspace(0.0, 20.0, 2001)
 
@@ -73,3 +73,25 @@ def test_a_leg_too_slow_to_fly_is_flown_faster_and_waited_out() -> None:
 
 def test_standing_still_is_one_leg() -> None:
     assert waypoint_indices(along_north(0 * T), Deviation(0.01, 0.01)) == [0, 2000]
+
+
+def test_no_leg_passes_over_a_drawn_point() -> None:
+    """A straight line at constant speed needs two waypoints; drawn points are kept among them, and nothing else."""
+    drawn = (3, 700, 1999)
+    line = SampledFlight(T, along_north(3.0 * T).position_ned_m, drawn=drawn)
+    assert waypoint_indices(line, Deviation(1e-6, 1e-6)) == [0, *drawn, 2000]
+    # Speeds that no short leg sustains: legs are long, but end at drawn points all the same.
+    kept = gentle_indices(line, Deviation(1e-6, 1e-6), lambda length_m: 0.01 * length_m, 1.0)
+    assert kept == [0, *drawn, 2000]
+
+
+def test_waypoints_between_drawn_points_are_as_far_apart_as_their_speed_needs() -> None:
+    circle = 50.0 * np.stack([np.cos(0.5 * T), np.sin(0.5 * T), 0.0 * T], axis=-1)[None]
+    drawn = (640, 1330)
+    flown = SampledFlight(T, circle, drawn=drawn)
+    kept = gentle_indices(flown, Deviation(0.1, 100.0), lambda length_m: 0.5 * length_m, 1.0)
+    assert set(drawn) <= set(kept)
+    chords_m = np.linalg.norm(np.diff(circle[0, kept], axis=0), axis=1)
+    # 25 m/s need 50 m
+    assert chords_m.min() >= 49.9
+    assert len(kept) > 8

@@ -65,3 +65,27 @@ def test_a_rest_is_a_hold_and_not_a_leg() -> None:
     assert course.due_s[0].tolist() == pytest.approx([20.0 * share for share in SHARES], abs=ORDER_GRID)
     found = correct(Autopilot.ARDUPILOT.navigator, course)
     assert found.flown.completed_s[0] - found.flown.passed_s[0] >= 10.0
+
+
+@NAMES
+def test_a_hold_ends_when_the_plan_leaves_wherever_the_delay_begins(name: str) -> None:
+    """PX4 begins a delay at its radius of 2 m, half a second before the rest at 4 m/s; ArduPilot begins it in rest."""
+    navigator = Autopilot.named(name).navigator
+    t_s = np.arange(0.0, 60.05, 0.1)
+    north = np.interp(t_s, [0.0, 20.0, 30.0, 60.0], [0.0, 80.0, 80.0, 170.0])
+    course, _ = leg_profile(
+        t_s,
+        np.stack([north, 0.0 * north, 0.0 * north - 10.0], axis=1),
+        [0, 200, 300, 600],
+        SPEED_NED_MPS,
+        slowest_mps=0.3,
+        fastest_mps=12.0,
+        airborne_s=200.0,
+        delay_begins_m=navigator.delay_begins_m,
+    )
+    early_s = {"ardupilot": 0.0, "px4": 0.5}[name]
+    assert course.holds_s.tolist() == pytest.approx([10.0 + early_s, 0.0])
+    assert course.due_s[0, -1] == pytest.approx(20.0 - early_s, abs=ORDER_GRID)
+    found = correct(navigator, course)
+    assert found.flown.completed_s[0] == pytest.approx(30.0, abs=1.0)  # no vehicle stops from 4 m/s at once
+    assert np.abs(found.late_s).max() < 1.0
