@@ -6,13 +6,17 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from gcs.cli.console import Screen
+from gcs.cli.route_table import flown_table
 from gcs.cli.shared_options import DebugOption, FlightArgument, JsonOption
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from rich.table import Table
 
+    from gcs.flight.assessment.judge import Truth
     from gcs.flight.assessment.landing_errors import LandingError
+    from gcs.flight.assessment.route_passing import Track
+    from gcs.plan.trajectory.plan import Plan
 
 
 def report(
@@ -35,6 +39,7 @@ def report(
     from gcs.flight.assessment.comparison import compare
     from gcs.flight.assessment.judge import load_truth
     from gcs.flight.assessment.landing_errors import landing_errors
+    from gcs.flight.assessment.route_passing import points_passed
     from gcs.flight.lateness import skew_s
     from gcs.flight.recording.flight_folder import EVENTS, read_events
     from gcs.flight.recording.flight_state import read_flight_state
@@ -66,6 +71,9 @@ def report(
     if shape is not None:
         screen.say(f"formation error: at most {shape[0]:.3f} m at t = {shape[1]:.1f} s (Definition 1, from telemetry)")
     landings, landing_limit_m = landing_errors(plan, record), plan.scenario.judge.arrival_position_m
+    passed = points_passed(plan, _tracks(plan, record, truth, book.t0_unix_s))
+    if passed:
+        screen.show(flown_table(plan, passed, "true states" if truth is not None else "telemetry"))
     screen.show(_landing_table(landings, landing_limit_m))
     for event in happened:
         screen.say(str(event))
@@ -82,6 +90,7 @@ def report(
             "vehicles": data,
             "skew_s": None if math.isnan(skew) else skew,
             "landing_limit_m": landing_limit_m,
+            **({"route_points": [each.data(plan.sysids[plan.leader]) for each in passed]} if passed else {}),
             "formation_error_max_m": None if shape is None else shape[0],
             "events": [vars(event) for event in happened],
             "positions": record.num_rows,
@@ -95,6 +104,22 @@ def report(
 def _known(values: dict[str, Any]) -> dict[str, Any]:
     """Values for `--json`: null where a number is not known."""
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in values.items()}
+
+
+def _tracks(plan: Plan, record: pa.Table, truth: Truth | None, t0_unix_s: float) -> dict[int, Track]:
+    """The true track of every vehicle, or the reported one where no true states are known."""
+    import numpy as np
+
+    from gcs.physics.quadrotor import POSITION
+
+    if truth is not None:
+        at_s = truth.t_s(t0_unix_s)
+        rows = zip(truth.sysids, truth.states, strict=True)
+        return {sysid: (at_s, states[:, POSITION]) for sysid, states in rows if sysid in plan.sysids}
+    columns = {name: record.column(name).to_numpy() for name in ("sysid", "t_s", "north_m", "east_m", "down_m")}
+    places = np.stack([columns[name] for name in ("north_m", "east_m", "down_m")], axis=1)
+    mine = ((sysid, columns["sysid"] == sysid) for sysid in plan.sysids)
+    return {sysid: (columns["t_s"][rows], places[rows]) for sysid, rows in mine}
 
 
 def _landing_table(landings: tuple[LandingError, ...], limit_m: float) -> Table:

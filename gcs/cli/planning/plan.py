@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.cli.console import BEGAN_S, Screen
+from gcs.cli.route_table import route_data, route_table
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def plan(
             "failures": [str(c) for c in report.failures],
             "greatest_motion": greatest_motion(made).by_vehicle(made.sysids),
             "changes": [asdict(m) for m in made.moves],
+            **({"route_points": route_data(made)} if made.passages else {}),
             "information": _information(made),
             "alternatives": [asdict(a) for a in made.alternatives],
             "mesh": [asdict(r) for r in made.mesh_history],
@@ -101,6 +103,8 @@ def show_plan(screen: Screen, made: Plan, report: Report) -> None:
     )
     for phase in made.phases:
         screen.say(f"  {phase.start_s:8.1f} s … {phase.end_s:6.1f} s  {phase.name}")
+    if made.passages:
+        screen.show(route_table(made))
     _show_changes(screen, made)
     _show_greatest_motion(screen, made)
     _show_verdict(screen, made, report)
@@ -161,6 +165,7 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
     from rich.table import Table
 
     from gcs.cli.plan_argument import verdict_word
+    from gcs.plan.verification.verdict import ROUTE
     from gcs.scenario.environment.no_fly import in_words, zone_names
 
     limits = made.scenario.limits
@@ -178,6 +183,10 @@ def _show_verdict(screen: Screen, made: Plan, report: Report) -> None:
         rows.insert(1, ("separation", f"≥ {report.separation_min_m:.3f} m", f"≥ {limits.separation_min_m:g} m"))
     if (nearest := report.nearest_zone) is not None:
         rows.insert(1, (distance, f"≥ {nearest.distance_m:.3f} m", f"≥ {limits.zone_margin_m or 0.0:g} m"))
+    if made.passages:
+        count = len(made.passages)
+        rows.append((f"{ROUTE}s", f"{count} of {count}", "every one, as it asks"))
+        failed |= {f"{ROUTE}s"} if any(name.startswith(ROUTE) for name in failed) else set()
     for name, measured, limit in rows:
         table.add_row(name, measured, limit, verdict_word(name not in failed))
     screen.show(table)

@@ -9,6 +9,7 @@ import typer
 
 from gcs.cli.console import Screen
 from gcs.cli.planning.pads_table import pads_of, refuse_no_csv, say_pads, say_rest, shown, write_pads
+from gcs.cli.route_table import route_data, route_table
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
 
 if TYPE_CHECKING:
@@ -66,6 +67,9 @@ def show(
         screen.say(f"  {_LABELS.get(name, name):<{width}}  {text}")
     places = pads_of(scenario)
     say_pads(screen, places)
+    if plan is not None and plan.passages:
+        screen.show(route_table(plan))
+        found["route_points"] = route_data(plan)
     motion = [] if plan is None else _greatest_motion(screen, plan)
     if picture is not None:
         from gcs.flight.assessment.overview_plot import save_overview
@@ -102,6 +106,7 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         f"{100.0 * hover_share(body):.0f} % of their thrust; leader {scenario.formation.leader}",
         "origin": f"{origin.lat_deg:.6f}, {origin.lon_deg:.6f}, {origin.alt_amsl_m:g} m above the sea",
         "way": "{} to {} (north east height, m) in {:g} s".format(*ends, scenario.time.flight_s),
+        **({"route": _route(scenario)} if scenario.route else {}),
         "box": f"north {limits.north_m[0]:g} to {limits.north_m[1]:g}, east {limits.east_m[0]:g} to "
         f"{limits.east_m[1]:g}, height {limits.height_m[0]:g} to {limits.height_m[1]:g} m",
         "ground": f"{ground}; clearance at least {limits.clearance_min_m:g} m",
@@ -117,6 +122,13 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
         "changes": ", ".join(changes) or _unchanged(scenario),
         "autopilot": _autopilots(scenario),
     }
+
+
+def _route(scenario: Scenario) -> str:
+    """The number of route points and of rounds."""
+    rounds = "" if scenario.loops == 1 else f", {scenario.loops} times"
+    holds = sum(point.hold_s is not None for point in scenario.route)
+    return f"{len(scenario.route)} points{rounds}" + (f", {holds} with a hold" if holds else "")
 
 
 def _unchanged(scenario: Scenario) -> str:

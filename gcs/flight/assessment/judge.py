@@ -14,6 +14,7 @@ from scipy.spatial.distance import pdist
 from gcs.errors import FileFormatError
 from gcs.flight.assessment.criterion import Criterion
 from gcs.flight.assessment.flown_area import area_criteria
+from gcs.flight.assessment.route_passing import route_criterion
 from gcs.flight.progress import FlightTimes
 from gcs.physics.named_states import NamedStates
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
@@ -62,7 +63,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     order to land to the last stop. The distance to the exact ground, in any direction, counts from the hover after
     take-off to the order to land, and so does the height; no-fly zones and the fence count from the pads to the last
     stop. The position error counts from T0 to the planned arrival. The arrival is the last entry into the circle of
-    `arrival_position_m` around the goal, against the time at which the plan enters it.
+    `arrival_position_m` around the goal, against the time at which the plan enters it. Every vehicle must come as near
+    to its place at each route point, within 3 s (or `arrival_time_s`) of the planned time.
     """
     limits = plan.scenario.judge
     positions = _in_plan_order(plan, truth)
@@ -78,6 +80,8 @@ def judge(plan: Plan, truth: Truth, times: FlightTimes) -> Verdict:
     criteria.append(_clearance(plan, t_s, flown))
     everywhere = truth.t_s(times.t0_unix_s), positions[..., POSITION]
     criteria += area_criteria(plan, everywhere, (t_s, flown))
+    if plan.passages:
+        criteria.append(route_criterion(plan, t_s, flown))
     criteria += _arrivals(plan, t_s, flown, planned)
     if len(plan.sysids) > 1:
         criteria += _separations(plan, truth, positions, times)

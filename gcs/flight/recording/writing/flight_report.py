@@ -35,6 +35,8 @@ DEFINITIONS = {
     "inside the fence": "horizontal distance to the edge of the fence, negative outside; from the pads to the last "
     "stop",
     "height": f"height above the origin, every {GRID_S:g} s from the hover after take-off to the order to land",
+    "route points": "least distance of a vehicle from its place at a route point, within 3 s, or "
+    "`judge.arrival_time_s` where that is more, of the planned time; the worst vehicle and point",
     "arrival position": "distance from the vehicle's goal at the planned arrival",
     "arrival time": "when the vehicle comes into the circle of `judge.arrival_position_m` around its goal to stay, "
     "against the plan's own entry; early or late",
