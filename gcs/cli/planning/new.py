@@ -10,6 +10,7 @@ import typer
 from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
 from gcs.cli.planning.places_given import COURSES, parse_course, parse_place
+from gcs.cli.planning.surveys.new_survey import SurveyOptions, check_survey, flight_of_survey
 from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
 from gcs.errors import UsageError
 
@@ -102,6 +103,52 @@ def new(
             show_default=False,
         ),
     ] = None,
+    survey: Annotated[
+        Path | None,
+        typer.Option(
+            "--survey",
+            metavar="AREA",
+            help="Drawing with the polygon of an area (KML, KMZ, GeoJSON, .plan): a line abreast mows it, there and "
+            "back. It flies from --at, or where the first pass begins, and comes home.",
+            show_default=False,
+        ),
+    ] = None,
+    swath: Annotated[
+        float | None,
+        typer.Option("--swath", metavar="METRES", help="Width that a vehicle sees on its way.", show_default=False),
+    ] = None,
+    overlap: Annotated[
+        str | None,
+        typer.Option(
+            "--overlap",
+            metavar="SHARE",
+            help="Share of the swath that neighbours see both, at least: 20% or 0.2.",
+            show_default="20%",
+        ),
+    ] = None,
+    angle: Annotated[
+        str | None,
+        typer.Option(
+            "--angle",
+            metavar="COURSE",
+            help="Direction of the passes: auto is the quickest one; or as --course.",
+            show_default="auto",
+        ),
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option("--speed", metavar="M/S", help="Speed of a survey.", show_default="4")
+    ] = None,
+    holes: Annotated[
+        str | None,
+        typer.Option(
+            "--holes",
+            metavar="cross|avoid",
+            help="Holes of the area, ponds for example, are not surveyed. cross: vehicles fly over them; avoid: they "
+            "are no-fly zones.",
+            show_default="cross",
+            autocompletion=one_of("cross", "avoid"),
+        ),
+    ] = None,
     full: Annotated[bool, typer.Option("--full", help="Write every table, with comments.")] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -117,6 +164,9 @@ def new(
     cannot carry over is printed, with the number and the name of each item. The origin is the planned home, else the
     first point; --at gives another.
 
+    With --survey the formation keeps its direction and flies sideways between passes. Without --count four to six
+    vehicles fly, with it at most so many. --spacing follows from --swath and --overlap.
+
     Examples: gcs new plans/first
 
     gcs new plans/line --at 47.39,8.54 --count 4 --shape line --spacing 8 --course north-east --distance 400
@@ -126,6 +176,8 @@ def new(
     gcs new plans/show --at 46.95,7.44,540 --positions grid.csv --shapes star.csv --shapes ring.csv --height 40
 
     gcs new plans/valley --route valley.plan --count 4 --shape line
+
+    gcs new plans/meadow --survey meadow.kml --swath 12 --overlap 20% --height 30
 
     gcs new plans/whole --at 47.3977 8.5456 488 --full
     """
@@ -143,6 +195,16 @@ def new(
         others = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
         if wrong := next((option for option, value in others.items() if value), ""):
             raise UsageError(f"--route and {wrong} exclude each other.", hint=f"leave out {wrong}")
+    surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
+    if survey is not None:
+        others = {"--shape": shape, "--spacing": spacing, "--course": course, "--distance": distance, "--end": end}
+        others |= {"--positions": positions, "--full": full or None}
+        for name, value in others.items():
+            if value is not None:
+                raise UsageError(f"--survey and {name} exclude each other.", hint=f"leave out {name}")
+        check_survey(surveyed)
+    elif surveyed.given():
+        raise UsageError(f"{surveyed.given()[0]} needs --survey.", hint="give the area too: --survey AREA")
     given: dict[str, Any] = {
         "count": count,
         "shape": shape,
@@ -179,6 +241,10 @@ def new(
         screen.say(f"next: gcs plan {folder}")
         screen.result({"scenario": file, "left_out": left_out})
         return
+    if survey is not None:
+        origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
+        flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
+        lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))
     screen.say(f"wrote {file}")
     if alt_amsl_m is None:

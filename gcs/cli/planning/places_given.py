@@ -49,7 +49,7 @@ def parse_place(text: str, option: str = "--at") -> tuple[float, float, float | 
     return lat_deg, lon_deg, height[0] if height else None
 
 
-def parse_course(text: str) -> float:
+def parse_course(text: str, option: str = "--course") -> float:
     """Degrees clockwise from north, from a number or a point of the compass. Raises `UsageError`."""
     wind = text.strip().lower()
     for word, initial in _INITIALS.items():
@@ -62,7 +62,7 @@ def parse_course(text: str) -> float:
         course_deg = math.nan
     if not -360.0 <= course_deg <= 360.0:
         raise UsageError(
-            f"--course {text}: not a course", hint="give degrees clockwise from north, or north, north-east, east, ..."
+            f"{option} {text}: not a course", hint="give degrees clockwise from north, or north, north-east, east, ..."
         )
     return course_deg
 

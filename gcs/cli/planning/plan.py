@@ -46,6 +46,7 @@ def plan(
     """
     screen = Screen(json=json)
     from gcs.cli.plan_argument import Stopwatch, plan_for, plan_path
+    from gcs.cli.planning.surveys.coverage_table import say_coverage
     from gcs.plan.trajectory.greatest_motion import greatest_motion
     from gcs.plan.trajectory.plan_file import SUFFIX, save_plan
     from gcs.plan.verification.verify import refusal
@@ -58,6 +59,7 @@ def plan(
     save_plan(made, report, path)
     watch.lap("write")
     show_plan(screen, made, report)
+    surveyed = say_coverage(screen, made)
     if alternatives:
         _show_alternatives(screen, made)
     screen.say(f"time: {watch}")
@@ -83,6 +85,7 @@ def plan(
             "mesh": [asdict(r) for r in made.mesh_history],
             "time_s": watch.laps_s,
         }
+        | surveyed
     )
     if report.ok:
         return 0

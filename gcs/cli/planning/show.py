@@ -10,7 +10,9 @@ import typer
 from gcs.cli.console import Screen
 from gcs.cli.planning.pads_table import pads_of, refuse_no_csv, say_pads, say_rest, shown, write_pads
 from gcs.cli.route_table import route_data, route_table
+from gcs.cli.planning.surveys.coverage_table import say_coverage
 from gcs.cli.shared_options import DebugOption, JsonOption, MissionArgument
+from gcs.errors import UsageError
 
 if TYPE_CHECKING:
     from gcs.plan.trajectory.plan import Plan
@@ -34,6 +36,10 @@ def show(
         Path | None,
         typer.Option("--pads", metavar="FILE", help="Write the pads of all vehicles as CSV, for the crew."),
     ] = None,
+    coverage: Annotated[
+        Path | None,
+        typer.Option("--coverage", metavar="FILE", help="Draw what the vehicles of a survey's plan see of its area."),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -44,6 +50,8 @@ def show(
     Examples: gcs show plans/simulation1.skein --picture map.png
 
     gcs show plans/simulation1.skein --pads pads.csv
+
+    gcs show plans/meadow.skein --coverage meadow.png
     """
     screen = Screen(json=json)
     if pads is not None:
@@ -71,18 +79,27 @@ def show(
         screen.show(route_table(plan))
         found["route_points"] = route_data(plan)
     motion = [] if plan is None else _greatest_motion(screen, plan)
+    surveyed = {} if plan is None else say_coverage(screen, plan)
     if picture is not None:
         from gcs.flight.assessment.overview_plot import save_overview
 
         save_overview(scenario, plan, picture)
         screen.say(f"picture: {picture}")
+    if coverage is not None:
+        if plan is None:
+            raise UsageError("--coverage needs a plan.", hint=f"plan it first: gcs plan {mission}")
+        from gcs.flight.assessment.coverage_plot import save_coverage
+
+        save_coverage(plan, coverage)
+        screen.say(f"coverage: {coverage}")
     if pads is not None:
         write_pads(places, pads)
         screen.say(f"pads: {pads}")
     ends = _ends(scenario)
-    files = {"picture": picture, "pads_file": pads}
+    files = {"picture": picture, "pads_file": pads, "coverage_picture": coverage}
     screen.result(
         {"name": scenario.name, **found, **ends, "pads": places, "greatest_motion": motion}
+        | surveyed
         | {name: file for name, file in files.items() if file is not None}
     )
 

@@ -1,4 +1,4 @@
-"""The tables of a drawn route and of the area to stay in: [[route]] and [[keep_in]]."""
+"""The tables of a drawn route, of the area to stay in, and of a survey: [[route]], [[keep_in]] and [survey]."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Annotated
 
 import shapely
 from pydantic import Field
+from shapely.geometry.base import BaseGeometry
 
 from gcs.scenario.schema.degree_keys import POLYGON, POSITION
 from gcs.scenario.schema.fields import FLIGHT_MAX_S, Findings, Length, Number, Part, Place, Point, Speed, Turn
@@ -74,3 +75,38 @@ class KeepIn(Part):
     def moves(self) -> tuple[tuple[float, float, float], ...]:
         """The displacements over time that a zone may have: none."""
         return ()
+
+class SurveyHole(Part):
+    """A part of the area that needs no coverage, a pond for example. Vehicles may cross it: [[no_fly]] forbids that."""
+
+    degree_keys = (POLYGON,)
+
+    polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
+
+    def disagreements(self) -> Findings:
+        """Yield bad corners."""
+        yield from polygon_findings(self.polygon_m)
+
+
+class SurveyTable(Part):
+    """The area that the flight surveys. Plans do not depend on it: its coverage is proved from the planned tracks."""
+
+    degree_keys = (POLYGON,)
+
+    swath_m: Length = Field(description="a vehicle sees all places within half of this width, m")
+    polygon_m: tuple[Point, ...] = Field(max_length=CORNERS_MAX, description="its corners in order, [north, east], m")
+    hole: tuple[SurveyHole, ...] = Field(default=(), max_length=100, description="parts that need no coverage")
+
+    def disagreements(self) -> Findings:
+        """Yield bad corners, and holes that leave nothing."""
+        yield from polygon_findings(self.polygon_m)
+        if shapely.Polygon(self.polygon_m).is_valid and self.area.is_empty:
+            yield ("hole",), "leave nothing of the area. Remove one of them"
+
+    @property
+    def area(self) -> BaseGeometry:
+        """The area without its holes (north, east), m."""
+        area: BaseGeometry = shapely.Polygon(self.polygon_m)
+        for hole in self.hole:
+            area = area.difference(shapely.Polygon(hole.polygon_m))
+        return area

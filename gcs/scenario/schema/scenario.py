@@ -37,7 +37,7 @@ from gcs.scenario.schema.formation_table import (
 from gcs.scenario.schema.ground_tables import Dem, Mountains, NoFlyZone, Ripple, Terrain
 from gcs.scenario.schema.limits_table import ROLL_PITCH_KEYS, LimitsTable, Performance, Range
 from gcs.scenario.schema.preflight_table import PreflightTable
-from gcs.scenario.schema.route_tables import ROUTE_MAX, KeepIn, RoutePoint
+from gcs.scenario.schema.route_tables import ROUTE_MAX, KeepIn, RoutePoint, SurveyTable
 
 __all__ = [
     "AT_START",
@@ -69,6 +69,7 @@ __all__ = [
     "Scenario",
     "SensorsTable",
     "ShapeTable",
+    "SurveyTable",
     "TerminalWeight",
     "Terrain",
     "Time",
@@ -282,6 +283,7 @@ class Scenario(Part):
         default=1, description="the points of [[route]] are flown so many times", exclude_if=lambda loops: loops == 1
     )
     end: Boundary = Field(json_schema_extra=_or_at_start)
+    survey: SurveyTable | None = Field(default=None, exclude_if=lambda survey: survey is None)
     objective: ObjectiveTable = ObjectiveTable()
     formation: Formation
     ground_phases: GroundPhases = GroundPhases()

@@ -1,0 +1,1 @@
+"""Surveys on the command line: their options, and their coverage."""

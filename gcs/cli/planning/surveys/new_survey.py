@@ -1,0 +1,156 @@
+"""`gcs new --survey`: the flight that mows a drawn area, and what is said about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from gcs.cli.console import Screen
+from gcs.cli.planning.places_given import parse_course
+from gcs.cli.planning.surveys.drawn_area import drawn_area
+from gcs.cli.shared_options import unknown_choice, within
+from gcs.errors import UsageError, counted
+from gcs.frames import Origin, place_up_m
+
+if TYPE_CHECKING:
+    from gcs.scenario.survey.survey_flight import SurveyFlight
+
+AUTO = "auto"
+HOLES = ("cross", "avoid")
+_OVERLAP_MAX = 0.9
+_FARTHEST_M = 5_000.0  # from the origin to the area
+_SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
+
+
+@dataclass(frozen=True)
+class SurveyOptions:
+    """The options of a survey as they were typed; None for those left out."""
+
+    swath: float | None
+    overlap: str | None
+    angle: str | None
+    speed: float | None
+    holes: str | None
+
+    def given(self) -> list[str]:
+        """The names of those that were typed."""
+        return [f"--{name}" for name, value in vars(self).items() if value is not None]
+
+
+def check_survey(options: SurveyOptions) -> None:
+    """Refuse wrong options before anything is read. Raises `UsageError`."""
+    if options.swath is None:
+        raise UsageError("--survey needs --swath.", hint="give the width that a vehicle sees, for example --swath 12")
+    within("--swath", options.swath, 0.5, 1000.0, "m")
+    if options.speed is not None:
+        within("--speed", options.speed, 0.2, 100.0, "m/s")
+    if options.holes is not None and options.holes not in HOLES:
+        raise unknown_choice("--holes", options.holes, HOLES)
+    _overlap(options.overlap)
+    _course_deg(options.angle)
+
+
+def flight_of_survey(
+    file: Path,
+    options: SurveyOptions,
+    at: tuple[float, float, float] | None,
+    count: int | None,
+    height_m: float | None,
+    screen: Screen,
+) -> tuple[SurveyFlight, tuple[float, float, None] | None]:
+    """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
+    from gcs.scenario.survey.survey_flight import COUNTS, SurveyOrder, survey_flight
+
+    drawn = drawn_area(file)
+    first_lat_deg, first_lon_deg = drawn.corners[0]
+    origin = Origin(*at) if at is not None else Origin(first_lat_deg, first_lon_deg, 0.0)
+    area = _in_metres(file, drawn.corners, drawn.holes, origin)
+    away_m = float(area.distance(shapely.Point(0.0, 0.0)))
+    if away_m > _FARTHEST_M:
+        text = f"{file} is {away_m:,.0f} m from --at; a survey begins at most {_FARTHEST_M:,.0f} m away."
+        raise UsageError(text, hint="leave --at out to begin at the area, or give a place near it")
+    plain = SurveyOrder(area, 1.0)
+    assert options.swath is not None
+    order = SurveyOrder(
+        area,
+        options.swath,
+        _overlap(options.overlap),
+        _course_deg(options.angle),
+        COUNTS if count is None else tuple(range(1, count + 1)),
+        plain.height_m if height_m is None else height_m,
+        plain.speed_mps if options.speed is None else _speed_mps(options.speed),
+        options.holes == "avoid",
+        starts_at_origin=at is not None,
+    )
+    flight = survey_flight(order)
+    for sentence in _sentences(flight):
+        screen.say(sentence)
+    if at is not None:
+        return flight, None
+    screen.say(f"the origin is the first corner of {file}")
+    return flight, (origin.lat_deg, origin.lon_deg, None)
+
+
+def _sentences(flight: SurveyFlight) -> list[str]:
+    mown, order = flight.mowing, flight.order
+    holes = len(order.area.interiors)
+    told = [
+        f"{flight.area_ha:.2f} ha: {counted(mown.count, 'vehicle')} {mown.spacing_m:.2f} m apart, "
+        f"{counted(len(mown.passes), 'pass', 'passes')} at {mown.course_deg % 180.0:.1f} degrees, "
+        f"about {flight.flight_s:g} s"
+    ]
+    if holes and not order.avoid_holes:
+        told.append(f"{counted(holes, 'hole')}: not surveyed, and crossed by vehicles; --holes avoid forbids that")
+    return told
+
+
+def _in_metres(
+    file: Path, corners: tuple[tuple[float, float], ...], holes: tuple[tuple[tuple[float, float], ...], ...], at: Origin
+) -> shapely.Polygon:
+    """The area (north, east), m, from the origin. Raises UsageError for one that crosses itself."""
+    rings = []
+    for ring in (corners, *holes):
+        lat_deg, lon_deg = np.array(ring).T
+        rings.append(np.round(place_up_m(lat_deg, lon_deg, 0.0, at)[:, :2], 2))
+    area = shapely.Polygon(rings[0], rings[1:])
+    if not area.is_valid or area.area <= 0.0:
+        reason = shapely.is_valid_reason(area) if not area.is_valid else "it has no area"
+        raise UsageError(f"{file}: not an area: {reason} (north east, m).", hint="draw its corners in order")
+    return area
+
+
+def _overlap(text: str | None) -> float:
+    """The share of `20%` or `0.2`. Raises `UsageError`."""
+    if text is None:
+        return 0.2
+    number, percent, rest = text.partition("%")
+    try:
+        share = float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        share = -1.0
+    if rest.strip() or not 0.0 <= share <= _OVERLAP_MAX:
+        raise UsageError(f"--overlap {text}: not a share up to {_OVERLAP_MAX:.0%}", hint="give for example 20% or 0.2")
+    return share
+
+
+def _course_deg(text: str | None) -> float | None:
+    """The direction of the passes; None for the best one. Raises `UsageError`."""
+    if text is None or text.strip().lower() == AUTO:
+        return None
+    return parse_course(text, "--angle")
+
+
+def _speed_mps(speed_mps: float) -> float:
+    """The speed. Raises UsageError for more than the vehicles fly."""
+    from gcs.scenario.load import load_vehicle
+    from gcs.scenario.vehicle_types import preset_file
+
+    most_mps = _SPEED_SHARE * min(load_vehicle(preset_file("quad500")).limits.speed_ned_mps[:2])
+    if speed_mps > most_mps:
+        text = f"--speed {speed_mps:g}: the vehicles (quad500) survey with at most {most_mps:g} m/s"
+        raise UsageError(text, hint="give a lower speed, or change vehicle_type and time in the scenario")
+    return speed_mps
