@@ -197,7 +197,13 @@ def new(
             raise UsageError(f"--route and {wrong} exclude each other.", hint=f"leave out {wrong}")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
     if survey is not None:
-        others = {"--shape": shape, "--spacing": spacing, "--course": course, "--distance": distance, "--end": end}
+        others: dict[str, object] = {
+            "--shape": shape,
+            "--spacing": spacing,
+            "--course": course,
+            "--distance": distance,
+            "--end": end,
+        }
         others |= {"--positions": positions, "--full": full or None}
         for name, value in others.items():
             if value is not None:

@@ -100,7 +100,7 @@ def mowing(
 
 
 def directions_deg(area: shapely.Polygon) -> list[float]:
-    """The directions of an area's edges and of its hull's, 0 to 180 degrees clockwise from north, longest edge first."""
+    """The directions of an area's edges and of its hull's, 0 to 180 degrees from north; that of the longest first."""
     rings = [area.exterior, *area.interiors]
     if isinstance(area.convex_hull, shapely.Polygon):
         rings.insert(0, area.convex_hull.exterior)

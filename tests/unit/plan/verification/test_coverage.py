@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def flown(scenario: Scenario, corners_ned_m: Array) -> Plan:
     coefficients = np.zeros((6, len(joints) - 1, 12))
     coefficients[5, 0, :3], coefficients[5, -1, :3] = corners_ned_m[0], corners_ned_m[-1]
     span_s = legs[1] - legs[0]
-    for number, (a, b) in enumerate(zip(corners_ned_m[:-1], corners_ned_m[1:], strict=True), start=1):
+    for number, (a, b) in enumerate(itertools.pairwise(corners_ned_m), start=1):
         coefficients[5, number, :3] = a
         for row, factor in enumerate((6.0, -15.0, 10.0)):  # of t^5, t^4, t^3
             coefficients[row, number, :3] = factor * (b - a) / span_s ** (5 - row)
