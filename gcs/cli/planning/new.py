@@ -191,23 +191,12 @@ def new(
         raise UsageError(f"--positions and {wrong} exclude each other.", hint=f"leave out {wrong}")
     if shapes and positions is None:
         raise UsageError("--shapes needs --positions.", hint="give the places on the ground too: --positions FILE.csv")
-    if route is not None:
-        others = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
-        if wrong := next((option for option, value in others.items() if value), ""):
-            raise UsageError(f"--route and {wrong} exclude each other.", hint=f"leave out {wrong}")
     surveyed = SurveyOptions(swath, overlap, angle, speed, holes)
+    flights = {"--positions": positions, "--course": course, "--distance": distance, "--end": end, "--full": full}
+    if route is not None:
+        _exclude("--route", {**flights, "--survey": survey})
     if survey is not None:
-        others: dict[str, object] = {
-            "--shape": shape,
-            "--spacing": spacing,
-            "--course": course,
-            "--distance": distance,
-            "--end": end,
-        }
-        others |= {"--positions": positions, "--full": full or None}
-        for name, value in others.items():
-            if value is not None:
-                raise UsageError(f"--survey and {name} exclude each other.", hint=f"leave out {name}")
+        _exclude("--survey", {**flights, "--shape": shape, "--spacing": spacing})
         check_survey(surveyed)
     elif surveyed.given():
         raise UsageError(f"{surveyed.given()[0]} needs --survey.", hint="give the area too: --survey AREA")
@@ -257,6 +246,12 @@ def new(
         screen.say("its origin is at 0 m above the sea; for altitudes above the sea, write the true one: alt_amsl_m")
     screen.say(f"next: gcs plan {folder}")
     screen.result({"scenario": file})
+
+
+def _exclude(option: str, others: dict[str, object]) -> None:
+    """Raise `UsageError` if one of the others was given as well."""
+    if wrong := next((other for other, value in others.items() if value), ""):
+        raise UsageError(f"{option} and {wrong} exclude each other.", hint=f"leave out {wrong}")
 
 
 def _check(

@@ -27,7 +27,7 @@ from gcs.flight.assessment.pictures.map_layers import (
     map_size_in,
 )
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification.coverage import Coverage, coverage
+from gcs.plan.verification.survey.coverage import Coverage, coverage
 
 _SEEN: dict[str, Any] = {"fc": "#2ca02c", "ec": "none", "alpha": 0.18}
 _LEFT: dict[str, Any] = {"fc": "#ff00ff", "ec": "#a000a0", "alpha": 0.75}
@@ -50,7 +50,7 @@ def draw_coverage(plan: Plan, found: Coverage) -> Any:
     width_in, height_in = map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     draw_ground(axes, scenario, area)
-    draw_zones(axes, scenario.no_fly, span_s)
+    draw_zones(axes, scenario, span_s)
     _fill(axes, found.covered, **_SEEN)
     _fill(axes, found.uncovered, zorder=3, **_LEFT)
     _fill(axes, found.area, fill=False, ec="black", lw=1.4, zorder=2.5)
@@ -72,7 +72,7 @@ def draw_coverage(plan: Plan, found: Coverage) -> Any:
     labels = Labels(figure)
     for gap in found.gaps()[:_NAMED]:
         labels.place(axes, f"{gap.area_m2:.3g} m²", (gap.east_m, gap.north_m))
-    label_zones(axes, labels, scenario.no_fly, span_s)
+    label_zones(axes, labels, scenario, span_s)
     return figure
 
 

@@ -76,6 +76,7 @@ class KeepIn(Part):
         """The displacements over time that a zone may have: none."""
         return ()
 
+
 class SurveyHole(Part):
     """A part of the area that needs no coverage, a pond for example. Vehicles may cross it: [[no_fly]] forbids that."""
 

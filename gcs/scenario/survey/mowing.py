@@ -12,50 +12,69 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from gcs.physics.quadrotor import Array
+from gcs.scenario.schema.route_tables import ROUTE_MAX
 
-PASSES_MAX = 49  # two points each: as many as a route has
+_TURN_MPS2 = 1.6  # sideways in a turn: less than a bank of 11 degrees gives
 _SAME_DEG = 0.2  # directions that differ by less are one
 _DIRECTIONS_MAX = 90  # tried at most: an outline of hundreds of corners has no edge to fly along
 _ROUNDING_M = 1e-6
 _NEAR_BEST = 1.02  # of the least time: as good, so that fewer vehicles are better
 _LEAST_M = 0.5  # a shorter piece of a pass is not flown
 
-Strip = tuple[float, list[tuple[float, float]]]  # the middle across, and the pieces along, m
-Leg = tuple[tuple[float, float], tuple[float, float]]  # where the middle of the line begins and ends: north, east, m
+Place = tuple[float, float]  # north, east, m
+Leg = tuple[Place, Place]  # where the middle of the line begins and ends
 
 
 @dataclass(frozen=True)
-class Pace:
-    """The time that flying takes: a speed, and what each stop between two legs adds."""
+class PassTimes:
+    """The time that flying takes: a speed, and what each turn between two legs adds."""
 
     speed_mps: float = 4.0
-    stop_s: float = 3.0
+    turn_s: float = 3.0
 
-    def time_s(self, lengths_m: Iterable[float]) -> float:
-        """The time for legs one after the other, s."""
-        return sum(length_m / self.speed_mps + self.stop_s for length_m in lengths_m)
+    @property
+    def lead_m(self) -> float:
+        """How far outside of the area a turn begins: it ends before the line is over the area again."""
+        return self.speed_mps**2 / _TURN_MPS2
+
+    def time_s(self, places: Sequence[Place], passes: int) -> float:
+        """The time for a way with so many passes, each with a turn at both ends, s."""
+        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
+        return length_m / self.speed_mps + 2 * passes * self.turn_s
+
+
+@dataclass(frozen=True)
+class Strip:
+    """What one pass of the line covers: its middle across, its ends along, and the pieces in which it is flown, m."""
+
+    middle_m: float
+    low_m: float
+    high_m: float
+    pieces: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
 class Mowing:
     """A line abreast of `count` vehicles, `spacing_m` apart, whose front is at `course_deg`, and its passes in order.
 
-    Passes are those of the middle of the line. The direction of flight is the front or its opposite.
+    Passes are those of the middle of the line. The direction of flight is the front or its opposite. `leads_m` are the
+    lengths before and after each pass that are flown straight as well, so that the line turns outside of the area.
     """
 
     course_deg: float
     count: int
     spacing_m: float
     passes: tuple[Leg, ...]
-    time_s: float
+    leads_m: tuple[tuple[float, float], ...]
+    time_s: float = 0.0
 
     @property
     def lines(self) -> shapely.MultiLineString:
@@ -64,10 +83,19 @@ class Mowing:
         away = (np.arange(self.count) - (self.count - 1) / 2.0) * self.spacing_m
         return shapely.MultiLineString([np.array(leg) + one * across for leg in self.passes for one in away])
 
-    def leg_lengths_m(self) -> list[float]:
-        """The lengths of the passes and of the legs between them, in order."""
-        places = [place for leg in self.passes for place in leg]
-        return [math.dist(a, b) for a, b in itertools.pairwise(places)]
+    def places(self) -> list[tuple[str, Place]]:
+        """The places of the middle of the line in order, with their names."""
+        found: list[tuple[str, Place]] = []
+        for number, ((begin, end), (before_m, after_m)) in enumerate(
+            zip(self.passes, self.leads_m, strict=True), start=1
+        ):
+            ahead = np.subtract(end, begin) / math.dist(begin, end)
+            if before_m:
+                found.append((f"before pass {number}", _moved(begin, -before_m * ahead)))
+            found += [(f"pass {number} begins", begin), (f"pass {number} ends", end)]
+            if after_m:
+                found.append((f"after pass {number}", _moved(end, after_m * ahead)))
+        return found
 
 
 def mowing(
@@ -76,25 +104,25 @@ def mowing(
     counts: Iterable[int],
     *,
     course_deg: float | None = None,
-    start_m: tuple[float, float] | None = None,
+    start_m: Place | None = None,
     avoided: BaseGeometry | None = None,
-    pace: Pace | None = None,
+    times: PassTimes | None = None,
 ) -> Mowing:
     """The quickest passes over an area (north, east), m, with vehicles at most `widest_m` apart.
 
     `counts` are the numbers of vehicles to choose from: of nearly equal times, the one with the fewest. Without
     `course_deg` the direction is chosen as well. The flight begins and ends at `start_m`; without it, where the passes
-    begin. No vehicle's pass enters `avoided`. Raises ValueError where every way has more than PASSES_MAX passes.
+    begin. No vehicle's pass enters `avoided`. Raises ValueError where every way has more points than a route.
     """
-    pace = pace or Pace()
+    times = times or PassTimes()
     courses = directions_deg(area) if course_deg is None else [course_deg]
     found = [
         one
         for course, count in itertools.product(courses, counts)
-        for one in _orders(area, widest_m, count, course, start_m, avoided, pace)
+        for one in _orders(area, widest_m, count, course, start_m, avoided, times)
     ]
     if not found:
-        raise ValueError(f"more than {PASSES_MAX} passes")
+        raise ValueError(f"more than {ROUTE_MAX} points")
     good_s = _NEAR_BEST * min(one.time_s for one in found)
     return min((one for one in found if one.time_s <= good_s), key=lambda one: (one.count, one.time_s))
 
@@ -121,34 +149,37 @@ def _orders(
     widest_m: float,
     count: int,
     course_deg: float,
-    start_m: tuple[float, float] | None,
+    start_m: Place | None,
     avoided: BaseGeometry | None,
-    pace: Pace,
+    times: PassTimes,
 ) -> Iterator[Mowing]:
     """The four orders in which strips side by side can be flown."""
     along, across = (np.array(axis) for axis in _axes(course_deg))
     spacing_m, strips = _strips(_in_axes(area, along, across), widest_m, count, _in_axes(avoided, along, across))
-    if sum(map(len, strips)) > PASSES_MAX:
+    if 2 * sum(len(strip.pieces) for strip in strips) > ROUTE_MAX:
         return
     for is_reversed, goes_back in itertools.product((False, True), repeat=2):
-        flown = []
+        passes: list[Leg] = []
+        leads_m: list[tuple[float, float]] = []
         ahead = not goes_back
-        for middle_m, pieces in reversed(strips) if is_reversed else strips:
-            if not pieces:
-                continue
-            for low, high in pieces if ahead else reversed(pieces):
-                ends = (low, high) if ahead else (high, low)
-                flown.append(tuple(tuple((end * along + middle_m * across).tolist()) for end in ends))
-            ahead = not ahead
-        if not flown:
+        for strip in reversed(strips) if is_reversed else strips:
+            for piece in strip.pieces if ahead else reversed(strip.pieces):
+                # Inside a strip a pass goes on behind what it avoids: there is no turn.
+                leads = [times.lead_m * (piece[0] == strip.low_m), times.lead_m * (piece[1] == strip.high_m)]
+                ends = [tuple((end * along + strip.middle_m * across).tolist()) for end in piece]
+                passes.append(tuple(ends if ahead else ends[::-1]))  # type: ignore[arg-type]
+                leads_m.append(tuple(leads if ahead else leads[::-1]))  # type: ignore[arg-type]
+            ahead = ahead != bool(strip.pieces)
+        if not passes:
             continue
+        if start_m is None:  # the first pass begins at rest
+            leads_m[0] = (0.0, leads_m[0][1])
         front_deg = (course_deg + 180.0 * goes_back) % 360.0
-        passes: tuple[Leg, ...] = tuple(flown)  # type: ignore[arg-type]
-        home = start_m or passes[0][0]
-        whole = Mowing(front_deg, count, spacing_m, passes, 0.0)
-        ways = [math.dist(home, passes[0][0])] * (start_m is not None) + [math.dist(passes[-1][1], home)]
-        time_s = pace.time_s([*whole.leg_lengths_m(), *ways])
-        yield Mowing(front_deg, count, spacing_m, passes, time_s)
+        mown = Mowing(front_deg, count, spacing_m, tuple(passes), tuple(leads_m))
+        flown = [place for _, place in mown.places()]
+        if len(flown) <= ROUTE_MAX:
+            home = [start_m or flown[0]]
+            yield replace(mown, time_s=times.time_s([*home, *flown, *home], len(passes)))
 
 
 def _strips(area: BaseGeometry, widest_m: float, count: int, avoided: BaseGeometry) -> tuple[float, list[Strip]]:
@@ -159,18 +190,15 @@ def _strips(area: BaseGeometry, widest_m: float, count: int, avoided: BaseGeomet
     spacing_m = width_m / count
     strips: list[Strip] = []
     for left in west + width_m * np.arange(number):
-        middle_m = float(left + width_m / 2.0)
         inside = shapely.clip_by_rect(area, left, south - 1.0, left + width_m, north + 1.0)
-        if inside.is_empty:
-            continue
-        low, high = float(inside.bounds[1]), float(inside.bounds[3])
-        tracks = left + spacing_m * (np.arange(count) + 0.5)
-        pieces = _free(low, high, tracks, avoided)
-        strips.append((middle_m, pieces))
+        if not inside.is_empty:
+            low, high = float(inside.bounds[1]), float(inside.bounds[3])
+            tracks = left + spacing_m * (np.arange(count) + 0.5)
+            strips.append(Strip(float(left + width_m / 2.0), low, high, _free(low, high, tracks, avoided)))
     return spacing_m, strips
 
 
-def _free(low: float, high: float, tracks_m: Array, avoided: BaseGeometry) -> list[tuple[float, float]]:
+def _free(low: float, high: float, tracks_m: Array, avoided: BaseGeometry) -> tuple[tuple[float, float], ...]:
     """The parts of a pass in which no vehicle is in what is avoided."""
     pieces, at = [], low
     blocked = []
@@ -181,7 +209,11 @@ def _free(low: float, high: float, tracks_m: Array, avoided: BaseGeometry) -> li
         pieces.append((at, begin))
         at = max(at, end)
     pieces.append((at, high))
-    return [(a, b) for a, b in pieces if b - a >= _LEAST_M]
+    return tuple((a, b) for a, b in pieces if b - a >= _LEAST_M)
+
+
+def _moved(place: Place, by_m: Array) -> Place:
+    return place[0] + float(by_m[0]), place[1] + float(by_m[1])
 
 
 def _axes(course_deg: float) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -11,7 +11,8 @@ import shapely
 from gcs.errors import UsageError, counted
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import FLIGHT_MAX_S
-from gcs.scenario.survey.mowing import PASSES_MAX, Mowing, Pace, mowing
+from gcs.scenario.schema.route_tables import ROUTE_MAX
+from gcs.scenario.survey.mowing import Mowing, PassTimes, mowing
 from gcs.scenario.template import FORMATION, FirstFlight
 
 COUNTS = (4, 5, 6)  # vehicles to choose from, where no number is given
@@ -59,11 +60,7 @@ class SurveyFlight:
 
     def points(self) -> list[tuple[str, tuple[float, float]]]:
         """The leader's points after the start, with their names."""
-        named = [
-            (f"pass {number} {word}", self._leader(place))
-            for number, leg in enumerate(self.mowing.passes, start=1)
-            for word, place in zip(("begins", "ends"), leg, strict=True)
-        ]
+        named = [(name, self._leader(place)) for name, place in self.mowing.places()]
         return named if self.order.starts_at_origin else named[1:]
 
     def keys(self) -> dict[str, str]:
@@ -72,7 +69,7 @@ class SurveyFlight:
         spacing_m = round(mown.spacing_m, 3)
         plain = FirstFlight(mown.count, "line", spacing_m, mown.course_deg, 100.0, order.height_m).keys()
         flown = np.concatenate([shapely.get_coordinates(mown.lines), [self.start_m]])
-        reach_m = _ROOM_M + mown.count * spacing_m * order.starts_at_origin
+        reach_m = _ROOM_M + max(map(max, mown.leads_m)) + mown.count * spacing_m * order.starts_at_origin
         box = np.stack([flown.min(axis=0) - reach_m, flown.max(axis=0) + reach_m])
         low, high = 10.0 * np.floor(box[0] / 10.0), 10.0 * np.ceil(box[1] / 10.0)
         yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {plain['YAW']}]" if plain["YAW"] != "0.0" else ""
@@ -145,12 +142,10 @@ def survey_flight(order: SurveyOrder) -> SurveyFlight:
             course_deg=order.course_deg,
             start_m=start_m,
             avoided=avoided,
-            pace=Pace(order.speed_mps),
+            times=PassTimes(order.speed_mps),
         )
     except ValueError:
-        text = (
-            f"a route has at most {PASSES_MAX} passes, and {max(order.counts)} vehicles {widest_m:g} m apart need more"
-        )
+        text = f"a route has at most {ROUTE_MAX} points; {max(order.counts)} vehicles {widest_m:g} m apart need more"
         raise UsageError(text, hint="give more vehicles, a wider swath, or a part of the area") from None
     if mown.time_s > FLIGHT_MAX_S:
         text = f"the survey takes {mown.time_s:,.0f} s; a flight takes at most {FLIGHT_MAX_S:,} s"

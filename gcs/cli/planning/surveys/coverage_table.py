@@ -16,7 +16,7 @@ _SQUARE_M_PER_HA = 10_000.0
 
 def say_coverage(screen: Screen, plan: Plan) -> dict[str, Any]:
     """Print the coverage of a plan's survey, and return it for `--json`; nothing where there is no survey."""
-    from gcs.plan.verification.coverage import coverage
+    from gcs.plan.verification.survey.coverage import coverage
 
     found = coverage(plan)
     if found is None:

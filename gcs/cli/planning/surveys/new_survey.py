@@ -11,10 +11,11 @@ import shapely
 
 from gcs.cli.console import Screen
 from gcs.cli.planning.places_given import parse_course
-from gcs.cli.planning.surveys.drawn_area import drawn_area
 from gcs.cli.shared_options import unknown_choice, within
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
+from gcs.mission.drawings.drawing import DrawnArea
+from gcs.mission.drawings.read_drawing import read_drawing
 
 if TYPE_CHECKING:
     from gcs.scenario.survey.survey_flight import SurveyFlight
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 AUTO = "auto"
 HOLES = ("cross", "avoid")
 _OVERLAP_MAX = 0.9
+_NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
 
@@ -65,10 +67,10 @@ def flight_of_survey(
     """The flight; and its origin where that is the area's first corner. Raises UsageError for what cannot be flown."""
     from gcs.scenario.survey.survey_flight import COUNTS, SurveyOrder, survey_flight
 
-    drawn = drawn_area(file)
+    drawn = _only_area(file)
     first_lat_deg, first_lon_deg = drawn.corners[0]
     origin = Origin(*at) if at is not None else Origin(first_lat_deg, first_lon_deg, 0.0)
-    area = _in_metres(file, drawn.corners, drawn.holes, origin)
+    area = _in_metres(file, drawn, origin)
     away_m = float(area.distance(shapely.Point(0.0, 0.0)))
     if away_m > _FARTHEST_M:
         text = f"{file} is {away_m:,.0f} m from --at; a survey begins at most {_FARTHEST_M:,.0f} m away."
@@ -108,12 +110,24 @@ def _sentences(flight: SurveyFlight) -> list[str]:
     return told
 
 
-def _in_metres(
-    file: Path, corners: tuple[tuple[float, float], ...], holes: tuple[tuple[tuple[float, float], ...], ...], at: Origin
-) -> shapely.Polygon:
+def _only_area(file: Path) -> DrawnArea:
+    """The polygon of a drawing. Raises UsageError for several or none, and FileFormatError for a file of another kind.
+
+    An area to stay out of is no area to survey.
+    """
+    areas = [area for area in read_drawing(file).areas if area.inside is not False]
+    if not areas:
+        raise UsageError(f"{file} has no polygon.", hint="draw the area as a polygon")
+    if len(areas) > 1:
+        named = ", ".join(area.label for area in areas[:_NAMED]) + (", ..." if len(areas) > _NAMED else "")
+        raise UsageError(f"{file} has {len(areas)} polygons: {named}.", hint="keep one of them in the file")
+    return areas[0]
+
+
+def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
     """The area (north, east), m, from the origin. Raises UsageError for one that crosses itself."""
     rings = []
-    for ring in (corners, *holes):
+    for ring in (drawn.corners, *drawn.holes):
         lat_deg, lon_deg = np.array(ring).T
         rings.append(np.round(place_up_m(lat_deg, lon_deg, 0.0, at)[:, :2], 2))
     area = shapely.Polygon(rings[0], rings[1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gcs.scenario.survey.mowing import PASSES_MAX, Pace, directions_deg, mowing
+from gcs.scenario.survey.mowing import PassTimes, directions_deg, mowing
 
 WIDEST_M = 10.0
 RECTANGLE = shapely.Polygon([(0, 0), (0, 200), (100, 200), (100, 0)])  # 100 m north, 200 m east
@@ -26,13 +27,16 @@ def test_a_rectangle_is_mown_along_its_long_side_in_passes_that_divide_it() -> N
     assert all({round(begin[1]), round(end[1])} == {0, 200} for begin, end in mown.passes)
 
 
-def test_passes_go_there_and_back_side_by_side() -> None:
-    mown = mowing(RECTANGLE, WIDEST_M, [4])
-    assert mown.leg_lengths_m() == pytest.approx([200.0, 100.0 / 3.0, 200.0, 100.0 / 3.0, 200.0])
-    way_home_m = math.dist(mown.passes[-1][1], mown.passes[0][0])
-    stops = 6
-    pace = Pace()
-    assert mown.time_s == pytest.approx((600.0 + 200.0 / 3.0 + way_home_m) / pace.speed_mps + stops * pace.stop_s)
+def test_passes_go_there_and_back_and_turn_outside() -> None:
+    mown = mowing(RECTANGLE, WIDEST_M, [4], times=PassTimes(4.0, 3.0))
+    places = [place for _, place in mown.places()]
+    lengths_m = [math.dist(a, b) for a, b in itertools.pairwise(places)]
+    across_m = 100.0 / 3.0
+    assert lengths_m == pytest.approx([200.0, 10.0, across_m, 10.0, 200.0, 10.0, across_m, 10.0, 200.0, 10.0])
+    assert [name for name, _ in mown.places()][:4] == ["pass 1 begins", "pass 1 ends", "after pass 1", "before pass 2"]
+    assert {round(abs(places[number][1] - 100.0), 6) for number in (2, 3, 6, 7)} == {110.0}
+    home_m = math.dist(places[-1], places[0])
+    assert mown.time_s == pytest.approx((sum(lengths_m) + home_m) / 4.0 + 6 * 3.0)
 
 
 def test_the_fewest_vehicles_of_equal_times_fly() -> None:
@@ -46,8 +50,8 @@ def test_a_given_course_is_kept() -> None:
     assert len(mown.passes) == 5
 
 
-def test_more_passes_than_a_route_has_points_for_are_refused() -> None:
-    with pytest.raises(ValueError, match=str(PASSES_MAX)):
+def test_more_points_than_a_route_has_are_refused() -> None:
+    with pytest.raises(ValueError, match="more than 100 points"):
         mowing(shapely.box(0, 0, 500, 500), WIDEST_M, [1])
 
 
@@ -60,6 +64,9 @@ def test_passes_stop_at_what_is_avoided_and_cross_what_is_not() -> None:
     beside = mowing(field, WIDEST_M, [4], course_deg=90.0, avoided=pond.buffer(3.0))
     assert len(beside.passes) == len(crossed.passes) + 1
     assert beside.lines.distance(pond) == pytest.approx(3.0, abs=0.01)
+    way = shapely.LineString([place for _, place in beside.places()])
+    assert shapely.hausdorff_distance(way, crossed.lines) < 20.0  # it turns outside only, not before the pond
+    assert len(beside.places()) == len(crossed.places()) + 2
 
 
 def test_directions_are_those_of_edges_once_the_longest_first() -> None:

@@ -14,7 +14,7 @@ from gcs.physics.quadrotor import Array
 from gcs.plan.formation.shape import rigid
 from gcs.plan.trajectory.plan import Plan, phases_of
 from gcs.plan.trajectory.trajectory import Trajectory
-from gcs.plan.verification.coverage import Coverage, coverage
+from gcs.plan.verification.survey.coverage import Coverage, coverage
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.si import NED_FROM_UP, offsets_ned_m, quadrotor
@@ -53,7 +53,7 @@ def flown(scenario: Scenario, corners_ned_m: Array) -> Plan:
 
 def corners_of(scenario: Scenario) -> Array:
     places = [scenario.start.position_m, *(point.position_m for point in scenario.route), scenario.end.position_m]
-    return np.array(places) * NED_FROM_UP
+    return np.asarray(np.array(places) * NED_FROM_UP)
 
 
 def proved(plan: Plan) -> Coverage:
@@ -76,8 +76,8 @@ def test_a_laid_survey_that_is_flown_covers_its_area(scenario: Scenario) -> None
 
 def test_a_pass_that_is_left_out_is_found_where_it_is(scenario: Scenario) -> None:
     corners = corners_of(scenario)
-    found = proved(flown(scenario, np.delete(corners, [2, 3], axis=0)))
-    missed = shapely.LineString(corners[2:4, :2])
+    found = proved(flown(scenario, np.delete(corners, [3, 4, 5, 6], axis=0)))
+    missed = shapely.LineString(corners[4:6, :2])
     assert not found.is_complete
     largest = found.gaps()[0]
     assert largest.area_m2 > 0.4 * missed.length * SWATH_M

@@ -28,7 +28,7 @@ _SQUARE_M_PER_HA = 10_000.0
 
 
 @dataclass(frozen=True)
-class Gap:
+class Uncovered:
     """A part of the area that is not covered, with a place inside it."""
 
     area_m2: float
@@ -75,11 +75,11 @@ class Coverage:
         """Covered area for each full battery that is flown down to the reserve, hectares."""
         return self.covered_ha * (1.0 - self.reserve) / float(self.used.sum())
 
-    def gaps(self) -> list[Gap]:
+    def gaps(self) -> list[Uncovered]:
         """The parts that are not covered, the largest first."""
         parts = sorted(shapely.get_parts(self.uncovered), key=lambda part: -part.area)
         places = [part.representative_point() for part in parts]
-        return [Gap(float(part.area), place.x, place.y) for part, place in zip(parts, places, strict=True)]
+        return [Uncovered(float(part.area), place.x, place.y) for part, place in zip(parts, places, strict=True)]
 
 
 @once

@@ -1,0 +1,1 @@
+"""What the vehicles of a plan see of a survey's area."""
