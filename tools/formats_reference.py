@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gcs.files import atomic_write
 from gcs.flight.recording.tlog import FRAMES_MAX
+from gcs.mission.drawings import kml_drawing
 from gcs.mission.formats.foreign.oddities import Odd
 from gcs.mission.formats.maps import geojson, kml
 from gcs.mission.formats.plan_items import ITEMS_MAX
@@ -12,6 +13,7 @@ from gcs.plan.trajectory.plan_file import ARRAYS
 from gcs.reading.bounded_file import FILE_KINDS, in_mib
 from gcs.reading.bounded_json import JSON_VALUES_MAX
 from gcs.reading.bounded_parquet import ROWS_MAX
+from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
 from gcs.scenario.environment.heightmap import PIXELS_MAX
 from tools.reference import DOCS
 
@@ -64,6 +66,8 @@ FURTHER = f"""
 - JSON has at most {JSON_VALUES_MAX:,} values, GeoJSON {geojson.VALUES_MAX:,}.
 - A mission has at most {ITEMS_MAX:,} items.
 - A KMZ unpacks to at most {in_mib(kml.LARGEST_BYTES)}. KML with entities is refused.
+- A drawn KMZ unpacks to at most {in_mib(kml_drawing.UNPACKED_MAX_BYTES)}. Drawn XML has at most {XML_ELEMENTS_MAX:,}
+  elements, and no document type.
 - Parquet has at most {ROWS_MAX:,} rows.
 - An elevation model has at most {PIXELS_MAX:,} pixels where the scenario is, and blocks of at most 256 MiB.
 - `gcs replay` takes at most {FRAMES_MAX:,} frames; `gcs report` takes any number.

@@ -32,7 +32,7 @@ def drawing_of(sketch: Sketch, lines: Sequence[DrawnLine], spots: Sequence[Drawn
     flown = next((line for line in lines if not line.recorded), lines[0])
     for line in lines:
         if line is not flown:
-            sketch.leave_out(line.label, f"is not flown: the route is {flown.label}; a file per route carries it over")
+            sketch.leave_out(line.label, f"not flown: the route is {flown.label}; a file per route carries it over")
     return _whole(sketch, _named(sketch, flown, spots), recorded=flown.recorded)
 
 
@@ -50,7 +50,7 @@ def _named(sketch: Sketch, line: DrawnLine, spots: Sequence[DrawnPoint]) -> list
         if away_m[row] <= _SAME_M and spot.name and not points[row].name:
             points[row] = replace(points[row], name=spot.name)
         elif away_m[row] > _SAME_M:
-            sketch.leave_out(spot.label, f"is not on the route, {line.label}; it is not carried over")
+            sketch.leave_out(spot.label, f"not on the route, {line.label}; not carried over")
     return points
 
 
@@ -59,6 +59,7 @@ def _whole(sketch: Sketch, points: Sequence[DrawnPoint], *, recorded: bool = Fal
         sketch.source,
         tuple(points),
         tuple(sketch.areas),
+        tuple(sketch.disks),
         recorded=recorded,
         left_out=tuple(sketch.left_out),
     )

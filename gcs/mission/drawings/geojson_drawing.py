@@ -5,10 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeGuard
 
 from gcs.errors import FileFormatError
-from gcs.mission.drawings.drawing import Datum, Drawing, DrawnArea, DrawnPoint, Sketch, labelled, on_earth, ring, tidy
+from gcs.mission.drawings.drawing import (
+    Datum,
+    Drawing,
+    DrawnArea,
+    DrawnDisk,
+    DrawnPoint,
+    Sketch,
+    labelled,
+    on_earth,
+    ring,
+    tidy,
+)
 from gcs.mission.drawings.drawn_lines import DrawnLine, drawing_of
 from gcs.reading.bounded_json import read_json
 
@@ -97,7 +108,10 @@ def _geometry(feature: _Feature, geometry: Any, found: _Shapes, depth: int = 0) 
             _geometry(feature, one, found, depth + 1)
         return
     coordinates = _list(geometry, "coordinates")
-    if kind == "Point":
+    if kind == "Point" and _is_number(radius_m := feature.properties.get("radius_m")) and radius_m > 0:
+        centre, inside = _point(coordinates, feature.label).place, feature.properties.get("inclusion") is True
+        found.sketch.disks.append(DrawnDisk(centre, float(radius_m), feature.label, inside))
+    elif kind == "Point":
         found.spots.append(_point(coordinates, feature.label, feature.name))
     elif kind == "MultiPoint":
         found.spots += _line(coordinates, feature)
@@ -154,5 +168,5 @@ def _area(feature: _Feature, rings: list[Any], found: _Shapes) -> None:
     )
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -75,7 +75,7 @@ class ItemCourse:
         for one in items:
             command = one.item.command
             if self.end:
-                self._leave(one, f"comes after {self.end}, where the route ends")
+                self._leave(one, f"after {self.end}, where the route ends; not carried over")
             elif command in _POINTS:
                 self._point(one)
             elif command == MavCommand.DO_CHANGE_SPEED:
@@ -109,7 +109,7 @@ class ItemCourse:
             if math.isfinite(p3) and p3:
                 self._leave(one, "a pass at a distance is not carried over; the route leads through the point")
             if math.isfinite(p4) and p4:
-                self._leave(one, "its yaw is not carried over; write heading_deg for the formation's leader")
+                self._leave(one, "the yaw is not carried over; write heading_deg for the formation's leader")
         if lost := _POINTS[MavCommand(command)]:
             self._leave(one, lost)
         height_m, datum = self._height(one, height_m)
@@ -129,10 +129,10 @@ class ItemCourse:
         if not self.sketch.points:
             if self.home is None:
                 raise self.sketch.refused(f"{one.label} has no position, and there is none before it")
-            self._leave(one, "has no position: it is above home")
+            self._leave(one, "without a position: above home")
             return (self.home.lat_deg, self.home.lon_deg), height_m
         before = self.sketch.points[-1]
-        self._leave(one, f"has no position: it is at that of {before.label}")
+        self._leave(one, f"without a position: at that of {before.label}")
         return before.place, height_m or before.height_m
 
     def _height(self, one: NumberedItem, height_m: float) -> tuple[float, Datum]:
@@ -144,17 +144,17 @@ class ItemCourse:
             return height_m, datum
         if self.sketch.points:
             before = self.sketch.points[-1]
-            self._leave(one, "has no height: ArduPilot stays at the one before")
+            self._leave(one, "without a height: ArduPilot stays at the one before")
             return before.height_m, before.datum
         if self.takeoff_m > 0.0:
-            self._leave(one, "has no height: ArduPilot stays at that of the take-off")
+            self._leave(one, "without a height: ArduPilot stays at that of the take-off")
         return max(self.takeoff_m, 0.0), datum
 
     def _hold(self, one: NumberedItem, hold_s: float) -> float:
         if not math.isfinite(hold_s) or hold_s < _HOLD_MIN_S:
             return 0.0
         if hold_s > HOLD_MAX_S:
-            self._leave(one, f"holds for {HOLD_MAX_S:g} s, not for {hold_s:g} s")
+            self._leave(one, f"a hold of {HOLD_MAX_S:g} s instead of {hold_s:g} s")
         return min(hold_s, HOLD_MAX_S)
 
     def _speed(self, one: NumberedItem) -> None:

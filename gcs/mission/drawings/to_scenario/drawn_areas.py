@@ -59,7 +59,7 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
         elif shapely.covers(area.shape, points).all():
             keep_in.append(area)
         else:
-            text = "is not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"
+            text = "not round the whole route, and not carried over; if it is a no-fly zone, write it as [[no_fly]]"
             said.append(LeftOut(area.table.label, text))
             continue
     left = {one.label for one in said}
@@ -84,10 +84,7 @@ def area_tables(drawing: Drawing, route: PlacedRoute) -> AreaTables:
 
 def _areas(drawing: Drawing, origin: Origin) -> Iterator[_Area]:
     for area in drawing.areas:
-        shape = _shape(area.corners, origin)
-        if not shape.is_valid:
-            raise FileFormatError(f"{drawing.source}: {area.label} crosses itself.", hint="draw its corners in order")
-        yield _Area(AreaTable(area.label, area.corners), shape, area.inside)
+        yield _Area(AreaTable(area.label, area.corners), _shape(drawing, area.label, area.corners, origin), area.inside)
     for disk in drawing.disks:
         north_m, east_m = place_up_m(*disk.centre, 0.0, origin)[:2]
         angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
@@ -102,7 +99,8 @@ def _holes(drawing: Drawing, origin: Origin) -> Iterator[_Area]:
     for area in drawing.areas:
         for number, hole in enumerate(area.holes, start=1):
             if area.inside is not False:
-                yield _Area(AreaTable(f"{area.label}, hole {number}", hole), _shape(hole, origin), False)
+                label = f"{area.label}, hole {number}"
+                yield _Area(AreaTable(label, hole), _shape(drawing, label, hole, origin), False)
 
 
 def _together(
@@ -126,14 +124,18 @@ def _together(
         raise FileFormatError(
             f"{drawing.source}: the route leads through {labels}, which are apart.", hint="join them to one area"
         )
-    said.append(LeftOut(labels, "contain the route only together; they are one area to stay in"))
+    said.append(LeftOut(labels, "the route is only in both together; one area to stay in"))
     corners = _degrees(np.array(joined.exterior.coords)[:-1], route.origin)
     return [_Area(AreaTable(labels, corners), joined, True)]
 
 
-def _shape(corners: Sequence[Place], origin: Origin) -> shapely.Polygon:
+def _shape(drawing: Drawing, label: str, corners: Sequence[Place], origin: Origin) -> shapely.Polygon:
+    """An area in metres, north and east. Raises `FileFormatError` for one that crosses itself."""
     lat, lon = np.array(corners).T
-    return shapely.Polygon(place_up_m(lat, lon, 0.0, origin)[:, :2])
+    shape = shapely.Polygon(place_up_m(lat, lon, 0.0, origin)[:, :2])
+    if not shape.is_valid or shape.area <= 0.0:
+        raise FileFormatError(f"{drawing.source}: {label} crosses itself.", hint="draw its corners in order")
+    return shape
 
 
 def _degrees(corners_m: np.ndarray, origin: Origin) -> tuple[Place, ...]:

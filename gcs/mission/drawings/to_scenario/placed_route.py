@@ -7,32 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs.errors import FileFormatError, counted
+from gcs.errors import FileFormatError
 from gcs.frames import Origin, geodetic_to_ned, place_up_m
 from gcs.mission.drawings.drawing import Datum, Drawing, DrawnPoint, LeftOut
-from gcs.mission.drawings.item_course import HOLD_MAX_S
-from gcs.mission.drawings.to_scenario.thinned import airborne, thinned
+from gcs.mission.drawings.to_scenario.fewer_points import fewer, merged_points
+from gcs.mission.drawings.to_scenario.placed_point import HEIGHT_M, LOWEST_M, PlacedPoint, placed_point, say_heights
+from gcs.mission.drawings.to_scenario.thinned import airborne
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.fields import FARTHEST_M
-from gcs.scenario.schema.route_tables import ROUTE_MAX
 
-HEIGHT_M = 15.0  # of points without one, above the origin
-_LOWEST_M = 1.0  # lower points are on the ground
+_BEYOND_M = 20_000.0  # such heights are no numbers of metres
 _HIGHEST_M = 1500.0  # a formation climbs half an hour to it
 _HOME_NEAR_M = 20_000.0
-_SAME_M = 0.3
 _BACK_M = 2.0  # a route that ends so near to its start comes back
-_TRACK_M, _TRACK_MAX_M, _STRAIGHT_M = 1.0, 32.0, 0.5  # tolerances of lines with fewer points
-
-
-@dataclass(frozen=True)
-class PlacedPoint:
-    """A point, its place north, east and up from the origin, and its height by the key that the scenario has for it."""
-
-    drawn: DrawnPoint
-    place_m: tuple[float, float, float]
-    key: str
-    height_m: float
 
 
 @dataclass(frozen=True)
@@ -62,12 +49,15 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     _refuse_few(drawing, len(drawing.points))
     ground_m = None
     points = list(drawing.points)
+    for point in points:
+        if abs(point.height_m) > _BEYOND_M:
+            raise FileFormatError(f"{drawing.source}: {point.label} is at {point.height_m:g} m, beyond any flight.")
     if drawing.recorded:
         points, ground_m = _in_the_air(points, said)
     origin, origin_is = _origin(drawing, points, at, ground_m, height_m or HEIGHT_M, said)
-    placed = [_placed(point, origin, drawing, height_m, said) for point in points]
-    _say_heights(points, height_m or HEIGHT_M, said)
-    placed = _merged(_fewer(drawing, placed, said), said)
+    placed = [placed_point(point, origin, drawing, height_m, said) for point in points]
+    say_heights(points, height_m or HEIGHT_M, said)
+    placed = merged_points(fewer(drawing, placed, said), said)
     places_m = np.array([point.place_m for point in placed])
     far_m = float(np.abs(places_m).max())
     if far_m > FARTHEST_M:
@@ -85,7 +75,7 @@ def placed_route(drawing: Drawing, at: tuple[float, float, float | None] | None,
     ends = placed[:1] if returns else [placed[0], placed[-1]]
     said += [
         LeftOut(
-            point.drawn.label, "its hold is not carried over; the formation hovers there before or after the flight"
+            point.drawn.label, "the hold is not carried over; the formation hovers there before or after the flight"
         )
         for point in ends
         if point.drawn.hold_s
@@ -121,7 +111,7 @@ def _by_home(drawing: Drawing, said: list[LeftOut]) -> Drawing:
     away_m = float(np.linalg.norm(geodetic_to_ned(home.lat_deg, home.lon_deg, home.alt_amsl_m, first)))
     if away_m <= _HOME_NEAR_M:
         return drawing
-    said.append(LeftOut("the planned home", f"is {away_m / 1000.0:,.0f} km away; the origin is the first point"))
+    said.append(LeftOut("the planned home", f"it is {away_m / 1000.0:,.0f} km away; the origin is the first point"))
     return replace(drawing, home=None)
 
 
@@ -170,81 +160,6 @@ def _origin(
     return Origin(*place, alt_m), what
 
 
-def _placed(
-    point: DrawnPoint, origin: Origin, drawing: Drawing, height_m: float | None, said: list[LeftOut]
-) -> PlacedPoint:
-    key, value = "height_m", point.height_m
-    if point.datum is Datum.NONE:
-        value = HEIGHT_M if height_m is None else height_m
-    elif point.datum is Datum.SEA:
-        key = "alt_amsl_m"
-    elif height_m is not None and value < _LOWEST_M:
-        said.append(LeftOut(point.label, f"its height of {value:g} m is on the ground; flown at {height_m:g} m"))
-        value = height_m
-    elif point.datum is Datum.GROUND:
-        text = "its height above the ground counts from the origin, because the file has no terrain"
-        said.append(LeftOut(point.label, text))
-    elif drawing.home is not None and drawing.home.alt_amsl_m != origin.alt_amsl_m:
-        key, value = "alt_amsl_m", drawing.home.alt_amsl_m + value
-    if key == "height_m":
-        place_m = place_up_m(*point.place, value, origin)
-    else:
-        place_m = geodetic_to_ned(*point.place, value, origin) * [1.0, 1.0, -1.0]
-    north_m, east_m, up_m = map(float, place_m)
-    return PlacedPoint(point, (north_m, east_m, up_m), key, round(value, 3))
-
-
-def _say_heights(points: Sequence[DrawnPoint], height_m: float, said: list[LeftOut]) -> None:
-    bare = sum(point.datum is Datum.NONE for point in points)
-    if bare:
-        every = "no point has a height" if bare == len(points) else f"{counted(bare, 'point')} without a height"
-        said.append(LeftOut("heights", f"{every}; flown {height_m:g} m above the origin (--height)"))
-
-
-def _fewer(drawing: Drawing, points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
-    """As many points as a scenario may have. Raises `FileFormatError` where drawn ones would be lost."""
-    most = ROUTE_MAX + (1 if drawing.returns else 2)
-    if len(points) <= most and not drawing.recorded:
-        return points
-    places_m = np.array([point.place_m for point in points])
-    drawn = [point.drawn for point in points]
-    after = [*drawn[1:], drawn[-1]]
-    kept = np.array([bool(a.hold_s or a.name) or a.speed_mps != b.speed_mps for a, b in zip(drawn, after, strict=True)])
-    is_line = all(one.datum is not Datum.HOME and not one.hold_s and one.speed_mps is None for one in drawn)
-    tolerance_m = _TRACK_M if is_line else _STRAIGHT_M
-    stays = thinned(places_m, tolerance_m, kept & (not drawing.recorded))
-    while is_line and stays.sum() > most and tolerance_m < _TRACK_MAX_M:
-        tolerance_m *= 2.0
-        stays = thinned(places_m, tolerance_m, np.zeros(len(points), dtype=bool))
-    if stays.sum() > most:
-        raise FileFormatError(
-            f"{drawing.source}: has {len(points)} points, and a route has at most {most}.",
-            hint="split it into several files, or draw it with fewer points",
-        )
-    if stays.sum() < len(points):
-        text = (
-            f"{stays.sum()} of {len(points)} points are flown; no other is more than {tolerance_m:g} m from the route"
-        )
-        said.append(LeftOut("points", text))
-    return [point for point, stay in zip(points, stays, strict=True) if stay]
-
-
-def _merged(points: list[PlacedPoint], said: list[LeftOut]) -> list[PlacedPoint]:
-    """The points without those at the place of the one before, whose holds count there."""
-    merged = points[:1]
-    for point in points[1:]:
-        before = merged[-1]
-        if float(np.linalg.norm(np.subtract(point.place_m, before.place_m))) > _SAME_M:
-            merged.append(point)
-            continue
-        hold_s = min(before.drawn.hold_s + point.drawn.hold_s, HOLD_MAX_S)
-        radius_m = 0.0 if hold_s else before.drawn.radius_m
-        name = before.drawn.name or point.drawn.name
-        merged[-1] = replace(before, drawn=replace(before.drawn, hold_s=hold_s, radius_m=radius_m, name=name))
-        said.append(LeftOut(point.drawn.label, f"is at the place of {before.drawn.label}, and one point with it"))
-    return merged
-
-
 def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
     highest = max(points, key=lambda point: point.place_m[2])
     if (up_m := highest.place_m[2]) > _HIGHEST_M:
@@ -254,7 +169,7 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
             hint="draw it lower" if highest.key == "height_m" else "give the altitude of the ground: --at LAT,LON,ALT",
         )
     lowest = min(points, key=lambda point: point.place_m[2])
-    if (up_m := round(lowest.place_m[2], 3)) >= _LOWEST_M:
+    if (up_m := round(lowest.place_m[2], 3)) >= LOWEST_M:
         return
     if lowest.key == "height_m":
         hint = "give --height METRES for such points"
@@ -262,7 +177,7 @@ def _refuse_heights(drawing: Drawing, points: Sequence[PlacedPoint]) -> None:
         hint = "give the altitude of the ground: --at LAT,LON,ALT"
     raise FileFormatError(
         f"{drawing.source}: {lowest.drawn.label} is {up_m + 0.0:.1f} m above the origin; "
-        f"a vehicle flies at {_LOWEST_M:g} m or more.",
+        f"a vehicle flies at {LOWEST_M:g} m or more.",
         hint=hint,
     )
 

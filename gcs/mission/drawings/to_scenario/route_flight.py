@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from gcs.errors import FileFormatError
 from gcs.mission.drawings.drawing import Drawing, LeftOut, Place, sentences, tidy
 from gcs.mission.drawings.to_scenario.drawn_areas import AreaTable, AreaTables, area_tables
 from gcs.mission.drawings.to_scenario.flight_time import CRUISE_MPS, flight_time_s, is_passed_at_speed, turns_rad
-from gcs.mission.drawings.to_scenario.placed_route import PlacedPoint, PlacedRoute, placed_route
+from gcs.mission.drawings.to_scenario.placed_point import PlacedPoint
+from gcs.mission.drawings.to_scenario.placed_route import PlacedRoute, placed_route
 from gcs.physics.quadrotor import Array
 from gcs.scenario.degrees.place_questions import degrees
 from gcs.scenario.formations import places_up_m, turned
@@ -53,7 +54,7 @@ class RouteFlight:
         """The time from start to end, s. Raises `FileFormatError` for more than a scenario allows."""
         holds_s = np.array([point.drawn.hold_s for point in self.route.points] + [0.0] * self.route.returns)
         holds_s[[0, -1]] = 0.0
-        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * self._limits_mps[1], holds_s)
+        time_s = flight_time_s(self._course_m, self._leg_speeds_mps, _SHARE * _speed_limits_mps()[1], holds_s)
         if time_s > FLIGHT_MAX_S:
             text = f"the route is {self.length_m / 1000.0:.1f} km long and takes {time_s:,.0f} s; {_LONGEST_FLIGHT}"
             raise FileFormatError(f"{self.drawing.source}: {text}.", hint="split it into several files")
@@ -111,11 +112,10 @@ class RouteFlight:
         places_m = self.route.places_m
         return np.concatenate([places_m, places_m[:1]]) if self.route.returns else places_m
 
-    @cached_property
-    def _limits_mps(self) -> tuple[float, float]:
-        """The speed limits of the vehicle type, horizontal and vertical."""
-        north, east, up = load_vehicle(preset_file(_TYPE)).limits.speed_ned_mps
-        return min(north, east), up
+    @property
+    def _most_mps(self) -> float:
+        """The fastest that a leg is flown."""
+        return _SHARE * _speed_limits_mps()[0]
 
     @property
     def _drawn_mps(self) -> list[float | None]:
@@ -125,9 +125,8 @@ class RouteFlight:
 
     @property
     def _leg_speeds_mps(self) -> Array:
-        most_mps = _SHARE * self._limits_mps[0]
         plain_mps = self.drawing.speed_mps or CRUISE_MPS
-        return np.array([min(most_mps, plain_mps if speed is None else speed) for speed in self._drawn_mps])
+        return np.array([min(self._most_mps, plain_mps if speed is None else speed) for speed in self._drawn_mps])
 
     @property
     def _turns_rad(self) -> list[float]:
@@ -135,14 +134,13 @@ class RouteFlight:
 
     @property
     def _speeds_said(self) -> list[LeftOut]:
-        most_mps = _SHARE * self._limits_mps[0]
         return [
             LeftOut(
                 point.drawn.label,
-                f"drawn at {point.drawn.speed_mps:g} m/s, too fast for this type of vehicle; {most_mps:g} m/s here",
+                f"drawn at {point.drawn.speed_mps:g} m/s, too fast for this vehicle type; {self._most_mps:g} m/s here",
             )
             for point in self.route.points[1:]
-            if point.drawn.speed_mps is not None and point.drawn.speed_mps > most_mps
+            if point.drawn.speed_mps is not None and point.drawn.speed_mps > self._most_mps
         ]
 
     @property
@@ -184,7 +182,7 @@ class RouteFlight:
         if drawn.hold_s:
             lines += f"hold_s = {round(drawn.hold_s, 3)!r}\n"
         elif drawn.speed_mps is not None:
-            speed = f"speed_mps = {round(max(0.001, min(drawn.speed_mps, _SHARE * self._limits_mps[0])), 3)!r}"
+            speed = f"speed_mps = {round(max(0.001, min(drawn.speed_mps, self._most_mps)), 3)!r}"
             is_straight = is_passed_at_speed(turn_rad)
             lines += f"{speed}\n" if is_straight else _commented(f"# {speed}", "of the leg to it; it turns here") + "\n"
         return lines
@@ -209,7 +207,16 @@ def route_flight(
     """
     route = placed_route(drawing, at, height_m)
     flight = RouteFlight(drawing, route, area_tables(drawing, route))
-    return replace(flight, **formation)  # type: ignore[arg-type]
+    flight = replace(flight, **formation)  # type: ignore[arg-type]
+    flight.keys()  # refuses a flight that takes too long
+    return flight
+
+
+@cache
+def _speed_limits_mps() -> tuple[float, float]:
+    """The speed limits of the vehicle type, horizontal and vertical."""
+    north, east, up = load_vehicle(preset_file(_TYPE)).limits.speed_ned_mps
+    return min(north, east), up
 
 
 def _place_table(head: str, point: PlacedPoint, also: str = "") -> str:

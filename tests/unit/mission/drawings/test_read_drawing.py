@@ -62,7 +62,7 @@ def test_a_table_of_items_stays_at_heights_of_0_holds_and_ends_at_its_landing() 
     assert not drawing.returns
     said = sentences(drawing.left_out)
     assert "item 7 (DO_JUMP): the jump is not carried over; for several rounds write loops" in said
-    assert "item 10 (NAV_WAYPOINT): comes after item 9 (NAV_LAND), where the route ends" in said
+    assert "item 10 (NAV_WAYPOINT): after item 9 (NAV_LAND), where the route ends; not carried over" in said
 
 
 def test_a_map_has_a_line_areas_with_holes_and_names_of_the_points_on_it() -> None:
