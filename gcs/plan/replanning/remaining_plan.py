@@ -51,12 +51,13 @@ def plan_from_flight(
     objective: float,
     history: tuple[MeshRound, ...],
     timings_s: dict[str, float],
+    route_s: tuple[float, ...] = (),
 ) -> Plan:
     """The plan of a trajectory that solves `problem`, and of the old plan's hover and landing after it."""
     end_s = plan.phase("mission").end_s
     after = trajectory_part(plan.leader_trajectory, end_s, plan.t_end_s)
     return Plan(
-        _with_times_of_gates(problem.scenario, plan),
+        with_times_of_changes(problem.scenario, plan),
         joined([trajectory, after]),
         joined_shapes([problem.shape, shape_part(plan.shape, end_s, plan.t_end_s)]),
         (Phase("mission", problem.start_s, end_s), *(p for p in plan.phases if p.start_s >= end_s)),
@@ -66,16 +67,18 @@ def plan_from_flight(
         plan.moves,
         timings_s,
         tuple(problem.start_state.tolist()),
+        route_s=route_s,
     )
 
 
-def _with_times_of_gates(scenario: Scenario, plan: Plan) -> Scenario:
-    """The scenario with changes at gates begun at their planned times: the track through a gate may differ now."""
+def with_times_of_changes(scenario: Scenario, plan: Plan) -> Scenario:
+    """The scenario with changes at gates and route points begun at their planned times: the track may differ now."""
     starts = iter(move.start_s for move in plan.moves if move.trigger != "auto")
     changes = []
     for change in scenario.formation.change:
         at_s = None if change.auto else next(starts, None)
-        gated = change.gate_m is not None and at_s is not None
-        changes.append(change.model_copy(update={"gate_m": None, "at_s": at_s}) if gated else change)
+        placed = (change.gate_m is not None or change.at_point is not None) and at_s is not None
+        update = {"gate_m": None, "at_point": None, "at_s": at_s}
+        changes.append(change.model_copy(update=update) if placed else change)
     formation = scenario.formation.model_copy(update={"change": tuple(changes)})
     return scenario.model_copy(update={"formation": formation})

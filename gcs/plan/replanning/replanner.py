@@ -26,7 +26,8 @@ from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.replanning.bound_tightening import tightened
 from gcs.plan.replanning.obstacle_detour import detours
 from gcs.plan.replanning.parametric_nlp import ParametricNlp, parametric_nlp, with_zones
-from gcs.plan.replanning.remaining_plan import plan_from_flight, shape_part, trajectory_part
+from gcs.plan.replanning.remaining_plan import plan_from_flight, shape_part, trajectory_part, with_times_of_changes
+from gcs.plan.replanning.route_rest import flown_through, still_ahead
 from gcs.plan.replanning.warm_start import Multipliers, multipliers
 from gcs.plan.search.homotopy_classes import GRID_EXCESS
 from gcs.plan.search.infeasibility import check_time
@@ -76,7 +77,14 @@ class Replanner:
             shape=shape_part(plan.shape, mission.start_s, mission.end_s),
             coordinates=(),
         )
+        if whole.points:
+            passed = len(whole.points) - len(plan.route_s)
+            fixed = with_times_of_changes(whole.scenario, plan)
+            whole = replace(whole, scenario=fixed, points=whole.points[passed:], point_s=plan.route_s)
         self._whole = replace(whole, clearance_reserve_m=clearance_reserve_m(whole, CLEARANCE_RESERVE_M))
+        self._old = trajectory_part(plan.leader_trajectory, mission.start_s, mission.end_s)
+        if plan.scenario.route:  # each re-plan has points of its own, and so a program of its own
+            return
         most = end_refined(mission.start_s, mission.end_s, LONGEST_S, SHORTEST_S, DEGREE).intervals
         counts = sorted({max(2 * int(np.ceil(0.5 * share * most)), _FEWEST) for share in _MESHES})
         self._programs = {count: self._built(count) for count in counts}
@@ -108,6 +116,8 @@ class Replanner:
         began = time.perf_counter()
         leader = self._leader(state)
         self._check(t_s, zones)
+        if self.plan.scenario.route:
+            return self._along_route(leader, t_s, tuple(zones), on_round, began)
         try:
             return self._replanned(leader, t_s, tuple(zones), on_round, began)
         except PlanningError:
@@ -142,6 +152,35 @@ class Replanner:
             true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
             return plan_from_flight(self.plan, true, flown, objective=objective, history=tuple(history), timings_s=took)
         raise _in_words(problem, next((f for f in failures if isinstance(f, Infeasible)), failures[-1]))
+
+    def _along_route(
+        self,
+        leader: Array,
+        t_s: float,
+        zones: tuple[NoFlyZone, ...],
+        on_round: Callable[[MeshRound], None],
+        began: float,
+    ) -> Plan:
+        """The plan through the points that are still ahead; a hold that has begun ends now."""
+        problem = still_ahead(self._problem(leader, t_s, zones), t_s)
+        avoided = problem.scenario.no_fly[len(problem.scenario.no_fly) - len(zones) :]
+        _check_start(problem)
+        try:
+            found = flown_through(problem, self._old, avoided, on_round)
+        except PlanningError as failure:
+            raise _in_words(problem, failure) from failure
+        took = {"re-plan": time.perf_counter() - began}
+        scenario = self.plan.scenario
+        true = replace(problem, scenario=with_zones(scenario, (*scenario.no_fly, *zones)))
+        return plan_from_flight(
+            self.plan,
+            true,
+            found.trajectory,
+            objective=found.objective,
+            history=found.history,
+            timings_s=took,
+            route_s=found.point_s,
+        )
 
     def _guesses(
         self, problem: Problem, zones: tuple[NoFlyZone, ...]
