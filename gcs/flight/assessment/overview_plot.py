@@ -22,7 +22,9 @@ from gcs.flight.assessment.pictures.map_layers import (
     BESIDE_IN,
     area_of,
     draw_ground,
+    draw_route,
     draw_zones,
+    label_route,
     label_zones,
     layer_entries,
     map_size_in,
@@ -48,7 +50,8 @@ def draw_scenario(scenario: Scenario) -> Any:
     """Return the map of what is not planned: start and end, and no tracks."""
     start, end = (np.array(b.position_m) * NED_FROM_UP for b in (scenario.start, scenario.end))
     offsets, ids = offsets_ned_m(scenario), sysids(scenario)
-    low, high = area = area_of(scenario, np.stack([offsets + start, offsets + end]))
+    drawn = np.array([point.position_m for point in scenario.route]).reshape(-1, 3) * NED_FROM_UP
+    low, high = area = area_of(scenario, np.stack([offsets + place for place in (start, *drawn, end)]))
     width_in, height_in = map_size_in(scenario, area)
     figure, axes = plt.subplots(figsize=(width_in, height_in), layout="constrained")
     span_s = (0.0, scenario.time.flight_s)
@@ -57,7 +60,8 @@ def draw_scenario(scenario: Scenario) -> Any:
     for place, mark, fill in ((start, "^", True), (end, "s", False)):
         for colour, (north, east, _) in zip(colours(ids), offsets + place, strict=True):
             axes.plot(east, north, marker=mark, ms=6, color=colour, mfc=colour if fill else "white", ls="")
-    way = (end - start)[1::-1]
+    points = draw_route(axes, scenario)
+    way = ((end if not len(drawn) else drawn[0]) - start)[1::-1]
     course = [
         Line2D([], [], marker=dart(float(np.degrees(np.arctan2(*way)))), label="course", ls="", color="black", ms=9)
     ]
@@ -73,6 +77,7 @@ def draw_scenario(scenario: Scenario) -> Any:
         Line2D([], [], marker="^", label="start", **look),
         Line2D([], [], marker="s", mfc="white", label="end", **look),
         *course[: bool(way.any())],
+        *points,
         *layer_entries(axes, scenario),
     ]
     axes.legend(handles=handles, **BESIDE)
@@ -81,6 +86,7 @@ def draw_scenario(scenario: Scenario) -> Any:
     labels = Labels(figure)
     labels.avoid_points(axes, np.concatenate([offsets + start, offsets + end])[:, 1::-1])
     labels.avoid_arrows(axes)
+    label_route(axes, labels, scenario)
     labels.place(axes, "start", tuple((offsets + start)[leader_index(scenario), 1::-1].tolist()))
     labels.place(axes, "end", tuple((offsets + end)[leader_index(scenario), 1::-1].tolist()))
     label_zones(axes, labels, scenario, span_s)

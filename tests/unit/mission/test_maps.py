@@ -14,9 +14,10 @@ import shapely
 from gcs.errors import FileFormatError
 from gcs.mission.formats.maps.geojson import read_geojson, write_geojson
 from gcs.mission.formats.maps.kml import read_kml, read_kmz, write_kml, write_kmz
-from gcs.mission.formats.maps.tracks import MapFile, Track, build_map
+from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track, build_map
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
 from gcs.plan.trajectory.plan import Plan
+from tests.unit.plan.routed import with_route
 
 CLOCKWISE = (GeoPoint(473970000, 85450000), GeoPoint(473980000, 85450000), GeoPoint(473980000, 85460000))
 FENCE = Geofence(
@@ -162,3 +163,47 @@ def test_zip_of_something_else() -> None:
         archive.writestr("other.txt", "x")
     with pytest.raises(FileFormatError, match=r"no.*KMZ"):
         read_kmz(buffer.getvalue(), "x")
+
+
+POINTS = (MapPoint(1, "gate <north> & more", 12.5, 47.1, 8.1, 490.25), MapPoint(2, "", 40.0, 47.2, -8.2, 488.0))
+
+
+def test_route_points_come_back_with_number_name_and_time() -> None:
+    drawn = MapFile("x", "abc", (track([8.1, 8.2, 8.3]),), FENCE, POINTS)
+    for read, text in (
+        (read_kml, write_kml(drawn)),
+        (read_geojson, write_geojson(drawn)),
+        (read_kmz, write_kmz(drawn)),
+    ):
+        found = read(text, "x")  # type: ignore[arg-type]
+        assert (found.points, found.geofence) == (POINTS, FENCE)
+    placemark = ElementTree.fromstring(write_kml(drawn)).findall("k:Document/k:Placemark[k:Point]", KML)[0]
+    assert placemark.findtext("k:name", "", KML) == "1 gate <north> & more"
+    assert placemark.findtext("k:Point/k:coordinates", "", KML) == "8.1,47.1,490.25"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("8.1,47.1,490.25", "8.1,47.1", "longitude, latitude and altitude"),
+        ("8.1,47.1,490.25", "8.1,97.1,490.25", "route point 1 is not on Earth"),
+        ("8.1,47.1,490.25", "8.1,47.1,nan", "route point 1 has a value that is not a finite number"),
+        ('<Data name="t_s">', '<Data name="t">', "'t_s' is missing"),
+    ],
+)
+def test_route_points_of_others_are_refused(old: str, new: str, reason: str) -> None:
+    text = write_kml(MapFile("x", "abc", (track([8.1, 8.2, 8.3]),), FENCE, POINTS)).decode()
+    assert old in text
+    with pytest.raises(FileFormatError, match=f"x: not a map of this program: .*{reason}"):
+        read_kml(text.replace(old, new), "x")
+
+
+def test_a_map_has_the_points_as_they_were_drawn(simulation1_plan: Plan) -> None:
+    routed = with_route(simulation1_plan, {60.0: {"name": "gate"}, 130.0: {"radius_m": 20.0}})
+    assert build_map(simulation1_plan).points == ()
+    first, second = build_map(routed).points
+    assert (first.number, first.name, first.t_s, second.title) == (1, "gate", 60.0, "2")
+    north_m, _, height_m = routed.scenario.route[0].position_m
+    origin = routed.scenario.origin
+    assert first.alt_amsl_m == pytest.approx(origin.alt_amsl_m + height_m, abs=0.1)
+    assert first.lat_deg == pytest.approx(origin.lat_deg + north_m / 111_200.0, abs=2e-5)

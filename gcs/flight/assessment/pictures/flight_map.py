@@ -18,7 +18,9 @@ from gcs.flight.assessment.pictures.map_layers import (
     Area,
     area_of,
     draw_ground,
+    draw_route,
     draw_zones,
+    label_route,
     label_zones,
     layer_entries,
 )
@@ -68,6 +70,7 @@ class FlightMap:
         for colour, track in zip(colours(self.sysids), self.tracks_ned_m, strict=True):
             axes.plot(track[:, 1], track[:, 0], color=colour, lw=1.2)
         handles += self._draw_ends(axes) + self._draw_course(axes)
+        handles += draw_route(axes, self.scenario) if self.scenario is not None else []
         axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(low[1], high[1]), ylim=(low[0], high[0]))
         handles = vehicle_entries(self.sysids) + self._planned_entry() + handles
         if self.scenario is not None:
@@ -78,6 +81,8 @@ class FlightMap:
         """Write times at the marks and beside moving zones. The layout is settled by then."""
         times_s, places = self.marks()
         labels.avoid_points(axes, places[:, 1::-1])
+        if self.scenario is not None:
+            label_route(axes, labels, self.scenario)
         for t_s, place in zip(times_s, places, strict=True):
             labels.place(axes, f"{t_s:.0f} s", (float(place[1]), float(place[0])))
         if self.scenario is not None:

@@ -29,6 +29,7 @@ _ROOM, _LEAST_ROOM_M = 0.12, 5.0  # around tracks: share of their extent, and me
 _OUTSIDE_M = 15.0  # of the box of Eq. 51, how far its ground is known
 _THIN = 0.4  # shorter over longer side of an area, at least
 ZONE = "#c00000"
+ROUTE = "#7b2d8e"
 KEEP_IN = "#1b7837"
 WIND = "#1f77b4"
 ARROW = Shape(
@@ -113,6 +114,25 @@ def draw_zones(axes: Any, scenario: Scenario, span_s: tuple[float, float]) -> No
             ends = [tuple(one.mean(axis=0)[::-1]) for one in (corners, first)]
             arrow = {"arrowstyle": "-|>", "color": ZONE, "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
             axes.annotate("", *ends, arrowprops=arrow, zorder=1.7, annotation_clip=True)
+
+
+def draw_route(axes: Any, scenario: Scenario) -> list[Any]:
+    """Draw the route points, and return their entry for the legend; nothing without a route."""
+    if not scenario.route:
+        return []
+    north_m, east_m, _ = np.array([point.position_m for point in scenario.route]).T
+    look: dict[str, Any] = {"ls": "", "marker": "D", "ms": 6, "mfc": "none", "mec": ROUTE, "mew": 1.4, "zorder": 6.5}
+    return list(axes.plot(east_m, north_m, label="route point", **look))
+
+
+def label_route(axes: Any, labels: Labels, scenario: Scenario) -> None:
+    """Write its number, and its name if it has one, beside each route point. Later rounds fly the same points."""
+    places = [(point.position_m[1], point.position_m[0]) for point in scenario.route]
+    if places:
+        labels.avoid_points(axes, places)
+    for number, (place, point) in enumerate(zip(places, scenario.route, strict=True), start=1):
+        text = f"{number} {point.name or ''}".strip().replace("$", r"\$")
+        labels.place(axes, text, place, color=ROUTE, fontweight="bold")
 
 
 def label_zones(axes: Any, labels: Labels, scenario: Scenario, span_s: tuple[float, float]) -> None:

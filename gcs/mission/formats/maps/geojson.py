@@ -1,4 +1,6 @@
-"""GeoJSON (RFC 7946): tracks and fence for web maps and GIS programs. Only files of this program are read back.
+"""GeoJSON (RFC 7946): tracks, route points and fence for web maps and GIS programs.
+
+Only files of this program are read back.
 
 A third coordinate would be a height above the ellipsoid (RFC 7946, section 4). Altitudes here are above mean sea level,
 so they are properties, beside the times. Lines are cut at the antimeridian; rings run counterclockwise.
@@ -14,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, TypeAdapt
 
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.formats.maps.tracks import MapFile, Track, checked
+from gcs.mission.formats.maps.tracks import MapFile, MapPoint, Track, checked
 from gcs.mission.geofence import LEAST_VERTICES, FenceCircle, FencePolygon, Geofence, GeoPoint
 from gcs.reading.bounded_json import refuse_crowded_json
 
@@ -70,6 +72,20 @@ class _CircleProperties(_Part):
     radius_m: Annotated[Finite, Field(gt=0)]
 
 
+class _PointProperties(_Part):
+    kind: Literal["route_point"]
+    number: int
+    name: str
+    t_s: Finite
+    altitude_amsl_m: Finite
+
+
+class _PointFeature(_Part):
+    type: Literal["Feature"]
+    geometry: _Spot
+    properties: _PointProperties
+
+
 class _TrackFeature(_Part):
     type: Literal["Feature"]
     geometry: Annotated[_Line | _Lines, Field(discriminator="type")]
@@ -100,6 +116,7 @@ class _Collection(_Part):
     features: list[
         Annotated[
             Annotated[_TrackFeature, Tag("track")]
+            | Annotated[_PointFeature, Tag("route_point")]
             | Annotated[_AreaFeature, Tag("area")]
             | Annotated[_CircleFeature, Tag("circle")],
             Discriminator(_kind),
@@ -113,6 +130,7 @@ _ADAPTER = TypeAdapter(_Collection)
 def write_geojson(file: MapFile) -> str:
     """The text of a file; `read_geojson` gives back the same values."""
     features = [_track(track) for track in file.tracks]
+    features += [_route_point(point) for point in file.points]
     features += [_area(polygon) for polygon in file.geofence.polygons]
     features += [
         _feature(
@@ -130,17 +148,19 @@ def read_geojson(data: bytes | str, source: str) -> MapFile:
     try:
         refuse_crowded_json(data, VALUES_MAX)
         collection = _ADAPTER.validate_json(data)
-        tracks, polygons, circles = [], [], []
+        tracks, points, polygons, circles = [], [], [], []
         for feature in collection.features:
             if isinstance(feature, _TrackFeature):
                 tracks.append(_read_track(feature))
+            elif isinstance(feature, _PointFeature):
+                points.append(_read_point(feature))
             elif isinstance(feature, _AreaFeature):
                 polygons.append(_read_area(feature))
             else:
                 center, properties = _place(feature.geometry.coordinates), feature.properties
                 circles.append(FenceCircle(center, properties.radius_m, properties.inclusion))
         fence = Geofence(tuple(polygons), tuple(circles))
-        return MapFile(collection.title, collection.plan, checked(tracks), fence)
+        return MapFile(collection.title, collection.plan, checked(tracks), fence, tuple(points))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(map(str, first["loc"]))
@@ -175,6 +195,17 @@ def _read_track(feature: _TrackFeature) -> Track:
         lines = [line[: max(count, 0)] for line, count in zip(lines, properties.points, strict=True)]
     lon, lat = np.array([point for line in lines for point in line], dtype=np.float64).reshape(-1, 2).T.copy()
     return Track(properties.vehicle, np.array(properties.t_s), lat, lon, np.array(properties.altitude_amsl_m))
+
+
+def _route_point(point: MapPoint) -> dict[str, Any]:
+    properties = {"kind": "route_point", "number": point.number, "name": point.name, "t_s": point.t_s}
+    properties["altitude_amsl_m"] = point.alt_amsl_m
+    return _feature({"type": "Point", "coordinates": [point.lon_deg, point.lat_deg]}, properties)
+
+
+def _read_point(feature: _PointFeature) -> MapPoint:
+    known, (lon_deg, lat_deg) = feature.properties, feature.geometry.coordinates
+    return MapPoint(known.number, known.name, known.t_s, lat_deg, lon_deg, known.altitude_amsl_m)
 
 
 def _area(polygon: FencePolygon) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""KML and KMZ: tracks in time at altitudes above mean sea level, and the fence.
+"""KML and KMZ: tracks in time and route points at altitudes above mean sea level, and the fence.
 
 What KML has no tag for (a circle's radius, the vehicle, the plan) is in ExtendedData, which other programs ignore.
 Only files of this program are read back.
@@ -13,13 +13,14 @@ from collections.abc import Iterable
 from datetime import datetime, timedelta
 from typing import Any
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 import numpy as np
 import simplekml
 
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7, to_degE7
-from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile, Track, checked
+from gcs.mission.formats.maps.tracks import DEGREE_DECIMALS, T0_SHOWN, MapFile, MapPoint, Track, checked, checked_points
 from gcs.mission.geofence import FenceCircle, FencePolygon, Geofence, GeoPoint
 from gcs.reading.archives import BadArchive, read_member
 from gcs.reading.bounded_file import MIB, in_mib
@@ -51,6 +52,12 @@ def write_kml(file: MapFile) -> bytes:
         )
         line.style.linestyle.color = _colour(number)
         line.style.linestyle.width = 3
+    for point in file.points:
+        spot = kml.newpoint(name=point.title, altitudemode=simplekml.AltitudeMode.absolute)
+        spot.coords = [(point.lon_deg, point.lat_deg, point.alt_amsl_m)]
+        spot.description = f"The leader is here at {point.t_s:.1f} s."
+        for key, text in (("route_point", str(point.number)), ("name", escape(point.name)), ("t_s", repr(point.t_s))):
+            spot.extendeddata.newdata(key, text)
     for polygon in file.geofence.polygons:
         _draw(kml, polygon.inclusion, ((from_degE7(p.lon_degE7), from_degE7(p.lat_degE7)) for p in polygon.points))
     for circle in file.geofence.circles:
@@ -61,8 +68,8 @@ def write_kml(file: MapFile) -> bytes:
             ("radius_m", repr(circle.radius_m)),
         ):
             drawn.extendeddata.newdata(name, str(value))
-    text: str = kml.kml(format=False)
-    return (_DECLARATION + text).encode()
+    written: str = kml.kml(format=False)
+    return (_DECLARATION + written).encode()
 
 
 def read_kml(data: bytes | str, source: str) -> MapFile:
@@ -76,19 +83,21 @@ def read_kml(data: bytes | str, source: str) -> MapFile:
         document = ElementTree.fromstring(text).find("k:Document", _NAMES)
         if document is None:
             raise ValueError("there is no Document")
-        tracks, polygons, circles = [], [], []
+        tracks, points, polygons, circles = [], [], [], []
         for placemark in document.findall("k:Placemark", _NAMES):
             extended = _extended(placemark)
             line = placemark.find("gx:Track", _NAMES)
             if line is not None:
                 tracks.append(_track(line, _extended(line)))
+            elif "route_point" in extended:
+                points.append(_point(placemark, extended))
             elif "radius_m" in extended:
                 circles.append(_circle(extended))
             else:
                 polygons.append(_polygon(placemark, extended))
         title = document.findtext("k:name", "", _NAMES)
         fence = Geofence(tuple(polygons), tuple(circles))
-        return MapFile(title, _extended(document).get("plan", ""), checked(tracks), fence)
+        return MapFile(title, _extended(document).get("plan", ""), checked(tracks), fence, checked_points(points))
     except (ValueError, KeyError, OverflowError, ElementTree.ParseError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise FileFormatError(f"{source}: not a map of this program: {reason[:200]}.") from error
@@ -155,6 +164,14 @@ def _track(line: ElementTree.Element, data: dict[str, str]) -> Track:
         raise ValueError("a coordinate is not longitude, latitude and altitude")
     lon, lat, alt = np.array(rows, dtype=np.float64).reshape(-1, 3).T.copy()
     return Track(int(data["vehicle"]), t_s, lat, lon, alt)
+
+
+def _point(placemark: ElementTree.Element, data: dict[str, str]) -> MapPoint:
+    place = placemark.findtext("k:Point/k:coordinates", "", _NAMES).split(",")
+    if len(place) != 3:
+        raise ValueError("a coordinate is not longitude, latitude and altitude")
+    lon_deg, lat_deg, alt_m = map(float, place)
+    return MapPoint(int(data["route_point"]), data["name"], float(data["t_s"]), lat_deg, lon_deg, alt_m)
 
 
 def _polygon(placemark: ElementTree.Element, data: dict[str, str]) -> FencePolygon:

@@ -1,4 +1,4 @@
-"""The contents of a map: the track of every vehicle in time and space, and the fence.
+"""The contents of a map: the track of every vehicle in time and space, the route points, and the fence.
 
 Altitudes are AMSL. Times are plan times; formats that need a date show T0 as `T0_SHOWN`.
 """
@@ -36,6 +36,23 @@ class Track:
 
 
 @dataclass(frozen=True)
+class MapPoint:
+    """A route point: its number, its name (empty without one), when the leader is there, and the point itself."""
+
+    number: int
+    name: str
+    t_s: float
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+
+    @property
+    def title(self) -> str:
+        """Its number and name, as maps show them."""
+        return f"{self.number} {self.name}".strip()
+
+
+@dataclass(frozen=True)
 class MapFile:
     """Contents of one map."""
 
@@ -43,6 +60,7 @@ class MapFile:
     plan_hash: str
     tracks: tuple[Track, ...]
     geofence: Geofence = NO_FENCE
+    points: tuple[MapPoint, ...] = ()
 
 
 def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIOD_S) -> MapFile:
@@ -54,7 +72,28 @@ def build_map(plan: Plan, geofence: Geofence = NO_FENCE, period_s: float = PERIO
     lat, lon, alt = ned_to_geodetic(position, local_origin(plan.scenario))
     rounded = np.round(lat, DEGREE_DECIMALS), np.round(lon, DEGREE_DECIMALS), np.round(alt, _METRE_DECIMALS)
     tracks = tuple(Track(sysid, t_s, *(part[row] for part in rounded)) for row, sysid in enumerate(plan.sysids))
-    return MapFile(plan.scenario.title or plan.scenario.name, plan.hash, tracks, geofence)
+    return MapFile(plan.scenario.title or plan.scenario.name, plan.hash, tracks, geofence, _points(plan))
+
+
+def _points(plan: Plan) -> tuple[MapPoint, ...]:
+    """The route points of the plan, rounded as the tracks are."""
+    found = []
+    for passage in plan.passages:
+        lat, lon, alt = ned_to_geodetic(passage.position_ned_m[None], local_origin(plan.scenario))
+        place = (round(float(lat[0]), DEGREE_DECIMALS), round(float(lon[0]), DEGREE_DECIMALS))
+        t_s, alt_m = round(passage.arrives_s, _METRE_DECIMALS), round(float(alt[0]), _METRE_DECIMALS)
+        found.append(MapPoint(passage.number, passage.point.name or "", t_s, *place, alt_m))
+    return tuple(found)
+
+
+def checked_points(points: list[MapPoint]) -> tuple[MapPoint, ...]:
+    """The route points as read, if they are valid. Raises ValueError."""
+    for point in points:
+        if not np.isfinite([point.t_s, point.lat_deg, point.lon_deg, point.alt_amsl_m]).all():
+            raise ValueError(f"route point {point.number} has a value that is not a finite number")
+        if abs(point.lat_deg) > 90 or abs(point.lon_deg) > 180:
+            raise ValueError(f"route point {point.number} is not on Earth")
+    return tuple(points)
 
 
 def checked(tracks: list[Track]) -> tuple[Track, ...]:
