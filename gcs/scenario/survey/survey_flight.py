@@ -73,7 +73,7 @@ class SurveyFlight:
         box = np.stack([flown.min(axis=0) - reach_m, flown.max(axis=0) + reach_m])
         low, high = 10.0 * np.floor(box[0] / 10.0), 10.0 * np.ceil(box[1] / 10.0)
         yaw = f", roll_pitch_yaw_deg = [0.0, 0.0, {plain['YAW']}]" if plain["YAW"] != "0.0" else ""
-        end = ['end = "start"                 # home again', *plain["END"].split("\n")[1:], *self._route()]
+        end = ['end = "start"                 # home again', *plain["END"].split("\n")[1:], *self._route(plain["YAW"])]
         return plain | {
             "TITLE": f"survey of {self.area_ha:.2f} ha by {counted(mown.count, 'quadrotor')}",
             "FLIGHT": repr(self.flight_s),
@@ -91,9 +91,11 @@ class SurveyFlight:
         angle = math.radians(self.mowing.course_deg)
         return middle_m[0] - aside_m * math.sin(angle), middle_m[1] + aside_m * math.cos(angle)
 
-    def _route(self) -> list[str]:
+    def _route(self, yaw_deg: str) -> list[str]:
+        # Without a heading at the points vehicles would turn towards every leg, which takes time and moves the camera.
+        yaw = f", heading_deg = {yaw_deg}"
         rows = [
-            f'  {{ name = "{name}", position_m = {_numbers([*place, self.order.height_m])} }},'
+            f'  {{ name = "{name}", position_m = {_numbers([*place, self.order.height_m])}{yaw} }},'
             for name, place in self.points()
         ]
         return ["route = [                     # places of the leader, in order", *rows, "]"]
