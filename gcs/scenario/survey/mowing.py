@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from gcs.physics.quadrotor import Array
 from gcs.scenario.schema.route_tables import ROUTE_MAX
 
-_TURN_MPS2 = 0.8  # sideways in a turn: under half of what a bank of 11 degrees gives
+_TURN_MPS2 = 1.0  # sideways in a turn: half of what a bank of 11 degrees gives
 _SAME_DEG = 0.2  # directions that differ by less are one
 _DIRECTIONS_MAX = 90  # tried at most: an outline of hundreds of corners has no edge to fly along
 _ROUNDING_M = 1e-6
