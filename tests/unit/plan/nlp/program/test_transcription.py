@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from gcs.plan.search.initial_guess import along, straight_route
 from gcs.plan.trajectory.integration_windows import window_errors
 from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
+from tests.unit.plan.casadis_own import assert_casadis_own
 from tests.unit.plan.formations import SHRINK, TO_FILE, TURN, at, auto, fleet
 from tests.unit.plan.problems import changed, meadow, straight, vertical_move, with_bounds
 
@@ -97,29 +97,6 @@ def test_derivatives_are_casadis_own_where_the_shape_moves(simulation1: Scenario
     program = transcribe(problem, mesh, guess)
     start = program.scaled(guess)
     assert_casadis_own(program, start + 0.1 * np.random.default_rng(3).normal(size=len(start)))
-
-
-def assert_casadis_own(program: Program, at_y: Array) -> None:
-    """Gradient, Jacobian and Hessian against automatic ones of the whole program."""
-    y, p = ca.MX.sym("y", program.layout.size), ca.MX.sym("p", 0)
-    f, g = program.nlp(y, p)
-    sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
-    automatic = ca.Function(
-        "automatic",
-        [y, sigma, lam],
-        [ca.gradient(f, y), ca.jacobian(g, y), ca.triu(ca.hessian(sigma * f + ca.dot(lam, g), y)[0])],
-    )
-    weights = np.random.default_rng(2).normal(size=g.size1())
-    gradient, jacobian, hessian = (np.array(ca.DM(part)) for part in automatic(at_y, 0.7, weights))
-    assert np.abs(hessian).max() > 0.1  # there is something to compare
-    got_f, got_gradient = program.derivatives["grad_f"](at_y, [])
-    got_g, got_jacobian = program.derivatives["jac_g"](at_y, [])
-    np.testing.assert_allclose(np.array(got_gradient), gradient, rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(np.array(ca.DM(got_jacobian)), jacobian, rtol=1e-9, atol=1e-11)
-    got_hessian = program.derivatives["hess_lag"](at_y, [], 0.7, weights)
-    np.testing.assert_allclose(np.array(ca.DM(got_hessian)), hessian, rtol=1e-8, atol=1e-9)
-    np.testing.assert_array_equal(np.array(got_f), np.array(program.nlp(at_y, [])[0]))
-    np.testing.assert_array_equal(np.array(got_g), np.array(program.nlp(at_y, [])[1]))
 
 
 def test_rows_are_eqs_44_and_46_written_out(rich: tuple[Problem, Mesh]) -> None:
