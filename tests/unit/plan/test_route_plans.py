@@ -102,17 +102,6 @@ def test_the_leader_hovers_for_its_hold_in_wind_with_shear(through: PlanOf) -> N
 
 
 @pytest.mark.slow
-def test_a_hold_costs_the_time_that_it_takes(through: PlanOf) -> None:
-    """Between two holds flights are on their own: the second one is that from the point to the end alone."""
-    plan = through({**CORNER, "hold_s": 7.0, "at_s": 25.0}, time={"flight_s": 62.0})
-    alone = through(start=CORNER, time={"flight_s": 30.0})
-    t_s = np.linspace(0.0, 30.0, 100)
-    np.testing.assert_allclose(
-        plan.leader_trajectory.state(32.0 + t_s)[:, POSITION], alone.leader_trajectory.state(t_s)[:, POSITION], atol=0.1
-    )
-
-
-@pytest.mark.slow
 def test_two_rounds_that_end_where_they_began(through: PlanOf) -> None:
     start = {"position_m": [10.0, 20.0, 5.0]}
     plan = through(CORNER, FAR, loops=2, end=start, time={"flight_s": 120.0})
