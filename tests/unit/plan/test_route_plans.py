@@ -102,6 +102,17 @@ def test_the_leader_hovers_for_its_hold_in_wind_with_shear(through: PlanOf) -> N
 
 
 @pytest.mark.slow
+def test_no_other_arrival_at_a_hold_is_cheaper(simulation1: Scenario) -> None:
+    def cost(**keys: float) -> float:
+        point = {"position_m": [60.0, 20.0, 5.0], "hold_s": 6.0, **keys}
+        home = {"end": {"position_m": [10.0, 20.0, 5.0]}, "time": {"flight_s": 56.0}}
+        return make_plan(flight_through(simulation1, point, **home)).objective
+
+    found, later, much_later = cost(), cost(at_s=25.0), cost(at_s=25.876)
+    assert found < later < much_later
+
+
+@pytest.mark.slow
 def test_two_rounds_that_end_where_they_began(through: PlanOf) -> None:
     start = {"position_m": [10.0, 20.0, 5.0]}
     plan = through(CORNER, FAR, loops=2, end=start, time={"flight_s": 120.0})
