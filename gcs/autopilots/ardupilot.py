@@ -211,6 +211,7 @@ ARDUPILOT = AutopilotTraits(
         speed_mps=(0.2, 20.0),  # WPNAV_WP_SPEED_MIN: less is ignored; the upper limit of WPNAV_SPEED
         default_speed_mps=10.0,  # WPNAV_SPEED
         climb_mps=(2.5, 1.5),  # WPNAV_SPEED_UP, WPNAV_SPEED_DN
+        height_0_is_height_before=True,
         takeoff_goes_to_place=False,
         commands=_COMMANDS,
     ),

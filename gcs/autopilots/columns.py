@@ -52,6 +52,7 @@ class MissionSupport:
     speed_mps: tuple[float, float]  # slowest and fastest ground speed accepted from DO_CHANGE_SPEED
     default_speed_mps: float  # ground speed of a mission without DO_CHANGE_SPEED
     climb_mps: tuple[float, float]  # default speeds up and down
+    height_0_is_height_before: bool  # an item at height 0 is flown at the height of the item before it
     takeoff_goes_to_place: bool  # after the climb NAV_TAKEOFF flies to the position of its item
     commands: Mapping[int, CommandSource]  # MAV_CMD; commands that are not listed: ABSENT
 

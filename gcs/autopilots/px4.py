@@ -191,6 +191,7 @@ PX4 = AutopilotTraits(
         speed_mps=(0.1, 12.0),  # MPC_XY_VEL_MAX unless changed
         default_speed_mps=5.0,  # MPC_XY_CRUISE
         climb_mps=(3.0, 1.5),  # MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN
+        height_0_is_height_before=False,
         takeoff_goes_to_place=True,
         commands=_COMMANDS,
     ),

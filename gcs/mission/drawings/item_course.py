@@ -64,7 +64,7 @@ class ItemCourse:
 
     sketch: Sketch
     home: Home | None
-    keeps_height: bool = False  # an item at height 0 stays at the height before it, as ArduPilot flies it
+    keeps_height: bool = False  # an item at height 0 is flown at the height of the item before it
     takeoff_m: float = 0.0  # height of the take-off above home
     speed_mps: float | None = None  # that items have changed to
     end: str = ""  # the item after which nothing is flown

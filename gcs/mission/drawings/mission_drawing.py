@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from pydantic import Field, ValidationError
 
-from gcs.autopilots.traits import Autopilot
+from gcs.autopilots.traits import traits_of
 from gcs.errors import FileFormatError
 from gcs.frames import from_degE7
 from gcs.mavlink import FenceCommand
@@ -40,7 +40,8 @@ def draw_plan(data: bytes, source: str) -> Drawing:
     document = plan.parsed(PlanDocument)
     sketch = Sketch(source)
     home = _home(Home(*document.mission.plannedHomePosition))
-    course = ItemCourse(sketch, home, document.mission.firmwareType == Autopilot.ARDUPILOT)
+    row = traits_of(document.mission.firmwareType)
+    course = ItemCourse(sketch, home, row is not None and row.missions.height_0_is_height_before)
     course.follow(_items(document.mission.items, plan, sketch))
     _fence(fence_in_plan(document.geoFence, plan), sketch)
     _rally(rally_in_plan(document.rallyPoints, plan), sketch)
@@ -59,7 +60,7 @@ def draw_mission(data: bytes, source: str) -> Drawing:
         raise FileFormatError(f"{source}: holds a fence or rally points, and no route.", hint="give the mission")
     sketch = Sketch(source)
     home = None if file.home is None else _home(file.home)
-    course = ItemCourse(sketch, home, file.firmware is Autopilot.ARDUPILOT)
+    course = ItemCourse(sketch, home, file.firmware.traits.missions.height_0_is_height_before)
     first = 1 if file.text else file.jumps_from
     course.follow(NumberedItem(number, item) for number, item in enumerate(file.items, start=first))
     _fence(file.geofence, sketch)
