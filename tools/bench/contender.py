@@ -1,7 +1,7 @@
 """How every contender is run: read the problem, solve it once, write what came out.
 
 Knows: files, the clock, which times count. Does not know: any library. A contender is a module of its own that calls
-`run` with a function from Leader to Result; it is started as a process of its own for every repetition.
+`run` with a function from Leader (or Legs) to Result; it is started as a process of its own for every repetition.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ class Stopwatch:
         self.seconds += time.perf_counter() - began
 
 
-def run(solve: Callable[[Leader], Result], package: str) -> None:
-    """Solve the problem of sys.argv[1] cold and write the result to sys.argv[2]."""
+def run(solve: Callable[[Any], Result], package: str, common: type[Leader] = Leader) -> None:
+    """Solve the `common` problem with the numbers of sys.argv[1] cold and write the result to sys.argv[2]."""
     problem, answer = (Path(name) for name in sys.argv[1:3])
-    leader = Leader(json.loads(problem.read_text()))
+    leader = common(json.loads(problem.read_text()))
     with contextlib.redirect_stdout(sys.stderr):
         began, began_cpu = time.perf_counter(), time.process_time()
         result = solve(leader)

@@ -69,8 +69,8 @@ class _Watch:
 
 
 def _result(solver_s: float, iterations: int, objective: float, trajectory: Trajectory, rounds: int) -> dict[str, Any]:
-    state_tau, state = _points(trajectory.state)
-    control_tau, control = _points(trajectory.control)
+    state_tau, state = points(trajectory.state)
+    control_tau, control = points(trajectory.control)
     return {
         "solver_s": solver_s,
         "iterations": iterations,
@@ -88,7 +88,7 @@ def _result(solver_s: float, iterations: int, objective: float, trajectory: Traj
     }
 
 
-def _points(poly: PPoly) -> tuple[list[list[float]], list[list[list[float]]]]:
+def points(poly: PPoly) -> tuple[list[list[float]], list[list[list[float]]]]:
     """Per interval as many points as its polynomial has coefficients, strictly inside."""
     count = len(poly.c)
     tau = 0.5 * (np.polynomial.legendre.leggauss(count)[0] + 1.0)
