@@ -10,7 +10,7 @@ import typer
 from gcs.cli.completions import one_of
 from gcs.cli.console import Screen
 from gcs.cli.planning.places_given import COURSES, parse_course, parse_place
-from gcs.cli.planning.surveys.new_survey import SurveyOptions, check_survey, flight_of_survey
+from gcs.cli.planning.surveys.survey_options import SurveyOptions, check_survey
 from gcs.cli.shared_options import DebugOption, JsonOption, unknown_choice, within
 from gcs.errors import UsageError
 
@@ -238,6 +238,8 @@ def new(
         return
     if survey is not None:
         origin = None if at is None else (lat_deg, lon_deg, alt_amsl_m or 0.0)
+        from gcs.cli.planning.surveys.new_survey import flight_of_survey
+
         flight, place = flight_of_survey(survey, surveyed, origin, count, height, screen)
         lat_deg, lon_deg, alt_amsl_m = place or (lat_deg, lon_deg, alt_amsl_m)
     atomic_write(file, scenario_text(folder, lat_deg, lon_deg, alt_amsl_m or 0.0, full=full, flight=flight))

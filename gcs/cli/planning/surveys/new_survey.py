@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +9,7 @@ import numpy as np
 import shapely
 
 from gcs.cli.console import Screen
-from gcs.cli.planning.places_given import parse_course
-from gcs.cli.shared_options import unknown_choice, within
+from gcs.cli.planning.surveys.survey_options import SurveyOptions, overlap_share, pass_course_deg
 from gcs.errors import UsageError, counted
 from gcs.frames import Origin, place_up_m
 from gcs.mission.drawings.drawing import DrawnArea
@@ -20,40 +18,9 @@ from gcs.mission.drawings.read_drawing import read_drawing
 if TYPE_CHECKING:
     from gcs.scenario.survey.survey_flight import SurveyFlight
 
-AUTO = "auto"
-HOLES = ("cross", "avoid")
-_OVERLAP_MAX = 0.9
 _NAMED = 5  # polygons that a sentence names
 _FARTHEST_M = 5_000.0  # from the origin to the area
 _SPEED_SHARE = 0.9  # of the vehicle's limit: the planner needs room to keep the time
-
-
-@dataclass(frozen=True)
-class SurveyOptions:
-    """The options of a survey as they were typed; None for those left out."""
-
-    swath: float | None
-    overlap: str | None
-    angle: str | None
-    speed: float | None
-    holes: str | None
-
-    def given(self) -> list[str]:
-        """The names of those that were typed."""
-        return [f"--{name}" for name, value in vars(self).items() if value is not None]
-
-
-def check_survey(options: SurveyOptions) -> None:
-    """Refuse wrong options before anything is read. Raises `UsageError`."""
-    if options.swath is None:
-        raise UsageError("--survey needs --swath.", hint="give the width that a vehicle sees, for example --swath 12")
-    within("--swath", options.swath, 0.5, 1000.0, "m")
-    if options.speed is not None:
-        within("--speed", options.speed, 0.2, 100.0, "m/s")
-    if options.holes is not None and options.holes not in HOLES:
-        raise unknown_choice("--holes", options.holes, HOLES)
-    _overlap(options.overlap)
-    _course_deg(options.angle)
 
 
 def flight_of_survey(
@@ -80,8 +47,8 @@ def flight_of_survey(
     order = SurveyOrder(
         area,
         options.swath,
-        _overlap(options.overlap),
-        _course_deg(options.angle),
+        overlap_share(options.overlap),
+        pass_course_deg(options.angle),
         COUNTS if count is None else tuple(range(1, count + 1)),
         plain.height_m if height_m is None else height_m,
         plain.speed_mps if options.speed is None else _speed_mps(options.speed),
@@ -135,27 +102,6 @@ def _in_metres(file: Path, drawn: DrawnArea, at: Origin) -> shapely.Polygon:
         reason = shapely.is_valid_reason(area) if not area.is_valid else "it has no area"
         raise UsageError(f"{file}: not an area: {reason} (north east, m).", hint="draw its corners in order")
     return area
-
-
-def _overlap(text: str | None) -> float:
-    """The share of `20%` or `0.2`. Raises `UsageError`."""
-    if text is None:
-        return 0.2
-    number, percent, rest = text.partition("%")
-    try:
-        share = float(number) / (100.0 if percent else 1.0)
-    except ValueError:
-        share = -1.0
-    if rest.strip() or not 0.0 <= share <= _OVERLAP_MAX:
-        raise UsageError(f"--overlap {text}: not a share up to {_OVERLAP_MAX:.0%}", hint="give for example 20% or 0.2")
-    return share
-
-
-def _course_deg(text: str | None) -> float | None:
-    """The direction of the passes; None for the best one. Raises `UsageError`."""
-    if text is None or text.strip().lower() == AUTO:
-        return None
-    return parse_course(text, "--angle")
 
 
 def _speed_mps(speed_mps: float) -> float:
