@@ -11,6 +11,7 @@ import typer
 
 import gcs
 from gcs.flight.assessment.flight_plot import draw_map
+from gcs.flight.assessment.overview_plot import draw_plan
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -45,6 +46,11 @@ def changes(plan: Plan, folder: Path) -> Iterator[Path]:
         yield save(draw_change(plan, move), folder / f"{move.kind}{again if again > 1 else ''}.png")
 
 
+def circuit(plan: Plan, folder: Path) -> Iterator[Path]:
+    """The map with the drawn points, the curves over time and the shapes: what `gcs show --picture` draws."""
+    yield save(draw_plan(plan), folder / "map.png")
+
+
 def gap(plan: Plan, folder: Path) -> Iterator[Path]:
     """The flight beside that of the rigid formation, and a film."""
     yield save(draw_flight(plan, gcs.make_plan(rigid(plan.scenario))), folder / "map.png")
@@ -60,6 +66,7 @@ def rigid(scenario: Scenario) -> Scenario:
 PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "simulation1": simulation1,
     "changes": changes,
+    "circuit": circuit,
     "gap": gap,
 }
 TUTORIAL, GALLERY = "tutorial", "gallery"

@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.frames import geodetic_to_ned
+from gcs.mission.drawings.drawing import Datum
+from gcs.mission.drawings.read_drawing import read_drawing
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Terrain
+from gcs.scenario.si import NED_FROM_UP, local_origin, route_ned_m
 
 MISSIONS = Path(__file__).resolve().parents[3] / "missions"
 # One formation at each scale, and one vehicle; the README of every mission plans it as well.
@@ -25,7 +29,16 @@ SCENARIOS = sorted(str(file.relative_to(MISSIONS)) for file in MISSIONS.glob("*/
 def test_the_missions_are_found() -> None:
     folders = {name.split("/")[0] for name in SCENARIOS}
     assert folders == {file.parent.name for file in MISSIONS.glob("*/README.md")}
-    assert {"changes", "field", "gap", "ridge", "simulation1", "simulation2", "terminal_weighting"} <= folders
+    assert {
+        "changes",
+        "circuit",
+        "field",
+        "gap",
+        "ridge",
+        "simulation1",
+        "simulation2",
+        "terminal_weighting",
+    } <= folders
 
 
 @pytest.mark.parametrize(
@@ -119,3 +132,41 @@ def test_ridge_is_crossed_where_the_elevation_model_is_low(plan_of: Callable[[st
     over = crossing[np.argmin(np.abs(crossing[:, 0] - 350.0))]
     assert 20.0 < over[1] < 100.0  # the pass is 60 m east
     assert report.clearance_min_m < 0.0 < verify(plan).clearance_min_m
+
+
+def test_circuit_has_the_route_of_the_drawing_beside_it() -> None:
+    scenario = load_scenario(MISSIONS / "circuit")
+    drawing = read_drawing(MISSIONS / "circuit" / "circuit.plan")
+    assert all(point.datum is Datum.HOME for point in drawing.points)
+    assert drawing.home is not None
+    origin = local_origin(scenario)
+    assert (drawing.home.lat_deg, drawing.home.lon_deg, drawing.home.alt_amsl_m) == (
+        pytest.approx((origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
+    )
+    drawn_m = [geodetic_to_ned(*p.place, drawing.home.alt_amsl_m + p.height_m, origin) for p in drawing.points]
+    start_m = np.array(scenario.start.position_m) * NED_FROM_UP
+    route_m = np.vstack([start_m, route_ned_m(scenario)])
+    assert route_m.shape == (13, 3)
+    assert np.linalg.norm(route_m - np.array(drawn_m), axis=1).max() < 0.1
+    assert [point.hold_s or 0.0 for point in scenario.route] == [point.hold_s for point in drawing.points[1:]]
+    assert scenario.end.position_m == scenario.start.position_m
+    (inside,) = scenario.keep_in
+    (fence,) = drawing.areas
+    corners_m = np.array([geodetic_to_ned(*place, origin.alt_amsl_m, origin)[:2] for place in fence.corners])
+    np.testing.assert_allclose(inside.polygon_m, corners_m, atol=0.1)
+
+
+@pytest.mark.slow
+def test_circuit_goes_round_the_hill_in_two_shapes_and_back_to_its_pads(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("circuit/scenario.toml")
+    assert [(move.kind, move.start_s) for move in plan.moves] == [
+        ("reshape", pytest.approx(plan.route_s[3])),
+        ("reshape", pytest.approx(plan.route_s[8])),
+    ]
+    leader = plan.states(np.arange(0.0, plan.flight_s, 0.5))[plan.leader]
+    bearing = np.unwrap(np.arctan2(leader[:, 1], leader[:, 0] - 95.0))
+    assert bearing[-1] - bearing[0] == pytest.approx(-2.0 * np.pi, abs=0.05)  # once round it, to the left
+    passed_m = plan.states(np.array(plan.route_s))[plan.leader, :, :3]
+    np.testing.assert_allclose(passed_m, route_ned_m(plan.scenario), atol=0.01)
+    first, last = (plan.offsets(np.array([t_s]))[:, 0] for t_s in (0.0, plan.flight_s - 0.01))
+    np.testing.assert_allclose(last, first, atol=1e-6)
