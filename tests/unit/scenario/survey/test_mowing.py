@@ -15,15 +15,16 @@ from gcs.scenario.survey.mowing import PassTimes, directions_deg, mowing
 
 WIDEST_M = 10.0
 RECTANGLE = shapely.Polygon([(0, 0), (0, 200), (100, 200), (100, 0)])  # 100 m north, 200 m east
+MOWN_M = 102.0  # its width, and 1 m on each side
 
 
 def test_a_rectangle_is_mown_along_its_long_side_in_passes_that_divide_it() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4])
     assert mown.course_deg % 180.0 == 90.0
-    assert len(mown.passes) == 3  # 100 m in strips of at most 40 m
-    assert mown.spacing_m == pytest.approx(100.0 / 12.0)
+    assert len(mown.passes) == 3  # 102 m in strips of at most 40 m
+    assert mown.spacing_m == pytest.approx(MOWN_M / 12.0)
     middles_m = sorted({round(begin[0], 6) for begin, _ in mown.passes})
-    assert middles_m == pytest.approx([100.0 / 6.0, 50.0, 500.0 / 6.0])
+    assert middles_m == pytest.approx([50.0 - MOWN_M / 3.0, 50.0, 50.0 + MOWN_M / 3.0])
     assert all({round(begin[1]), round(end[1])} == {0, 200} for begin, end in mown.passes)
 
 
@@ -31,7 +32,7 @@ def test_passes_go_there_and_back_and_turn_outside() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4], times=PassTimes(4.0, 3.0))
     places = [place for _, place in mown.places()]
     lengths_m = [math.dist(a, b) for a, b in itertools.pairwise(places)]
-    across_m, lead_m = 100.0 / 3.0, PassTimes(4.0, 3.0).lead_m
+    across_m, lead_m = MOWN_M / 3.0, PassTimes(4.0, 3.0).lead_m
     turn = [lead_m, across_m, lead_m]
     assert lengths_m == pytest.approx([200.0, *turn, 200.0, *turn, 200.0, lead_m])
     assert [name for name, _ in mown.places()][:4] == ["pass 1 begins", "pass 1 ends", "after pass 1", "before pass 2"]
@@ -42,13 +43,13 @@ def test_passes_go_there_and_back_and_turn_outside() -> None:
 
 def test_the_fewest_vehicles_of_equal_times_fly() -> None:
     assert mowing(shapely.box(0, 0, 38, 300), WIDEST_M, [4, 5, 6]).count == 4  # one pass, whoever flies
-    assert mowing(shapely.box(0, 0, 60, 300), WIDEST_M, [4, 5, 6]).count == 6  # one pass, of six only
+    assert mowing(shapely.box(0, 0, 58, 300), WIDEST_M, [4, 5, 6]).count == 6  # one pass, of six only
 
 
 def test_a_given_course_is_kept() -> None:
     mown = mowing(RECTANGLE, WIDEST_M, [4], course_deg=0.0)
     assert mown.course_deg % 180.0 == 0.0
-    assert len(mown.passes) == 5
+    assert len(mown.passes) == 6  # 202 m in strips of at most 40 m
 
 
 def test_more_points_than_a_route_has_are_refused() -> None:
@@ -100,6 +101,16 @@ def test_each_place_of_a_field_is_within_half_a_swath_of_a_track(
     seen = mown.lines.buffer(swath_m / 2.0, quad_segs=64)
     assert field.difference(seen).area <= 1e-3 * swath_m
     assert mown.spacing_m <= swath_m * (1.0 - overlap) + 1e-6
+
+
+@settings(max_examples=25, deadline=None)
+@given(field=fields(), aside_m=st.floats(-0.95, 0.95))
+def test_tracks_that_are_a_metre_aside_still_cover_the_edges_along_them(field: shapely.Polygon, aside_m: float) -> None:
+    swath_m = 12.0
+    mown = mowing(field, swath_m - 2.0, [4])
+    turn = math.radians(mown.course_deg)
+    moved = shapely.affinity.translate(mown.lines, -aside_m * math.sin(turn), aside_m * math.cos(turn))
+    assert field.difference(moved.buffer(swath_m / 2.0, quad_segs=64)).area <= 1e-3 * swath_m
 
 
 @settings(max_examples=15, deadline=None)
