@@ -91,7 +91,7 @@ def assemble(parts: stage_functions.StageFunctions, k: Constants) -> tuple[ca.Fu
     y, stretch = unknowns[: sampling.size2()], unknowns[sampling.size2() :]
     lengths, fixed_shares = k.lengths, shares
     if k.legs is not None:
-        lengths = stretch[k.legs.of_node.tolist()].T
+        lengths = ca.reshape(stretch[k.legs.of_node.tolist()], 1, nodes)
         shares = ca.vertcat(k.shares[0, :] * lengths, k.shares[1:, :])
     p = ca.MX.sym("p", 0) if k.parameters is None else k.parameters
     z = ca.reshape(ca.mtimes(sampling, y) + k.offset, nz, points)
