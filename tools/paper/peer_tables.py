@@ -5,6 +5,7 @@ Knows: what each benchmark's record looks like. Does not know: how it is run, or
 
 from __future__ import annotations
 
+import math
 import statistics
 from typing import Any
 
@@ -207,3 +208,43 @@ def maps(found: Any) -> Table:
 
 def _middle(record: dict[str, Any]) -> float:
     return float(statistics.median(run["cold_s"] for run in record["runs"]))
+
+
+def route(found: Any) -> Table:
+    """What drawn routes cost, over the flight from A to B."""
+    alone_s = next(row["plan_s"] for row in found if not row["points"])
+    return [
+        ["points", "over A to B", "CPU time", "solves", "iterations", "memory", "verified"],
+        *(
+            [
+                str(row["points"] or "A to B"),
+                f"{row['plan_s'] / alone_s:.2f}",
+                f"{row['plan_s']:.1f} s",
+                str(row["solves"]),
+                str(row["iterations"]),
+                f"{row['memory_MB']:.0f} MB",
+                "yes" if row["verified"] else "no",
+            ]
+            for row in found
+        ),
+    ]
+
+
+def legs(found: Any) -> Table:
+    """CPU times of contenders that were given a route of five points, over that of the fastest peer."""
+    times = {
+        record["contender"]: {
+            key: statistics.median(run[key] for run in record["runs"] if key in run)
+            for key in ("cold_cpu_s", "verified_cpu_s")
+            if any(key in run for run in record["runs"])
+        }
+        for record in found["records"]
+        if record["runs"]
+    }
+    peers = [first["cold_cpu_s"] for name, first in times.items() if not name.startswith("Skein")]
+    least_s = min(peers, default=math.nan)
+    rows = []
+    for name, one in times.items():
+        cells = [(one.get(key), one.get(key, math.nan) / least_s) for key in ("cold_cpu_s", "verified_cpu_s")]
+        rows.append([name, *(f"{ratio:.2f} ({seconds:.2f} s)" if seconds else "" for seconds, ratio in cells)])
+    return [["contender", "first solution, over the fastest peer's", "plan verified, over the same"], *rows]
