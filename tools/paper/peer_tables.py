@@ -241,7 +241,7 @@ def legs(found: Any) -> Table:
         for record in found["records"]
         if record["runs"]
     }
-    peers = [first["cold_cpu_s"] for name, first in times.items() if not name.startswith("Skein")]
+    peers = [first["cold_cpu_s"] for name, first in times.items() if not name.startswith("skein")]
     least_s = min(peers, default=math.nan)
     rows = []
     for name, one in times.items():
