@@ -12,6 +12,7 @@ import typer
 import gcs
 from gcs.flight.assessment.flight_plot import draw_map
 from gcs.flight.assessment.overview_plot import draw_plan
+from gcs.flight.assessment.surveys.coverage_plot import save_coverage
 from gcs.physics.quadrotor import POSITION
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.schema.scenario import Scenario
@@ -57,6 +58,13 @@ def gap(plan: Plan, folder: Path) -> Iterator[Path]:
     yield write_film(plan, folder / "gap.gif", frame_s=1.5)
 
 
+def survey(plan: Plan, folder: Path) -> Iterator[Path]:
+    """What the vehicles see of the field: what `gcs show --coverage` draws."""
+    path = folder / "coverage.png"
+    save_coverage(plan, path)
+    yield path
+
+
 def rigid(scenario: Scenario) -> Scenario:
     """The same scenario with a formation that keeps its shape."""
     formation = scenario.formation.model_copy(update={"change": ()})
@@ -68,6 +76,7 @@ PICTURES: dict[str, Callable[[Plan, Path], Iterator[Path]]] = {
     "changes": changes,
     "circuit": circuit,
     "gap": gap,
+    "survey": survey,
 }
 TUTORIAL, GALLERY = "tutorial", "gallery"
 NAMES = (*PICTURES, TUTORIAL, GALLERY)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from gcs.frames import geodetic_to_ned
 from gcs.mission.drawings.drawing import Datum
@@ -15,6 +16,7 @@ from gcs.mission.drawings.read_drawing import read_drawing
 from gcs.physics.quadrotor import Array
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification.survey.coverage import coverage
 from gcs.plan.verification.verify import verify
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Terrain
@@ -37,6 +39,7 @@ def test_the_missions_are_found() -> None:
         "ridge",
         "simulation1",
         "simulation2",
+        "survey",
         "terminal_weighting",
     } <= folders
 
@@ -170,3 +173,30 @@ def test_circuit_goes_round_the_hill_in_two_shapes_and_back_to_its_pads(plan_of:
     np.testing.assert_allclose(passed_m, route_ned_m(plan.scenario), atol=0.01)
     first, last = (plan.offsets(np.array([t_s]))[:, 0] for t_s in (0.0, plan.flight_s - 0.01))
     np.testing.assert_allclose(last, first, atol=1e-6)
+
+
+def test_survey_mows_the_area_of_the_drawing_beside_it() -> None:
+    scenario = load_scenario(MISSIONS / "survey")
+    (drawn,) = read_drawing(MISSIONS / "survey" / "area.geojson").areas
+    origin = local_origin(scenario)
+    rings_m = [
+        np.array([geodetic_to_ned(*place, origin.alt_amsl_m, origin)[:2] for place in ring])
+        for ring in (drawn.corners, *drawn.holes)
+    ]
+    assert scenario.survey is not None
+    assert len(scenario.survey.area.interiors) == 1
+    assert scenario.survey.area.hausdorff_distance(shapely.Polygon(rings_m[0], rings_m[1:])) < 0.05
+    assert np.hypot(*rings_m[0][0]) < 0.01  # the origin is the first corner
+    assert scenario.end.position_m == scenario.start.position_m
+
+
+@pytest.mark.slow
+def test_survey_is_proved_to_see_all_of_it_and_to_turn_outside(plan_of: Callable[[str], Plan]) -> None:
+    plan = plan_of("survey/scenario.toml")
+    found = coverage(plan)
+    assert found is not None
+    assert found.is_complete, found.gaps()
+    names = [point.name for point in plan.scenario.route]
+    turns = [number for number, name in enumerate(names) if name is not None and name.startswith(("after", "before"))]
+    places = plan.states(np.array(plan.route_s)[turns])[..., :2].reshape(-1, 2)
+    assert not shapely.contains_xy(found.area, *places.T).any()
