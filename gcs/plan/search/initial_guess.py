@@ -20,6 +20,7 @@ from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.environment.clearance_floor import coarse_floor_m
 
 _POINTS = 201
+_FINE_S = 0.05
 _STEP_S, _FEWEST = 1.0, 8  # between the points of a leg, and how many steps it has at least
 _IMPASSABLE_M = 1e3  # excess height of a place that is infeasible at every height
 _CALM_S = 4.0  # turns of the course that are shorter than this are rounded off
@@ -99,14 +100,16 @@ def facing_along(problem: Problem, flown: Trajectory, guess: Trajectory) -> Traj
     The heading minimises the squares of its distance to the course, by speed, and of its third derivative, and rests
     at both ends. So it is as calm as the formation can turn.
     """
-    times = np.linspace(problem.start_s, problem.end_s, 2 * _POINTS)
+    even = times = np.linspace(problem.start_s, problem.end_s, 2 * _POINTS)
+    chain = [_calmest(*_course(problem, flown.state(even)[:, :12]), float(even[1] - even[0]))]
+    for _ in range(3):
+        chain.append(np.gradient(chain[-1], even))
+    if problem.points:  # the flight changes quickly beside a hold: its own instants must survive
+        times = np.union1d(np.arange(problem.start_s, problem.end_s, _FINE_S), flown.joints_s)
     states, chains = flown.state(times)[:, :12], guess.state(times)[:, 12:]
     controls = np.hstack([flown.control(times)[:, :4], np.zeros((len(times), len(problem.coordinates)))])
     number = [c.free_end for c in problem.coordinates].index(True)
-    chain = [_calmest(*_course(problem, states), float(times[1] - times[0]))]
-    for _ in range(3):
-        chain.append(np.gradient(chain[-1], times))
-    chains[:, 4 * number : 4 * number + 4] = np.column_stack(chain)
+    chains[:, 4 * number : 4 * number + 4] = np.column_stack([np.interp(times, even, part) for part in chain])
     return Trajectory(piecewise_linear(times, np.hstack([states, chains])), piecewise_linear(times, controls))
 
 

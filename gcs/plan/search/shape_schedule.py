@@ -61,7 +61,7 @@ def optimise_on_schedule(
         timeline = lay(scenario, starts, problem.start_s, problem.end_s)
         laid = replace(problem, shape=timeline.shape)
         if problem.follows_course and not near:
-            guess, near = _with_fixed_turns(laid, guess)
+            laid, guess, near = _with_fixed_turns(laid, guess)
         found = optimise(laid, guess, on_round, near=near, warm=warm)
         history += found.history
         if problem.points:
@@ -89,8 +89,8 @@ def optimise_on_schedule(
     )
 
 
-def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Trajectory, bool]:
-    """A better guess for a formation that turns with its course, and whether one was found.
+def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Problem, Trajectory, bool]:
+    """A better guess for a formation that turns with its course, with its times at points, and whether one was found.
 
     The leader's best flight while the shape turns as in the guess: its program has no coordinates, so it takes a
     fraction of the time. Then the heading is laid along the course of that flight.
@@ -99,10 +99,14 @@ def _with_fixed_turns(problem: Problem, guess: Trajectory) -> tuple[Trajectory, 
     mesh = first_mesh(fixed, LONGEST_S, SHORTEST_S, DEGREE)
     try:
         program = transcribe(fixed, mesh, guess.vehicle)
-        flown = program.trajectory(solve(program, program.scaled(guess.vehicle)).y)
+        y = solve(program, program.scaled(guess.vehicle)).y
     except PlanningError:
-        return guess, False
-    return facing_along(problem, flown, guess), True
+        return problem, guess, False
+    flown, flown_mesh = program.trajectory(y), program.mesh(y)
+    if problem.points:
+        times = tuple(flown_mesh.joints_s[flown_mesh.arrivals].tolist())
+        problem = with_times(problem, problem.end_s, times)
+    return problem, facing_along(problem, flown, guess), True
 
 
 def _starts_s(problem: Problem, changes: tuple[ChangeTable, ...], trajectory: Trajectory) -> tuple[float, ...]:
