@@ -40,19 +40,26 @@ def routes_through(problem: Problem) -> tuple[Route, ...]:
 
 
 def one_leg(problem: Problem, number: int) -> Problem:
-    """The flight of one leg alone, at its times; at a point without a stop it has the mean velocity of the leg."""
+    """The flight of one leg alone, at its times."""
     start_s, end_s = problem.legs_s[number]
-    ends = []
-    for side, at in ((problem.start_state, 0), (problem.end_state, len(problem.points) + 1)):
-        state = side.copy() if number + (side is problem.end_state) == at else np.zeros(12)
-        ends.append(state)
-    stops = problem.stops_ned_m
-    for state, stop in zip(ends, (number, number + 1), strict=True):
-        if 0 < stop <= len(problem.points):
-            state[POSITION] = stops[stop]
-            if not problem.points[stop - 1].hold_s:
-                state[VELOCITY] = (stops[number + 1] - stops[number]) / (end_s - start_s)
-    return replace(problem, start_s=start_s, end_s=end_s, start_state=ends[0], end_state=ends[1], points=(), point_s=())
+    states = [_state_at(problem, stop, number) for stop in (number, number + 1)]
+    return replace(
+        problem, start_s=start_s, end_s=end_s, start_state=states[0], end_state=states[1], points=(), point_s=()
+    )
+
+
+def _state_at(problem: Problem, stop: int, leg: int) -> Array:
+    """The state (12,) at a stop of a leg: start, end, or a point, passed at the leg's mean velocity or at rest."""
+    if stop == 0:
+        return problem.start_state
+    if stop > len(problem.points):
+        return problem.end_state
+    state = np.zeros(12)
+    state[POSITION] = problem.stops_ned_m[stop]
+    if not problem.points[stop - 1].hold_s:
+        start_s, end_s = problem.legs_s[leg]
+        state[VELOCITY] = (problem.stops_ned_m[leg + 1] - problem.stops_ned_m[leg]) / (end_s - start_s)
+    return state
 
 
 def _of_leg(leg: Problem, whole: Map, rigid: Map | None) -> tuple[Route, ...]:
