@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import GcsError
-from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled
+from gcs.plan.formation.changes.timeline import gate_crossing_s, in_turn, lay, scheduled, starts_at_points
 from gcs.plan.ocp.bounds import leader_control_bounds, leader_state_bounds
 from gcs.plan.ocp.problem import Problem, flight_problem, run_up_problem
 from gcs.plan.planner import make_plan
 from gcs.plan.search.free_final_time import with_free_time
 from gcs.plan.search.infeasibility import check_time
 from gcs.plan.search.initial_guess import along, straight_route
+from gcs.plan.search.legs.leg_routes import routes_through
+from gcs.plan.search.legs.leg_schedule import on_time
 from gcs.plan.search.routes import every_route
 from gcs.plan.trajectory.plan import MeshRound
 from gcs.scenario.load import load_scenario
@@ -49,10 +51,11 @@ def before_planning(scenario: Scenario) -> None:
     check_time(problem)
     ability_of(problem.quadrotor, scenario.limits)
     _bounds(problem)
+    problem = on_time(problem, straight_route(problem))
     guess = along(problem, straight_route(problem))
     assert np.isfinite(guess.state(guess.joints_s[:-1])).all()
-    for route in every_route(problem)[:1]:
-        along(problem, route)
+    for route in (routes_through(problem) if problem.points else every_route(problem))[:1]:
+        along(on_time(problem, route), route)
     if any(scenario.start.velocity_mps):
         run_up = run_up_problem(scenario, hover_start_ned_m(scenario)[leader_index(scenario)])
         _bounds(run_up)
@@ -60,8 +63,10 @@ def before_planning(scenario: Scenario) -> None:
     changes = scheduled(scenario)
     times = np.linspace(0.0, problem.end_s, 2 + int(problem.end_s))
     places = guess.state(times)[:, :3]
-    crossed = [c.at_s if c.gate_m is None else gate_crossing_s(c.gate_m, times, places) for c in changes]
-    starts = tuple(0.0 if t is None else t for t in crossed)
+    starts = starts_at_points(scenario, problem.point_s)
+    if starts is None:
+        crossed = [c.at_s if c.gate_m is None else gate_crossing_s(c.gate_m, times, places) for c in changes]
+        starts = tuple(0.0 if t is None else t for t in crossed)
     lay(scenario, in_turn(scenario, starts, problem.end_s), 0.0, problem.end_s)
 
 

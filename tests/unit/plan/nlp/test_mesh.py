@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.plan.nlp.mesh import HOLD, Mesh
@@ -47,6 +47,7 @@ def test_one_leg_is_stretched_with_its_extra_instants() -> None:
     np.testing.assert_allclose(whole.extra_s, [5.0])
 
 
+@settings(deadline=None)
 @given(LENGTHS, st.lists(st.floats(0.05, 20.0), min_size=5, max_size=5))
 def test_stretching_by_ones_changes_nothing_and_back_again_little(lengths_s: list[float], by: list[float]) -> None:
     legs: list[int] = []

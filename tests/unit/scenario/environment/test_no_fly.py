@@ -116,6 +116,7 @@ def test_outside_a_keep_in_area_is_a_zone(simulation1: Scenario) -> None:
     assert np.array_equal(shapely.intersects(outline(YARD), shapely.points(north, east)), np.array(true_m) <= 0.0)
 
 
+@settings(deadline=None)
 @given(st.floats(0.01, 29.9), st.floats(-20.0, 120.0), st.floats(-20.0, 80.0))
 def test_a_narrowed_area_is_that_much_smaller(margin_m: float, north_m: float, east_m: float) -> None:
     smaller = narrowed(YARD, margin_m, (50.0, 30.0))

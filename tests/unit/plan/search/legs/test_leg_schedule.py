@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gcs.errors import Infeasible
@@ -55,6 +55,7 @@ def test_a_hold_takes_its_time_between_two_legs(held: Problem) -> None:
     assert least_legs_s(held) == pytest.approx(10.0 + 8.0 + 10.0 + 6.0)
 
 
+@settings(deadline=None)
 @given(st.data())
 def test_first_times_keep_every_window_that_can_be_kept(held: Problem, data: st.DataObject) -> None:
     """Windows around some flight that keeps the speed limits; so there is one."""
@@ -73,6 +74,7 @@ def test_first_times_keep_every_window_that_can_be_kept(held: Problem, data: st.
         assert end_s - start_s >= least_s - 1e-6
 
 
+@settings(deadline=None)
 @given(st.floats(9.0, 30.0), st.floats(9.0, 50.0))
 def test_what_is_refused_is_exactly_what_the_speed_limits_cannot_fly(
     bare: Problem, first: float, second: float
