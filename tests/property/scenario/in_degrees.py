@@ -17,7 +17,8 @@ def in_degrees(data: Data) -> Data:
     """The same tables with every place in degrees; heights above the origin and above the sea by turns."""
     changed = copy.deepcopy(data)
     origin = Origin(**data["origin"])
-    positions = [changed["start"], changed["end"], *changed["formation"].get("vehicle", [])]
+    tables = [changed["start"], changed["end"], *changed.get("route", []), *changed["formation"].get("vehicle", [])]
+    positions = [table for table in tables if isinstance(table, dict) and "position_m" in table]
     for row, table in enumerate(positions):
         north, east, height = table.pop("position_m")
         lat, lon, alt = ned_to_geodetic(np.array([north, east, -height]), origin)
@@ -26,7 +27,10 @@ def in_degrees(data: Data) -> Data:
     for change in changed["formation"].get("change", []):
         if "gate_m" in change:
             change["gate_deg"] = _points(change.pop("gate_m"), origin)
-    for zone in changed.get("no_fly", []):
+    survey = [changed["survey"]] if "survey" in changed else []
+    for zone in [*changed.get("no_fly", []), *changed.get("keep_in", []), *survey]:
+        if "polygon_deg" in zone:
+            continue
         if "polygon_m" in zone:
             zone["polygon_deg"] = _points(zone.pop("polygon_m"), origin)
         else:
