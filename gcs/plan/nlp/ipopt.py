@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections import defaultdict
@@ -17,6 +18,9 @@ from gcs.errors import Infeasible, PlanningError
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.program.transcription import Program
 
+# MUMPS' matrices are small: threads of its linear algebra wait more than they compute, and the last bits of a plan
+# would depend on the number of cores. The library reads this when IPOPT is loaded, at the first solve.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
@@ -36,6 +40,9 @@ _SHAPE_OPTIONS = {"ipopt.mumps_pivot_order": 0}
 _MOVING_OPTIONS = {"ipopt.dual_inf_tol": 1e-8}
 # With a free time, the active limits change often; a barrier parameter that may grow again converges sooner.
 _TIME_OPTIONS = {"ipopt.mu_strategy": "adaptive"}
+# Over several legs most of the time is spent on solving with the same factors again to refine each step. Steps that
+# are not refined are good enough.
+_LEG_OPTIONS = {"ipopt.fast_step_computation": "yes"}
 WARM_OPTIONS = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
@@ -86,6 +93,8 @@ def solve(program: Program, start: Array, before: Solution | None = None, *, nea
         options |= _MOVING_OPTIONS
     if program.free_time:
         options |= _TIME_OPTIONS
+    if program.layout.mesh.leg_count > 1:
+        options |= _LEG_OPTIONS
     if near:
         options |= _NEAR_OPTIONS
     guess: dict[str, Any] = {"x0": start}

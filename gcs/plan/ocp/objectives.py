@@ -19,6 +19,7 @@ from gcs.physics.quadrotor import Array, Quadrotor
 from gcs.plan.formation.coordinates import Coordinate
 from gcs.plan.nlp.variables import NX
 from gcs.plan.ocp.representatives import NUMBERS, Representatives, motion
+from gcs.plan.ocp.route_points import PassPoint
 from gcs.scenario.schema.scenario import Scenario, TerminalWeight
 from gcs.scenario.si import heading_ref_deg, height_ref_m
 
@@ -29,6 +30,7 @@ TERMINAL_WEIGHTS: dict[TerminalWeight, Callable[[Array, float], Array]] = {
     "1/(tf-t+0.5)^2": lambda t, tf: 1.0 / (tf - t + 0.5) ** 2,
 }
 _FACING_WEIGHT = 1.0  # of flying across the direction in which the formation faces
+_CALM_YAW = 0.1  # of turning at the full rate: enough to choose one yaw where the other terms leave it open
 _CALM = 1e-3  # of full acceleration of the shape: enough to choose the calmer of two motions of equal cost
 _STILL = 1e-2  # of the reference speed: smooths |v| at rest, where |v|^3 has no second derivative
 
@@ -118,6 +120,10 @@ class Inputs(Protocol):
     @property
     def follows_course(self) -> bool:
         """Whether the formation turns with the leader's course."""
+
+    @property
+    def points(self) -> Sequence[PassPoint]:
+        """The points between the legs; none between A and B."""
 
     @property
     def representatives(self) -> Representatives | None:
@@ -236,6 +242,14 @@ def facing_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], speed_ref_m
     return (across / speed_ref_mps) ** 2
 
 
+def yaw_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], scale_radps: float) -> Any:
+    """Turning of the leader's yaw, as a share of its limit.
+
+    Q(t) of Eq. 33 is small until the end of a long flight, so that the yaw at a distant point costs nothing.
+    """
+    return (x[11] / scale_radps) ** 2
+
+
 def time_rate(problem: Inputs, x: Sequence[Any], u: Sequence[Any], reference_s: float) -> float:
     """The same for every second of flight."""
     return 1.0
@@ -290,6 +304,14 @@ TERMS: tuple[ObjectiveTerm, ...] = (
         weight=lambda p: _FACING_WEIGHT if p.follows_course else 0.0,
         scale=lambda p: p.objective.speed_ref_mps,
         rate=facing_rate,
+        lower_bound=zero,
+    ),
+    ObjectiveTerm(
+        name="turning of the yaw on a route",
+        share=Share.MEAN,
+        weight=lambda p: _CALM_YAW if p.points else 0.0,
+        scale=lambda p: float(np.radians(p.scenario.limits.rates_degps[2])),
+        rate=yaw_rate,
         lower_bound=zero,
     ),
     ObjectiveTerm(
