@@ -165,9 +165,11 @@ def _failure(program: Program, y: Array, y_multipliers: Array, g_multipliers: Ar
     name, t_s = program.g_names[worst]
     reason = _IN_WORDS.get(status, "the solver stopped without a solution")
     kind = Infeasible if status == "Infeasible_Problem_Detected" else PlanningError
+    leg = program.leg_at(t_s)
     against = _opposing(program, y_multipliers, g_multipliers)
     return kind(
         f"no plan: {reason} (IPOPT: {status}); the largest violation is of {name} at t = {t_s:.1f} s"
+        + (f" in {leg}" if leg else "")
         + (f", against the {against}" if against else ""),
         hint="give more time ([time] flight_s), a higher ceiling ([limits] height_m), "
         "or less clearance ([limits] clearance_min_m)",

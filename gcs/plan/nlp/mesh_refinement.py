@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -119,8 +120,10 @@ def optimise(
         if problem.follows_course:  # past a corner of a zone the violation moves along its period while it shrinks
             worst_s += [0.5 * (miss.t_s + end_s) for miss in missed for end_s in miss.period_s]
         mesh = mesh.split(drifting).enforcing_at(np.unique(worst_s))
+    leg = problem.leg_at(max(missed, key=attrgetter("tolerated")).t_s) if missed else ""
     raise PlanningError(
-        f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}",
+        f"no plan: {MAX_ROUNDS} refinements of the mesh were not enough: {'; '.join(history[-1].complaints)}"
+        + (f", in {leg}" if leg else ""),
         hint="relax this limit a little, or give the flight more time ([time] flight_s)",
     )
 

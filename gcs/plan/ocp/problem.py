@@ -79,6 +79,18 @@ class Problem:
         begins = (self.start_s, *(t_s + point.hold_s for t_s, point in zip(self.point_s, self.points, strict=True)))
         return tuple(zip(begins, (*self.point_s, self.end_s), strict=True))
 
+    def leg_words(self, number: int) -> str:
+        """Number (from 1) and ends of the leg with this index, for messages."""
+        stops = ["start", *(point.words for point in self.points), "end"]
+        return f"leg {number + 1} ({stops[number]} to {stops[number + 1]})"
+
+    def leg_at(self, t_s: float) -> str:
+        """The leg that is flown at a time, in words; empty for a flight without points."""
+        if not self.points:
+            return ""
+        ends = [end_s for _, end_s in self.legs_s]
+        return self.leg_words(int(np.searchsorted(ends[:-1], t_s)))
+
     @property
     def stops_ned_m(self) -> Array:
         """Start, points and end (P + 2, 3) of the leader's flight."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import re
 import threading
 from dataclasses import replace
 from typing import Any
@@ -20,6 +21,8 @@ from gcs.plan.ocp.problem import flight_problem
 from gcs.plan.planner import make_plan
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.problems import alone, changed, meadow, straight
+from tests.unit.plan.route_flights import CORNER, flight_through
+from tests.unit.plan.route_flights import FAR as FAR_POINT
 
 # Right across the way, far higher than the ceiling of 35 m.
 WALL = {
@@ -71,6 +74,13 @@ def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_
     assert "the largest violation is of Eq. 1 for" in failure.message
     assert f"against the {against}" in failure.message
     assert "flight_s" in failure.hint
+
+
+def test_a_failure_on_a_route_names_the_leg(simulation1: Scenario) -> None:
+    flight = flight_through(simulation1, {**CORNER, "at_s": 12.0}, {**FAR_POINT, "at_s": 21.0})
+    with pytest.raises(Infeasible) as caught:
+        make_plan(flight)
+    assert re.search(r"at t = \d+\.\d s in leg [1-3] \((start|point [12]) to (point [12]|end)\)", caught.value.message)
 
 
 def test_running_out_of_iterations_is_a_failure_too(simulation1: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:

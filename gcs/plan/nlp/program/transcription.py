@@ -23,7 +23,7 @@ from scipy.interpolate import PPoly
 
 from gcs.physics.quadrotor import Array
 from gcs.plan.nlp.gauss import gauss_rule
-from gcs.plan.nlp.mesh import Mesh
+from gcs.plan.nlp.mesh import HOLD, Mesh
 from gcs.plan.nlp.program.assembly import Constants, LegConstants, assemble, dm
 from gcs.plan.nlp.program.leg_rows import LegTimes, leg_times
 from gcs.plan.nlp.program.point_rows import point_rows
@@ -58,6 +58,16 @@ class Program:
     moving_shape: bool = False  # on a schedule
     end_s: float | None = None  # of the flight, where it is given
     free_time: bool = False
+    leg_words: tuple[str, ...] = ()  # (K,) of each leg, for messages; none for a flight without points
+
+    def leg_at(self, t_s: float) -> str:
+        """The leg at a time of the mesh, or the one before a hold, in words; empty for a flight without points."""
+        if not self.leg_words:
+            return ""
+        mesh = self.layout.mesh
+        interval = int(np.clip(np.searchsorted(mesh.joints_s, t_s) - 1, 0, mesh.intervals - 1))
+        held = mesh.leg_of_interval[interval] == HOLD
+        return self.leg_words[int(mesh.leg_of_interval[interval - int(held)])]
 
     def scaled(self, trajectory: Trajectory) -> Array:
         """Unknowns y sampled from an existing trajectory: the warm start."""
@@ -219,6 +229,7 @@ def bounded_program(
         bool(problem.shape.moving_s),
         None if problem.free_time is not None and not problem.free_time.is_fixed else problem.end_s,
         problem.free_time is not None,
+        tuple(problem.leg_words(leg) for leg in range(mesh.leg_count)) if problem.points else (),
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import POSITION, VELOCITY, Array
 from gcs.plan.ocp.problem import Problem
-from gcs.plan.search.legs.leg_schedule import first_times, leg_at
+from gcs.plan.search.legs.leg_schedule import first_times
 from gcs.plan.search.routes import MAX_ROUTES, Map, Route, is_clear, routes_between, survey
 
 _BESIDE = 0.6  # of a leg's length: a leg's detours are first looked for no farther beside it
@@ -35,7 +35,7 @@ def routes_through(problem: Problem) -> tuple[Route, ...]:
             legs.append(_of_leg(leg, whole, rigid))
         except Infeasible as none:
             text = none.message.removeprefix("no plan: ")
-            raise Infeasible(f"no plan: {leg_at(problem, start_s + 1e-6)}: {text}", hint=none.hint) from none
+            raise Infeasible(f"no plan: {problem.leg_at(start_s + 1e-6)}: {text}", hint=none.hint) from none
     return tuple(_joined(legs, chosen) for chosen in _shortest_first(legs))
 
 

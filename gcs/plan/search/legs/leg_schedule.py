@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from gcs.errors import Infeasible
@@ -63,9 +64,13 @@ def check_legs(problem: Problem) -> None:
         left_s = latest_s - ready_s
         if needed_s > left_s + _SLACK_S:
             axis = int(_least_s(problem)[number].argmax())
+            most = problem.scenario.limits.accel_max_mps2
+            at_rest = _at_rest(problem)[number : number + 2].any()
+            accelerating = f" and {most:g} m/s2" if at_rest and most is not None else ""
             raise Infeasible(
-                f"no plan: leg {number + 1} ({_leg_words(problem, number)}) needs {_up(needed_s):g} s at "
-                f"{limits[axis]:g} m/s {_AXES[axis]}, {key} leaves {max(np.floor(10.0 * left_s) / 10.0, 0.0):g} s",
+                f"no plan: {problem.leg_words(number)} needs {_up(needed_s):g} s at "
+                f"{limits[axis]:g} m/s {_AXES[axis]}{accelerating}, "
+                f"{key} leaves {max(np.floor(10.0 * left_s) / 10.0, 0.0):g} s",
                 hint=f"set {key} to {_up(ready_s + 1.05 * needed_s):g} or more, or raise [limits] speed_ned_mps",
             )
         earliest_s = _windows(problem)[number][0]
@@ -78,25 +83,28 @@ def least_legs_s(problem: Problem) -> float:
     return float(_least_s(problem).max(axis=1).sum() + sum(point.hold_s for point in problem.points))
 
 
-def leg_at(problem: Problem, t_s: float) -> str:
-    """The leg that is flown at a time, in words; empty for a flight without points."""
-    if not problem.points:
-        return ""
-    ends = [end_s for _, end_s in problem.legs_s]
-    number = int(np.searchsorted(ends[:-1], t_s))
-    return f"leg {number + 1} ({_leg_words(problem, number)})"
-
-
-def _leg_words(problem: Problem, number: int) -> str:
-    stops = ["start", *(point.words for point in problem.points), "end"]
-    return f"{stops[number]} to {stops[number + 1]}"
-
-
 def _least_s(problem: Problem) -> Array:
-    """The time (K, 3) that each axis of each straight leg needs at its speed limit; less where a point is passed by."""
+    """The time (K, 3) that each axis of each straight leg needs at its speed limit; less where a point is passed by.
+
+    Where the leader is at rest, it also takes the time to change its speed, where `[limits] accel_max_mps2` is given.
+    """
     away_m = np.abs(np.diff(problem.stops_ned_m, axis=0))
     radii = np.array([0.0, *(point.radius_m for point in problem.points), 0.0])
-    return np.asarray(np.maximum(away_m - (radii[:-1] + radii[1:])[:, None], 0.0) / problem.state_high[VELOCITY])
+    way_m, fastest_mps = np.maximum(away_m - (radii[:-1] + radii[1:])[:, None], 0.0), problem.state_high[VELOCITY]
+    accel_mps2 = problem.scenario.limits.accel_max_mps2
+    if accel_mps2 is None or not problem.points:
+        return np.asarray(way_m / fastest_mps)
+    rests = _at_rest(problem)
+    ends = (rests[:-1].astype(float) + rests[1:])[:, None]
+    ramps_m = ends * fastest_mps**2 / (2.0 * accel_mps2)
+    ramped_s = way_m / fastest_mps + ends * fastest_mps / (2.0 * accel_mps2)
+    return np.asarray(np.where(way_m >= ramps_m, ramped_s, np.sqrt(2.0 * ends * way_m / accel_mps2)))
+
+
+def _at_rest(problem: Problem) -> NDArray[np.bool_]:
+    """Whether the leader rests (K + 1,) at the start, at each point and at the end."""
+    stops = [point.hold_s > 0.0 for point in problem.points]
+    return np.array([_rests(problem.start_state), *stops, _rests(problem.end_state)])
 
 
 def _windows(problem: Problem) -> list[tuple[float, float, str]]:
@@ -120,8 +128,7 @@ def _flight_key(problem: Problem) -> str:
 
 
 def _times(problem: Problem, lengths_m: Array) -> _Times:
-    stops = [point.hold_s > 0.0 for point in problem.points]
-    rests = np.array([_rests(problem.start_state), *stops, _rests(problem.end_state)])
+    rests = _at_rest(problem)
     least_s = _least_s(problem).max(axis=1)
     hold_s = np.array([point.hold_s for point in problem.points])
     speed_mps = lengths_m.sum() / max(problem.duration_s - hold_s.sum(), _STOP_S)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.errors import Infeasible
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.search.initial_guess import straight_route
-from gcs.plan.search.legs.leg_schedule import check_legs, first_times, least_legs_s, leg_at, on_time
+from gcs.plan.search.legs.leg_schedule import check_legs, first_times, least_legs_s, on_time
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.route_flights import CORNER, FAR, flight_through
 
@@ -53,6 +53,20 @@ def test_a_hold_takes_its_time_between_two_legs(held: Problem) -> None:
     # Legs of 50 m with two stops and with one differ by the time of a stop alone.
     assert legs_s[0] - legs_s[2] == pytest.approx(2.0 * sum(legs_s) / (54.0 + 4 * 2.0))
     assert least_legs_s(held) == pytest.approx(10.0 + 8.0 + 10.0 + 6.0)
+
+
+def test_ends_at_rest_take_the_time_of_their_acceleration(held: Problem) -> None:
+    limits = held.scenario.limits.model_copy(update={"accel_max_mps2": 2.0})
+    slow = replace(held, scenario=held.scenario.model_copy(update={"limits": limits}))
+    # 5 m/s at 2 m/s2: 2.5 s more for two ends at rest, 1.25 s for one; the last leg ends at rest, the second begins so.
+    assert least_legs_s(slow) == pytest.approx(12.5 + 9.25 + 11.25 + 6.0)
+    gentle = held.scenario.limits.model_copy(update={"accel_max_mps2": 0.1})
+    creeping = replace(held, scenario=held.scenario.model_copy(update={"limits": gentle}))
+    # Never at 5 m/s: half the way is accelerated, half braked; with one end at rest all of it is one ramp.
+    least_s = 2.0 * np.sqrt(50.0 / 0.1) + np.sqrt(2.0 * 40.0 / 0.1) + np.sqrt(2.0 * 50.0 / 0.1)
+    assert least_legs_s(creeping) == pytest.approx(least_s + 6.0)
+    with pytest.raises(Infeasible, match=r"leg 1 \(start to point 1\) needs 12.5 s at 5 m/s \S+ and 2 m/s2"):
+        check_legs(windowed(slow, (-np.inf, 12.0), (-np.inf, np.inf)))
 
 
 @settings(deadline=None)
@@ -119,6 +133,6 @@ def test_a_point_that_is_passed_by_shortens_both_of_its_legs(simulation1: Scenar
 def test_times_follow_the_length_of_the_route(bare: Problem) -> None:
     timed = on_time(bare, straight_route(bare))
     assert timed.point_s == first_times(bare, np.array([50.0, 40.0, 50.0]))
-    assert leg_at(timed, 1.0) == "leg 1 (start to point 1)"
-    assert leg_at(timed, 30.0) == "leg 2 (point 1 to point 2)"
-    assert leg_at(timed, 59.0) == "leg 3 (point 2 to end)"
+    assert timed.leg_at(1.0) == "leg 1 (start to point 1)"
+    assert timed.leg_at(30.0) == "leg 2 (point 1 to point 2)"
+    assert timed.leg_at(59.0) == "leg 3 (point 2 to end)"
