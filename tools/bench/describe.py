@@ -15,7 +15,7 @@ from gcs.plan.nlp.mesh import Mesh, end_refined
 from gcs.plan.nlp.program.program_bounds import STATE_UNIT
 from gcs.plan.nlp.program.transcription import transcribe
 from gcs.plan.nlp.variables import NU
-from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS
+from gcs.plan.ocp.objectives import TERMINAL_WEIGHTS, TERMS, yaw_rate
 from gcs.plan.ocp.problem import Problem, flight_problem
 from gcs.plan.ocp.stage_functions import REST_SMOOTHING_MPS
 from gcs.plan.search.initial_guess import along, straight_route
@@ -76,6 +76,7 @@ def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
     times = np.linspace(problem.start_s, problem.end_s, 201)
     guess = straight(problem)
     mountains = scenario.terrain.mountains
+    turning = next(term for term in TERMS if term.rate is yaw_rate)
     late = TERMINAL_WEIGHTS[problem.objective.terminal_weight](program.layout.node_times_s(), problem.end_s)
     return {
         "end_s": problem.end_s,
@@ -95,6 +96,8 @@ def numbers(problem: Problem, mesh: Mesh) -> dict[str, Any]:
         "guess_control": guess.control(times).tolist(),
         "quadrotor": asdict(problem.quadrotor),
         "objective": asdict(problem.objective),
+        "turning_weight": turning.weight(problem),
+        "yaw_rate_max_radps": turning.scale(problem),
         "late_integral": float(program.layout.quadrature() @ late),  # of Q, as the mesh sees it
         "mountains": [
             list(column)

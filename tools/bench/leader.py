@@ -90,7 +90,9 @@ class Leader:
         climb = ((height - o["height_ref_m"]) / o["height_scale_m"]) ** 2
         late = 1.0 / (self.end_s - t + 0.5) / self.numbers["late_integral"]
         steering = o["heading_weight"] * heading + o["height_weight"] * climb
-        return o["energy_weight"] / self.end_s * energy + late * steering
+        turned = (x[11] * self.state_unit[11] / self.numbers["yaw_rate_max_radps"]) ** 2
+        mean = o["energy_weight"] * energy + self.numbers["turning_weight"] * turned
+        return mean / self.end_s + late * steering
 
     def path(self, x: Any, u: Any, xp: Any) -> list[Any]:
         """Clearance above the smooth ground (Eqs. 20, 53) and turning (Eqs. 17, 18): each >= 0 when held."""
