@@ -48,8 +48,8 @@ TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]
     "scale": ("Large formations", ("--repeat", "3"), (scale,)),
     "replan": ("Plans that change in flight", ("--replans", "50"), (replan,)),
     "maps": ("Random maps", ("--maps", "30"), (maps,)),
-    "route": ("Drawn routes", ("--points", "2", "5", "20", "50", "--repeat", "1"), (route,)),
-    "legs": ("A drawn route beside other solvers", ("--repetitions", "1"), (legs,)),
+    "route": ("Drawn routes", ("--points", "2", "5", "20", "50", "100", "--repeat", "1"), (route,)),
+    "legs": ("A drawn route beside other solvers", ("--repetitions", "3"), (legs,)),
     "export": ("Exports, and reading them", ("--repeat", "1"), (export, readers)),
     "upload": (
         "Uploads over bad links",
