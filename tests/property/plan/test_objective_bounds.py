@@ -24,6 +24,7 @@ from gcs.plan.trajectory.trajectory import Trajectory
 from gcs.scenario.schema.scenario import Scenario
 from tests.unit.plan.formations import SHRINK, auto, fleet
 from tests.unit.plan.problems import alone, meadow
+from tests.unit.plan.route_flights import CORNER, FAR, first_guess, flight_through
 
 PROBLEMS: dict[str, Callable[[Scenario], Problem]] = {
     "given time": lambda s: flight_problem(meadow(alone(s))),
@@ -31,6 +32,7 @@ PROBLEMS: dict[str, Callable[[Scenario], Problem]] = {
         flight_problem(meadow(alone(s), time={"flight_s": 20.0, "free": True}, objective={"time_weight": 0.7}))
     ),
     "wind": lambda s: flight_problem(meadow(alone(s), wind={"speed_mps": 1.0, "from_deg": 200.0})),
+    "route": lambda s: first_guess(flight_through(s, CORNER, FAR))[0],
     "moving shape": lambda s: flight_problem(
         fleet(s, 3, "row", (auto(SHRINK),), formation={"frame": "course"}, time={"flight_s": 40.0})
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from gcs.errors import Infeasible
 from gcs.physics.quadrotor import ATTITUDE, POSITION, RATES, VELOCITY
+from gcs.plan.ocp.objectives import TERMS, yaw_rate
 from gcs.plan.planner import make_plan
 from gcs.plan.trajectory.plan import Plan
 from gcs.plan.verification.verify import verify
@@ -40,9 +42,10 @@ def off_m(plan: Plan) -> np.ndarray:
     return np.linalg.norm(at - route_ned_m(plan.scenario), axis=1)
 
 
-def test_points_of_an_optimal_flight_at_its_times_change_nothing(through: PlanOf) -> None:
+def test_points_of_an_optimal_flight_at_its_times_change_nothing(through: PlanOf, simulation1: Scenario) -> None:
     """What is optimal stays it where its own places and times are required; the times that are left free are found."""
-    bare = through()
+    turning = next(term for term in TERMS if term.rate is yaw_rate)  # without points it has no price
+    bare = make_plan(flight_through(simulation1), extra_objectives=(replace(turning, weight=lambda _: 0.1),))
     times_s = np.array([22.0, 37.5])
     places = bare.leader_trajectory.state(times_s)[:, POSITION] * [1.0, 1.0, -1.0]
     first, second = ({"position_m": place} for place in places.tolist())
@@ -50,9 +53,10 @@ def test_points_of_an_optimal_flight_at_its_times_change_nothing(through: PlanOf
     assert fixed.objective == pytest.approx(bare.objective, rel=5e-4)  # the meshes differ
     assert fixed.route_s[0] == pytest.approx(22.0, abs=1e-6)
     assert fixed.route_s[1] == pytest.approx(37.5, abs=0.1)
+    # A flat optimum: 0.05 m beside it, the cost differs by less than the meshes do.
     t_s = np.linspace(0.0, 60.0, 200)
     np.testing.assert_allclose(
-        fixed.leader_trajectory.state(t_s)[:, POSITION], bare.leader_trajectory.state(t_s)[:, POSITION], atol=0.05
+        fixed.leader_trajectory.state(t_s)[:, POSITION], bare.leader_trajectory.state(t_s)[:, POSITION], atol=0.1
     )
 
 
