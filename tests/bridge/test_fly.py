@@ -319,6 +319,7 @@ def test_without_the_word_nothing_is_uploaded(
     assert all(vehicle.autopilot.mission == () for vehicle in fleet.vehicles)
 
 
+@pytest.mark.slow
 def test_ctrl_c_lands_vehicles_that_are_not_ours(
     short_skein: Path, tmp_path: Path, vehicles_out_there: tuple[World, str]
 ) -> None:

@@ -164,6 +164,7 @@ def test_missions_on_board_are_refused_for_the_vehicles_that_cannot_wait(mixed: 
     assert flown.flight.held is None
 
 
+@pytest.mark.slow
 def test_the_commands(
     mixed: Plan, make_fleet: Callable[..., Fleet], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

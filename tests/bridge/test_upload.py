@@ -66,7 +66,9 @@ def parameter(fleet: Fleet, sysid: int, name: str) -> float:
     return fleet._world.vehicles[sysid - 1]._params[name]
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "ardupilot-4.7"])
+@pytest.mark.parametrize(
+    "autopilot", ["ardupilot", *(pytest.param(x, marks=pytest.mark.slow) for x in ("px4", "ardupilot-4.7"))]
+)
 def test_everything_for_everybody_at_once_and_parameters_back(
     short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]], autopilot: str
 ) -> None:
@@ -133,6 +135,7 @@ def test_one_refusal_ends_it_for_all_and_everything_is_taken_back(
     run(scene())
 
 
+@pytest.mark.slow
 def test_a_dead_vehicle_ends_it_for_all_and_is_said_to_be_unknown(
     short_plan: Plan, fleet_of: Callable[..., tuple[Fleet, str]]
 ) -> None:

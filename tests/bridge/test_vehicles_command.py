@@ -17,7 +17,10 @@ from tests.fleets import free_port
 
 @pytest.mark.parametrize(
     ("autopilot", "name", "version"),
-    [("ardupilot", "ArduCopter", "4.5.6"), pytest.param("px4", "PX4", "1.17", marks=pytest.mark.slow)],
+    [
+        pytest.param(*row, marks=pytest.mark.slow)
+        for row in (("ardupilot", "ArduCopter", "4.5.6"), ("px4", "PX4", "1.17"))
+    ],
 )
 def test_vehicles_are_listed(
     make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], autopilot: str, name: str, version: str

@@ -117,6 +117,7 @@ def test_a_flight_that_is_not_confirmed_sends_nothing(vehicles: MakeVehicles, ho
     assert not any(vehicle.autopilot.armed for vehicle in world.vehicles)
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_a_pilot_flies_is_left_to_the_pilot(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path
 ) -> None:

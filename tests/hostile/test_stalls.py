@@ -96,7 +96,8 @@ def stopped_in_flight(
     return done
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_stopped_in_flight_it_leads_all_back_to_the_plan(
     vehicles: MakeVehicles, hop_file: Path, tmp_path: Path, autopilot: str
 ) -> None:

@@ -77,8 +77,11 @@ def best_class(
         tried += [replace(route, verdict=f"rigid: {route.verdict}") for route in _rigid(problem, on_round)]
     if best is None:
         # The map is coarse: the optimiser may find a passage that its cells do not show.
+        straight = straight_route(problem)
+        if any(np.array_equal(route.points_m, straight.points_m) for route in routes):
+            raise explain_infeasible(problem, routes[0], failures) from failures[-1]
         try:
-            best = _optimised(problem, straight_route(problem), on_round)
+            best = _optimised(problem, straight, on_round)
         except PlanningError as failure:
             raise explain_infeasible(problem, routes[0], [*failures, failure]) from failure
     return best, tuple(tried)

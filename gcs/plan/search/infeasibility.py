@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -150,15 +151,19 @@ def _needed_time_s(problem: Problem, route: Route) -> float | None:
     if problem.free_time is not None:
         return None  # longer times were tried already
     least_s = max(problem.duration_s, least_time_s(problem))
-    for factor in _LONGER:
-        longer = with_duration(problem, float(np.ceil(least_s * factor)))
+    times_s = [float(np.ceil(least_s * factor)) for factor in _LONGER]
+
+    def is_enough(duration_s: float) -> bool:
+        timed = on_time(with_duration(problem, duration_s), route)
         try:
-            timed = on_time(longer, route)
             optimise_on_schedule(timed, along(timed, route))
         except PlanningError:
-            continue
-        return longer.duration_s
-    return None
+            return False
+        return True
+
+    # A time that is not enough takes far longer to solve than one that is; halving the list solves few of them.
+    found = bisect_left(times_s, True, key=is_enough)
+    return times_s[found] if found < len(times_s) else None
 
 
 def with_duration(problem: Problem, duration_s: float) -> Problem:

@@ -92,7 +92,7 @@ def test_waypoints_at_the_plans_speeds(plan_of: Callable[[str], Plan], name: str
 
 @pytest.mark.parametrize(
     ("name", "seeds"),
-    [("simulation1", range(1, 3)), *(pytest.param(name, range(1, 51), marks=pytest.mark.slow) for name in MISSIONS)],
+    [pytest.param(name, range(1, 51), marks=pytest.mark.slow) for name in MISSIONS],
 )
 def test_waypoints_at_corrected_speeds(plan_of: Callable[[str], Plan], name: str, seeds: range) -> None:
     plan = plan_of(f"{name}/scenario.toml")

@@ -76,6 +76,7 @@ def test_a_failure_names_the_status_the_worst_constraint_and_what_stands_in_the_
     assert "flight_s" in failure.hint
 
 
+@pytest.mark.slow
 def test_a_failure_on_a_route_names_the_leg(simulation1: Scenario) -> None:
     flight = flight_through(simulation1, {**CORNER, "at_s": 12.0}, {**FAR_POINT, "at_s": 21.0})
     with pytest.raises(Infeasible) as caught:

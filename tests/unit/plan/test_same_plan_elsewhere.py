@@ -67,6 +67,7 @@ def assert_near(ours: Plan, theirs: Plan, allowed: Tolerances) -> None:
     assert apart[..., 6:9].max() <= allowed.angle_rad
 
 
+@pytest.mark.slow
 def test_the_oldest_processor_makes_the_same_plan(
     plan_of: Callable[[str], Plan], repo_root: Path, tmp_path: Path
 ) -> None:

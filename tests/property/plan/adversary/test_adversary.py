@@ -148,7 +148,7 @@ def test_a_bent_plan_fails_for_what_is_bent(name: str, data: st.DataObject) -> N
 @pytest.mark.parametrize(
     ("where", "name"),
     [
-        pytest.param(where, name, marks=() if where in ("course", "breathing") else pytest.mark.slow)
+        pytest.param(where, name, marks=() if where == "course" else pytest.mark.slow)
         for where, names in BENT.items()
         for name in names
     ],

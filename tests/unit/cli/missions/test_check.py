@@ -135,6 +135,7 @@ def test_a_file_that_cannot_be_read_is_named_with_its_line(exported: Path, capsy
     assert "mission.items.1.command" in err
 
 
+@pytest.mark.slow
 def test_an_export_tells_what_was_verified(
     simulation1_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

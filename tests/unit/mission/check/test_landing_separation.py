@@ -163,6 +163,7 @@ def close(plan: Plan, beside_m: float) -> Plan:
     return replace(plan, scenario=plan.scenario.model_copy(update={"judge": judge}))
 
 
+@pytest.mark.slow
 def test_a_stream_that_ends_in_a_close_landing_is_not_written(simulation1_plan: Plan, tmp_path: Path) -> None:
     points = simulation1_plan.landing_points_ned_m[:, :2]
     first, second = sorted(

@@ -37,7 +37,7 @@ def field(plan_of: Plans) -> Plan:
 @pytest.mark.parametrize(
     ("name", "firmware", "late_s"),  # a little more than docs/design.md says
     [
-        ("field", Autopilot.ARDUPILOT, 0.2),
+        pytest.param("field", Autopilot.ARDUPILOT, 0.2, marks=pytest.mark.slow),
         pytest.param("field", Autopilot.PX4, 0.5, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.ARDUPILOT, 0.8, marks=pytest.mark.slow),
         pytest.param("simulation1", Autopilot.PX4, 3.2, marks=pytest.mark.slow),
@@ -154,6 +154,7 @@ def test_more_vehicles_with_legs_of_their_own_than_can_be_corrected(
     assert "--untimed" in caught.value.hint
 
 
+@pytest.mark.slow
 def test_waypoints_are_raised_over_ground_that_long_legs_would_touch(simulation1_plan: Plan) -> None:
     limits = simulation1_plan.scenario.limits.model_copy(update={"clearance_min_m": 2.0})  # the plan is lower
     higher = simulation1_plan.scenario.model_copy(update={"limits": limits})

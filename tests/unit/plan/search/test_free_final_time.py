@@ -79,6 +79,7 @@ def test_energy_and_time_are_traded_monotonely(simulation1: Scenario) -> None:
         assert ideal_s < flight_s < 1.2 * ideal_s
 
 
+@pytest.mark.slow
 def test_no_other_time_costs_less(simulation1: Scenario) -> None:
     best = verified(free(simulation1, 2.0))
     assert best.flight_s == pytest.approx(44.05, abs=0.6)

@@ -44,8 +44,7 @@ def test_vehicles_side_by_side_lose_the_difference_of_two_errors(simulation1_pla
     [
         "simulation1",
         "field",
-        "changes",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("simulation2", "ridge", "gap")),
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("changes", "simulation2", "ridge", "gap")),
     ],
 )
 def test_the_bundled_missions_keep_their_required_separation(plan_of: Callable[[str], Plan], name: str) -> None:
