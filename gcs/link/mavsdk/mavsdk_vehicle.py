@@ -88,7 +88,7 @@ class MavsdkVehicle:
         """Upload items once, read them back and compare."""
         raw = [_raw(seq, item, mission_type) for seq, item in enumerate(items)]
         if not raw:
-            await self._clear()
+            on_board = await self._cleared(mission_type)
         elif mission_type == MissionType.FENCE:
             await self.call("upload its fence", lambda: self._missions.upload_geofence(raw))
         elif mission_type == MissionType.RALLY:
@@ -96,17 +96,22 @@ class MavsdkVehicle:
         else:
             await self.call("upload its mission", lambda: self._missions.upload_mission(raw))
         first = int(self.home_is_item_0 and mission_type == MissionType.MISSION)
-        on_board = await self.download(mission_type)
+        if raw:
+            on_board = await self.download(mission_type)
         differences = compare_missions(items[first:], on_board[first:], autopilot=self.autopilot)
         if differences:
             raise read_back_error(Station(self.sysid, 1), mission_type, differences)
 
-    async def _clear(self) -> None:
-        """Clear all items. PX4 answers "busy" until it has forgotten a transfer that MAVSDK cancelled."""
+    async def _cleared(self, mission_type: int) -> tuple[MissionItem, ...]:
+        """Clear all items, and return what is still on board.
+
+        PX4 answers "busy" to both requests until it has forgotten a transfer that MAVSDK cancelled.
+        """
         end_s = time.monotonic() + _BUSY_MAX_S
         while True:
             try:
-                return await self.call("clear its items", self._missions.clear_mission)
+                await self.call("clear its items", self._missions.clear_mission)
+                return await self.download(mission_type)
             except PeerError:
                 if time.monotonic() > end_s:
                     raise
