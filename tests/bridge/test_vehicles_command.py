@@ -15,12 +15,9 @@ from sim_bridge.fleet import Fleet
 from tests.fleets import free_port
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("autopilot", "name", "version"),
-    [
-        pytest.param(*row, marks=pytest.mark.slow)
-        for row in (("ardupilot", "ArduCopter", "4.5.6"), ("px4", "PX4", "1.17"))
-    ],
+    ("autopilot", "name", "version"), [("ardupilot", "ArduCopter", "4.5.6"), ("px4", "PX4", "1.17")]
 )
 def test_vehicles_are_listed(
     make_fleet: Callable[..., Fleet], capsys: pytest.CaptureFixture[str], autopilot: str, name: str, version: str

@@ -90,10 +90,9 @@ def test_waypoints_at_the_plans_speeds(plan_of: Callable[[str], Plan], name: str
         assert_same_missions(missions_of(perturbed(plan, seed), timed_legs), first)
 
 
-@pytest.mark.parametrize(
-    ("name", "seeds"),
-    [pytest.param(name, range(1, 51), marks=pytest.mark.slow) for name in MISSIONS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize("seeds", [range(1, 51)], ids=["50"])
 def test_waypoints_at_corrected_speeds(plan_of: Callable[[str], Plan], name: str, seeds: range) -> None:
     plan = plan_of(f"{name}/scenario.toml")
     first = missions_of(plan, corrected)

@@ -309,11 +309,8 @@ def test_of_two_that_would_meet_the_one_off_its_place_yields(hop: Plan, hop_retu
 
     async def story(fleet: PointFleet) -> None:
         for _ in range(8):
-            fleet.points[3].off_ned_m = fleet.points[3].off_ned_m - [
-                0.0,
-                0.48,
-                0.0,
-            ]  # 0.5 m would put predictions on limits
+            # 0.5 m would put predictions on limits.
+            fleet.points[3].off_ned_m = fleet.points[3].off_ned_m - [0.0, 0.48, 0.0]
             await asyncio.sleep(0.5)
         fleet.points[3].off_ned_m = np.zeros(3)
         await asyncio.sleep(9.0)
