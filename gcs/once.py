@@ -1,31 +1,45 @@
-"""Results that are computed once for an object that never changes, and forgotten with it."""
+"""Results that are computed once for equal content: a plan that is loaded again is not verified again."""
 
 from __future__ import annotations
 
 import functools
-import weakref
-from collections.abc import Callable
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
-T = TypeVar("T")
+KEPT = 32  # results of each function; the least recently used goes first
+
+
+class HasContent(Protocol):
+    """A value that never changes, and knows what it is made of."""
+
+    @property
+    def content(self) -> Hashable:
+        """Equal for values of which every result is equal."""
+        ...
+
+
+T = TypeVar("T", bound=HasContent)
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def once(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:
-    """The function, which remembers its result for each first argument (by identity) and each set of the others.
+    """The function, which remembers its result for the content of its first argument and for each set of the others.
 
-    The first argument must be immutable. `__wrapped__` is the function that remembers nothing. Errors are not kept.
+    `__wrapped__` is the function that remembers nothing. Errors are not kept.
     """
-    known: dict[tuple[Any, ...], tuple[weakref.ref[T], R]] = {}
+    known: OrderedDict[tuple[Any, ...], R] = OrderedDict()
 
     @functools.wraps(function)
     def remembering(subject: T, /, *others: P.args, **named: P.kwargs) -> R:
-        key = id(subject), others, tuple(sorted(named.items()))
-        found = known.get(key)
-        if found is None or found[0]() is not subject:
-            found = weakref.ref(subject, lambda _: known.pop(key, None)), function(subject, *others, **named)
-            known[key] = found
-        return found[1]
+        key = subject.content, others, tuple(sorted(named.items()))
+        if key not in known:
+            known[key] = function(subject, *others, **named)
+        result = known[key]
+        known.move_to_end(key)
+        while len(known) > KEPT:
+            known.popitem(last=False)
+        return result
 
     return remembering

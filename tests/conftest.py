@@ -9,9 +9,20 @@ from pathlib import Path
 import pytest
 
 from gcs.plan.trajectory.plan import Plan
+from gcs.plan.verification import verify as verification
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
+from tests.kept import kept, make_room
 from tests.progress import AreaProgress
+
+# Before any other module imports them by name.
+verification.verify = kept(verification.verify)
+from gcs.plan import planner  # noqa: E402
+
+planner.make_plan = kept(planner.make_plan)
+from gcs.mission.failsafe import rtl_altitudes  # noqa: E402
+
+rtl_altitudes.plan_returns = kept(rtl_altitudes.plan_returns, "gcs/mission")
 
 LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 
@@ -25,19 +36,15 @@ def pytest_configure(config: pytest.Config) -> None:
     for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
+    make_room()
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None and config.get_verbosity() <= 0:
         config.pluginmanager.register(AreaProgress(reporter), "area-progress")
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """What takes minutes or hours runs only when it is asked for, by `-m slow` and `-m long`; the longest begin."""
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest begin, so that no worker is left alone with one at the end."""
     items.sort(key=lambda item: item.path.name not in LONG)
-    if not config.option.markexpr:
-        for item in items:
-            for mark in ("slow", "long"):
-                if item.get_closest_marker(mark) is not None:
-                    item.add_marker(pytest.mark.skip(reason=f"takes long: run with -m {mark}"))
 
 
 @pytest.fixture(scope="session")
@@ -52,21 +59,17 @@ def simulation1(repo_root: Path) -> Scenario:
 
 @pytest.fixture(scope="session")
 def simulation1_plan(simulation1: Scenario) -> Plan:
-    from gcs.plan.planner import make_plan
-
-    return make_plan(simulation1)
+    return planner.make_plan(simulation1)
 
 
 @pytest.fixture(scope="session")
 def plan_of(repo_root: Path, simulation1_plan: Plan) -> Callable[[str], Plan]:
     """The plan of a bundled scenario, by its path under missions/; each is made once."""
-    from gcs.plan.planner import make_plan
-
     made = {"simulation1/scenario.toml": simulation1_plan}
 
     def plan(name: str) -> Plan:
         if name not in made:
-            made[name] = make_plan(load_scenario(repo_root / "missions" / name))
+            made[name] = planner.make_plan(load_scenario(repo_root / "missions" / name))
         return made[name]
 
     return plan

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -102,9 +103,19 @@ def within(file: Path, *places: str) -> bool:
     return any(file == Path(place) or Path(place) in file.parents for place in places)
 
 
-def imports(file: Path) -> Iterator[str]:
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse((ROOT / file).read_text(encoding="utf-8"))
+
+
+@cache
+def imports(file: Path) -> frozenset[str]:
     """Every module imported anywhere in the file; `from a import b` counts as a.b where that is a module."""
-    for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
+    return frozenset(_imports(file))
+
+
+def _imports(file: Path) -> Iterator[str]:
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -114,6 +125,7 @@ def imports(file: Path) -> Iterator[str]:
                 yield inner if path_of(inner) else node.module
 
 
+@cache
 def path_of(name: str) -> Path | None:
     """The file, or the folder, of one of our modules."""
     path = Path(*name.split("."))
@@ -140,31 +152,38 @@ def test_every_file_and_folder_named_here_exists() -> None:
     assert Path("gcs/physics/quadrotor.py") in set(ours(Path("gcs/scenario/environment/terrain.py")))
 
 
-@pytest.mark.parametrize("file", GCS, ids=str)
-def test_a_layer_knows_itself_those_to_its_left_and_the_leaves(file: Path) -> None:
-    known = [other for other in ours(file) if other != Path("gcs/__init__.py") and not within(other, *LEAVES)]
-    if within(file, *LEAVES):
-        assert not known, f"{file} is a leaf"
-        return
+def layer_of(file: Path) -> str:
+    """The layer of a file. The public face of the package may show any room, and is in none."""
     if file in (Path("gcs/__init__.py"), Path("gcs/__main__.py")):
-        return  # the public face may show any room
+        return ""
     layer = next((place for place in LAYERS if within(file, place)), None)
-    assert layer, f"{file} is in no layer"
-    allowed = LAYERS[: LAYERS.index(layer) + 1]
-    for other in known:
-        assert within(other, *allowed), f"{file} imports {other}, to its right"
-        assert not any(layer == left and within(other, right) for left, right in FORBIDDEN), f"{file} imports {other}"
+    assert layer or within(file, *LEAVES), f"{file} is in no layer"
+    return layer or "leaf"
 
 
-@pytest.mark.parametrize("file", GCS, ids=str)
-def test_the_ground_station_does_not_know_the_emulated_vehicles(file: Path) -> None:
-    assert not [other for other in ours(file) if within(other, "sim_bridge")]
+def allowed_of(layer: str) -> tuple[str, ...]:
+    """What a layer may import."""
+    if layer == "leaf":
+        return LEAVES
+    return (*LEAVES, *(left for left in LAYERS[: LAYERS.index(layer) + 1] if (layer, left) not in FORBIDDEN))
 
 
-@pytest.mark.parametrize("file", BRIDGE, ids=str)
-def test_the_emulated_vehicles_know_physics_and_the_link_only(file: Path) -> None:
-    for other in ours(file):
-        assert within(other, "sim_bridge", *BRIDGE_MAY), f"{file} imports {other}"
+def test_a_layer_knows_itself_those_to_its_left_and_the_leaves() -> None:
+    wrong = [
+        f"{file} imports {other}"
+        for file in GCS
+        if (layer := layer_of(file))
+        for other in ours(file)
+        if other != Path("gcs/__init__.py") and not within(other, *allowed_of(layer))
+    ]
+    assert not wrong
+
+
+def test_ground_station_and_emulated_vehicles_share_physics_and_the_link_only() -> None:
+    wrong = [f"{file} imports {other}" for file in GCS for other in ours(file) if within(other, "sim_bridge")]
+    allowed = ("sim_bridge", *BRIDGE_MAY)
+    wrong += [f"{file} imports {other}" for file in BRIDGE for other in ours(file) if not within(other, *allowed)]
+    assert not wrong
 
 
 def test_no_file_imports_itself_through_others() -> None:
@@ -175,32 +194,31 @@ def test_no_file_imports_itself_through_others() -> None:
         pytest.fail("a circle of imports: " + " -> ".join(map(str, error.args[1])))
 
 
-@pytest.mark.parametrize("file", ALL, ids=str)
-def test_each_library_is_known_in_one_place(file: Path) -> None:
-    names = {name.split(".")[0] for name in imports(file)}
+def test_each_library_is_known_in_one_place() -> None:
     for library, place in ONLY_IN.items():
-        assert library not in names or within(file, place), f"{file} imports {library}: ask {place}"
+        wrong = [file for file in ALL if any(name.split(".")[0] == library for name in imports(file))]
+        assert not [str(file) for file in wrong if not within(file, place)], f"{library} is for {place} alone: ask it"
 
 
-@pytest.mark.parametrize("file", modules(*SANS_IO), ids=str)
-def test_a_state_machine_has_no_clock_no_socket_and_no_sleep(file: Path) -> None:
-    assert not OUTSIDE_WORLD & {name.split(".")[0] for name in imports(file)}
+def test_a_state_machine_has_no_clock_no_socket_and_no_sleep() -> None:
+    used = {str(file): OUTSIDE_WORLD & {name.split(".")[0] for name in imports(file)} for file in modules(*SANS_IO)}
+    assert not {file: names for file, names in used.items() if names}
 
 
-@pytest.mark.parametrize("file", modules("gcs", "sim_bridge", "tools"), ids=str)
-def test_a_module_opens_by_saying_what_it_is_and_stays_short(file: Path) -> None:
-    text = (ROOT / file).read_text(encoding="utf-8")
-    assert ast.get_docstring(ast.parse(text)) or not text.strip(), f"{file} has no docstring"
-    assert len(text.splitlines()) <= LONGEST, f"{file} is longer than {LONGEST} lines: two ideas?"
+def test_a_module_opens_by_saying_what_it_is_and_stays_short() -> None:
+    for file in modules("gcs", "sim_bridge", "tools"):
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert ast.get_docstring(parsed(file)) or not text.strip(), f"{file} has no docstring"
+        assert len(text.splitlines()) <= LONGEST, f"{file} is longer than {LONGEST} lines: two ideas?"
 
 
-@pytest.mark.parametrize("room", ROOMS, ids=str)
-def test_a_room_can_be_looked_over(room: Path) -> None:
-    files = [file for file in ALL if file.parent == room and file.name != "__init__.py"]
-    rooms = [other for other in ROOMS if other.parent == room]
-    assert len(files) <= ROOM_MAX, f"{room} has {len(files)} files"
-    assert len(rooms) <= ROOM_MAX, f"{room} has {len(rooms)} rooms"
-    assert (ROOT / room / "__init__.py").is_file(), f"{room} does not say what it is for"
+def test_a_room_can_be_looked_over() -> None:
+    for room in ROOMS:
+        files = [file for file in ALL if file.parent == room and file.name != "__init__.py"]
+        rooms = [other for other in ROOMS if other.parent == room]
+        assert len(files) <= ROOM_MAX, f"{room} has {len(files)} files"
+        assert len(rooms) <= ROOM_MAX, f"{room} has {len(rooms)} rooms"
+        assert (ROOT / room / "__init__.py").is_file(), f"{room} does not say what it is for"
 
 
 def test_a_file_name_means_one_thing() -> None:
@@ -211,7 +229,7 @@ def test_a_file_name_means_one_thing() -> None:
 def test_a_public_class_name_means_one_thing() -> None:
     places: dict[str, list[str]] = {}
     for file in ALL:
-        for node in ast.parse((ROOT / file).read_text(encoding="utf-8")).body:
+        for node in parsed(file).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(str(file))
     assert not {name: files for name, files in places.items() if len(files) > 1}

@@ -227,6 +227,11 @@ class Plan:
         return ", ".join(f"{round(metres, 1) + 0.0:.1f}" for metres in (north, east, -down))
 
     @cached_property
+    def content(self) -> str:
+        """All that a verdict depends on: what is flown, the state that it begins with, and the changes of shape."""
+        return f"{self.hash} {self.begin_state} {self.moves}"
+
+    @cached_property
     def hash(self) -> str:
         """Hex digest over everything that is flown."""
         digest = hashlib.sha256(self.scenario.model_dump_json().encode() + repr(self.phases).encode())

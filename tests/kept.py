@@ -1,0 +1,87 @@
+"""Plans and verdicts that tests share: kept on disk by what they are made from, and by the source of what makes them.
+
+Workers of one run, later runs and CI find them there. A change of any file that takes part in planning or verifying makes
+other names, so that nothing old is ever found. `SKEIN_TEST_CACHE` names the folder; what was not used for a week goes.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import pickle
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+from gcs.files import atomic_write
+from gcs.plan.trajectory.plan import Plan
+from gcs.scenario.schema.scenario import Scenario
+
+P = ParamSpec("P")
+R = TypeVar("R")
+ROOT = Path(__file__).resolve().parent.parent
+WEEK_S = 7 * 86400.0
+MAKERS = ("gcs/*.py", "gcs/autopilots", "gcs/physics", "gcs/scenario", "gcs/plan", "requirements.lock")
+
+
+def folder() -> Path:
+    """Where results are kept."""
+    default = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "skein-tests"
+    return Path(os.environ.get("SKEIN_TEST_CACHE") or default)
+
+
+@functools.cache
+def source(*places: str) -> str:
+    """The digest of files (or of all Python and TOML files of folders) below the repository."""
+    digest = hashlib.sha256()
+    for place in places:
+        found = [ROOT / place] if (ROOT / place).is_file() else sorted((ROOT / place).rglob("*.[pt][yo]*"))
+        for file in found or sorted(ROOT.glob(place)):
+            if "__pycache__" not in file.parts:
+                digest.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def _text(value: object) -> str:
+    """What tells one argument from another. Raises TypeError for what has no such text, as functions."""
+    if isinstance(value, Scenario):
+        return value.model_dump_json()
+    if isinstance(value, Plan):
+        return repr(value.content)
+    if isinstance(value, tuple):
+        return f"({','.join(_text(part) for part in value)})"
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value)
+    raise TypeError(type(value))
+
+
+def kept(function: Callable[P, R], *makers: str) -> Callable[P, R]:
+    """The function; its result is read from disk where an earlier call with equal arguments left it."""
+
+    @functools.wraps(function)
+    def reading(*args: P.args, **named: P.kwargs) -> R:
+        try:
+            arguments = _text(tuple(args)) + _text(tuple(sorted(named.items())))
+        except TypeError:
+            return function(*args, **named)
+        name = hashlib.sha256(f"{source(*MAKERS, *makers)} {function.__qualname__} {arguments}".encode()).hexdigest()
+        file = folder() / name
+        try:
+            result: R = pickle.loads(file.read_bytes())
+            os.utime(file)
+        except (OSError, EOFError, pickle.UnpicklingError):
+            result = function(*args, **named)
+            atomic_write(file, pickle.dumps(result))
+        return result
+
+    return reading
+
+
+def make_room() -> None:
+    """Takes away what no run has used for a week."""
+    folder().mkdir(parents=True, exist_ok=True)
+    for file in folder().iterdir():
+        if time.time() - file.stat().st_mtime > WEEK_S:
+            file.unlink(missing_ok=True)
