@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from gcs.plan.trajectory.plan import Plan
-from gcs.plan.verification import verify as verification
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from tests.kept import kept, make_room
 from tests.progress import AreaProgress
 
-# Before any other module imports them by name.
-verification.verify = kept(verification.verify)
-from gcs.plan import planner  # noqa: E402
-
-planner.make_plan = kept(planner.make_plan)
-from gcs.mission.failsafe import rtl_altitudes  # noqa: E402
-
-rtl_altitudes.plan_returns = kept(rtl_altitudes.plan_returns, "gcs/mission")
+# What tests share is made once, on disk: set before any other module imports these functions by name.
+for module, name, *makers in (
+    ("gcs.plan.verification.verify", "verify"),
+    ("gcs.plan.planner", "make_plan"),
+    ("gcs.mission.waypoints.arrival_times", "corrected_legs", "gcs/mission"),
+    ("gcs.mission.failsafe.rtl_altitudes", "plan_returns", "gcs/mission"),
+):
+    place = import_module(module)
+    setattr(place, name, kept(getattr(place, name), *makers))
 
 LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 
@@ -59,17 +60,30 @@ def simulation1(repo_root: Path) -> Scenario:
 
 @pytest.fixture(scope="session")
 def simulation1_plan(simulation1: Scenario) -> Plan:
-    return planner.make_plan(simulation1)
+    from gcs.plan.planner import make_plan
+
+    return make_plan(simulation1)
+
+
+@pytest.fixture(scope="session")
+def hop(repo_root: Path) -> Plan:
+    """Three vehicles, 5 m apart, 60 m to the north and 20 m to the east at 8 m, within 30 s."""
+    from gcs.plan.planner import make_plan
+    from tests.bridge.flying import hop_scenario
+
+    return make_plan(hop_scenario(load_scenario(repo_root / "missions" / "field")))
 
 
 @pytest.fixture(scope="session")
 def plan_of(repo_root: Path, simulation1_plan: Plan) -> Callable[[str], Plan]:
     """The plan of a bundled scenario, by its path under missions/; each is made once."""
+    from gcs.plan.planner import make_plan
+
     made = {"simulation1/scenario.toml": simulation1_plan}
 
     def plan(name: str) -> Plan:
         if name not in made:
-            made[name] = planner.make_plan(load_scenario(repo_root / "missions" / name))
+            made[name] = make_plan(load_scenario(repo_root / "missions" / name))
         return made[name]
 
     return plan

@@ -37,11 +37,11 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
-def test_everything_is_there_and_says_the_same(simulation1_plan: Plan, tmp_path: Path) -> None:
-    index = export(simulation1_plan, tmp_path / "out", setpoint_rate_hz=2)
+def test_everything_is_there_and_says_the_same(hop: Plan, tmp_path: Path) -> None:
+    index = export(hop, tmp_path / "out", setpoint_rate_hz=2)
     written = contents(tmp_path / "out")
     document = json.loads(written.pop(INDEX))
-    assert document["plan_hash"] == simulation1_plan.hash
+    assert document["plan_hash"] == hop.hash
     assert document["sha256"] == index.sha256
     assert {name: hashlib.sha256(data).hexdigest() for name, data in written.items()} == index.sha256
     for mission in index.missions:
@@ -51,12 +51,12 @@ def test_everything_is_there_and_says_the_same(simulation1_plan: Plan, tmp_path:
         assert waypoints.home == plan.home == mission.home
         assert index.items == len(mission.items)
         setpoints = read_setpoints(written[f"uav{mission.sysid}.setpoints"], "s")
-        assert (setpoints.stream.sysids, setpoints.plan_hash) == ((mission.sysid,), simulation1_plan.hash)
-    assert len(written) == 3 * 6
+        assert (setpoints.stream.sysids, setpoints.plan_hash) == ((mission.sysid,), hop.hash)
+    assert len(written) == 3 * len(hop.sysids)
 
 
-def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
-    plan = simulation1_plan
+def test_every_format(hop: Plan, tmp_path: Path) -> None:
+    plan = hop
     export(plan, tmp_path, formats=["all"], setpoint_rate_hz=2)
     written = contents(tmp_path)
     for sysid in plan.sysids:
@@ -92,11 +92,11 @@ def test_every_format(simulation1_plan: Plan, tmp_path: Path) -> None:
 MAPS = (("kml", read_kml), ("kmz", read_kmz), ("geojson", read_geojson))
 
 
-def test_every_format_reads_back_what_it_wrote(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_every_format_reads_back_what_it_wrote(hop: Plan, tmp_path: Path) -> None:
     """Each row by its own writer and reader, for both autopilots."""
     for firmware in Autopilot:
         folder = tmp_path / firmware.key
-        export(simulation1_plan, folder, formats=FORMATS, firmware=firmware, setpoint_rate_hz=1, timed=False)
+        export(hop, folder, formats=FORMATS, firmware=firmware, setpoint_rate_hz=1, timed=False)
         for row in FORMATS:
             stem = "uav1" if row.content.per_vehicle else "formation"
             name = row.file_name(stem, firmware)
@@ -105,40 +105,40 @@ def test_every_format_reads_back_what_it_wrote(simulation1_plan: Plan, tmp_path:
             assert (written.encode() if isinstance(written, str) else written) == data, name
 
 
-def test_autopilot_and_altitude_on_request(simulation1_plan: Plan, tmp_path: Path) -> None:
-    export(simulation1_plan, tmp_path, formats=["plan"], firmware=Autopilot.PX4, altitude=Altitude.AMSL, timed=False)
+def test_autopilot_and_altitude_on_request(hop: Plan, tmp_path: Path) -> None:
+    export(hop, tmp_path, formats=["plan"], firmware=Autopilot.PX4, altitude=Altitude.AMSL, timed=False)
     plan = read_plan_file((tmp_path / "uav1.plan").read_bytes(), "p")
     assert plan.firmware is Autopilot.PX4
     assert {i.frame for i in plan.items} == {0, 2}
     index = json.loads((tmp_path / INDEX).read_text())
     assert (index["firmware"], index["altitude"]) == ("px4", "amsl")
-    assert set(index["sha256"]) == {f"uav{sysid}.plan" for sysid in simulation1_plan.sysids}
+    assert set(index["sha256"]) == {f"uav{sysid}.plan" for sysid in hop.sysids}
 
 
-def test_px4_counts_no_home(simulation1_plan: Plan, tmp_path: Path) -> None:
-    options = simulation1_plan.scenario.mission.model_copy(update={"autopilot": "px4"})
-    plan = replace(simulation1_plan, scenario=simulation1_plan.scenario.model_copy(update={"mission": options}))
+def test_px4_counts_no_home(hop: Plan, tmp_path: Path) -> None:
+    options = hop.scenario.mission.model_copy(update={"autopilot": "px4"})
+    plan = replace(hop, scenario=hop.scenario.model_copy(update={"mission": options}))
     export(plan, tmp_path, setpoint_rate_hz=2, timed=False)
     file = read_waypoints((tmp_path / "uav1.waypoints").read_bytes(), "w", home_first=False)
     assert file.items == build_missions(plan)[0].items
     assert json.loads((tmp_path / "uav1.plan").read_text())["mission"]["firmwareType"] == 12
 
 
-def test_the_same_plan_gives_the_same_bytes_and_replaces_the_old(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_the_same_plan_gives_the_same_bytes_and_replaces_the_old(hop: Plan, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    export(simulation1_plan, out, setpoint_rate_hz=2)
+    export(hop, out, setpoint_rate_hz=2)
     before = contents(out)
     (out / "uav3.plan").write_text("damaged")
-    export(simulation1_plan, out, setpoint_rate_hz=2)
+    export(hop, out, setpoint_rate_hz=2)
     assert contents(out) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
 def test_a_failure_on_the_way_leaves_the_old_export(
-    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    export(simulation1_plan, out, setpoint_rate_hz=2)
+    export(hop, out, setpoint_rate_hz=2)
     before = contents(out)
 
     def full(_: int) -> None:
@@ -146,16 +146,16 @@ def test_a_failure_on_the_way_leaves_the_old_export(
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
-        export(simulation1_plan, out, setpoint_rate_hz=5)
+        export(hop, out, setpoint_rate_hz=5)
     assert contents(out) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
 def test_a_folder_that_cannot_be_swapped_in_is_put_back(
-    simulation1_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    export(simulation1_plan, out, setpoint_rate_hz=2)
+    export(hop, out, setpoint_rate_hz=2)
     before = contents(out)
     rename = Path.rename
 
@@ -166,29 +166,29 @@ def test_a_folder_that_cannot_be_swapped_in_is_put_back(
 
     monkeypatch.setattr(Path, "rename", refuse_new)
     with pytest.raises(PermissionError):
-        export(simulation1_plan, out, setpoint_rate_hz=5)
+        export(hop, out, setpoint_rate_hz=5)
     assert contents(out) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_what_no_export_made_is_never_replaced(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_what_no_export_made_is_never_replaced(hop: Plan, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    export(simulation1_plan, out, setpoint_rate_hz=2)
+    export(hop, out, setpoint_rate_hz=2)
     (out / "notes.txt").write_text("mine")
     with pytest.raises(UsageError, match=r"notes\.txt"):
-        export(simulation1_plan, out, setpoint_rate_hz=2)
+        export(hop, out, setpoint_rate_hz=2)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.jpg").write_bytes(b"")
     with pytest.raises(UsageError, match=r"cat\.jpg"):
-        export(simulation1_plan, tmp_path / "photos", setpoint_rate_hz=2)
+        export(hop, tmp_path / "photos", setpoint_rate_hz=2)
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="is a file"):
-        export(simulation1_plan, tmp_path / "file", setpoint_rate_hz=2)
+        export(hop, tmp_path / "file", setpoint_rate_hz=2)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other", "sha256": {}}'])
-def test_somebody_elses_index(simulation1_plan: Plan, tmp_path: Path, text: str) -> None:
+def test_somebody_elses_index(hop: Plan, tmp_path: Path, text: str) -> None:
     (tmp_path / INDEX).write_text(text)
     with pytest.raises(FileFormatError, match="not the index of an export"):
-        export(simulation1_plan, tmp_path, setpoint_rate_hz=2)
+        export(hop, tmp_path, setpoint_rate_hz=2)
     assert (tmp_path / INDEX).read_text() == text

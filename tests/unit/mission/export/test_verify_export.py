@@ -38,21 +38,21 @@ def moved(file: MissionFile, index: int, **changes: object) -> MissionFile:
 
 
 def sunk(file: MissionFile) -> MissionFile:
-    return moved(file, 40, alt_m=file.items[40].alt_m - 30.0)
+    return moved(file, 5, alt_m=file.items[5].alt_m - 30.0)
 
 
 def strayed(file: MissionFile) -> MissionFile:
-    return moved(file, 40, lat_degE7=file.items[40].lat_degE7 + 100_000)
+    return moved(file, 5, lat_degE7=file.items[5].lat_degE7 + 100_000)
 
 
 def raced(file: MissionFile) -> MissionFile:
     speeds = [n for n, item in enumerate(file.items) if item.command == 178]
-    return moved(file, speeds[20], params=(1.0, 9.0, -1.0, 0.0))
+    return moved(file, speeds[1], params=(1.0, 9.0, -1.0, 0.0))
 
 
 def gathered(file: MissionFile) -> MissionFile:
     """The first waypoint of all vehicles in one place."""
-    return moved(file, 3, lat_degE7=473976200, lon_degE7=85453900)
+    return moved(file, 3, lat_degE7=-353632572, lon_degE7=1491652390)
 
 
 def unknown(file: MissionFile) -> MissionFile:
@@ -62,55 +62,54 @@ def unknown(file: MissionFile) -> MissionFile:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (sunk, r"\[terrain\] item 41: flies into the ground"),
+        (sunk, r"\[terrain\] item 6: flies into the ground"),
         (strayed, r"\[fence\] item \d+: leaves the fence"),
         (raced, r"\[speed\] .* m/s"),
-        (gathered, r"\[separation\] .* m from the vehicle of uav\d.plan; at least 0.3 m"),
+        (gathered, r"\[separation\] .* m from the vehicle of uav\d.plan; at least 2 m"),
         (unknown, r"\[command\] item 2: ArduCopter does not execute command 9999"),
     ],
 )
 def test_a_file_that_does_not_hold_is_not_written(
-    simulation1_plan: Plan, tmp_path: Path, change: Tamper, reason: str
+    hop: Plan, tmp_path: Path, change: Tamper, reason: str
 ) -> None:
-    export(simulation1_plan, tmp_path / "out", formats=["plan"], timed=False)
+    export(hop, tmp_path / "out", formats=["plan"], timed=False)
     before = (tmp_path / "out" / "uav1.plan").read_bytes()
     with pytest.raises(VerificationError, match=reason) as caught:
-        export(simulation1_plan, tmp_path / "out", formats=[tampered("plan", change)], timed=False)
+        export(hop, tmp_path / "out", formats=[tampered("plan", change)], timed=False)
     assert "setpoint stream" in caught.value.hint
     assert (tmp_path / "out" / "uav1.plan").read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.slow
-def test_two_formats_must_hold_one_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_two_formats_must_hold_one_mission(hop: Plan, tmp_path: Path) -> None:
     def other(file: MissionFile) -> MissionFile:
         return moved(file, 0, autocontinue=False)
 
     formats = ["plan", tampered("waypoints", other)]
     with pytest.raises(VerificationError, match=r"uav1\.plan and uav1\.waypoints hold different missions"):
-        export(simulation1_plan, tmp_path / "out", formats=formats)
+        export(hop, tmp_path / "out", formats=formats)
 
 
-def test_a_plan_file_without_its_fence_is_not_the_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
+def test_a_plan_file_without_its_fence_is_not_the_mission(hop: Plan, tmp_path: Path) -> None:
     def unfenced(file: MissionFile) -> MissionFile:
         return replace(file, geofence=NO_FENCE, rally=())
 
     with pytest.raises(VerificationError, match=r"hold different missions"):
-        export(simulation1_plan, tmp_path / "out", formats=[tampered("plan", unfenced), "waypoints"])
+        export(hop, tmp_path / "out", formats=[tampered("plan", unfenced), "waypoints"])
 
 
 @pytest.mark.parametrize("firmware", list(Autopilot))
 @pytest.mark.parametrize("altitude", [Altitude.RELATIVE, Altitude.AMSL])
 def test_what_is_written_holds_for_both_autopilots(
-    simulation1_plan: Plan, tmp_path: Path, firmware: Autopilot, altitude: Altitude
+    hop: Plan, tmp_path: Path, firmware: Autopilot, altitude: Altitude
 ) -> None:
     formats = ["plan", "waypoints"]
-    index = export(simulation1_plan, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)
+    index = export(hop, tmp_path, formats=formats, firmware=firmware, altitude=altitude, timed=False)
     report = index.report
     assert report is not None
     assert {f.level.value for f in report.findings} <= {"note"}
     assert report.closest is not None
-    assert report.closest.distance_m >= simulation1_plan.scenario.judge.separation_min_m
+    assert report.closest.distance_m >= hop.scenario.judge.separation_min_m
     verified = json.loads((tmp_path / INDEX).read_text())["verified"]
     assert verified["separation_min_m"] == pytest.approx(report.closest.distance_m, abs=1e-5)
     assert verified["clearance_min_m"] == pytest.approx(report.clearance_min_m, abs=1e-5)
@@ -118,7 +117,7 @@ def test_what_is_written_holds_for_both_autopilots(
     assert report.closest.proved_m - 1e-5 <= verified["separation_proved_m"] <= report.closest.proved_m
     assert report.clearance_proved_m is not None
     assert report.clearance_proved_m - 1e-5 <= verified["clearance_proved_m"] <= report.clearance_proved_m
-    assert verified["clearance_proved_m"] >= limits_of(simulation1_plan.scenario).clearance_m - 0.01
+    assert verified["clearance_proved_m"] >= limits_of(hop.scenario).clearance_m - 0.01
 
 
 def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan, tmp_path: Path) -> None:
@@ -127,16 +126,16 @@ def test_a_flight_along_the_ground_is_not_the_planned_one(simulation1_plan: Plan
         export(simulation1_plan, tmp_path, formats=["plan"], altitude=Altitude.TERRAIN)
 
 
-def test_waypoints_outside_the_box(simulation1_plan: Plan) -> None:
-    missions = build_missions(simulation1_plan)
-    verify_box(simulation1_plan, missions, Altitude.RELATIVE)
-    limits = simulation1_plan.scenario.limits.model_copy(update={"north_m": (0.0, 700.0)})
-    narrow = replace(simulation1_plan, scenario=simulation1_plan.scenario.model_copy(update={"limits": limits}))
+def test_waypoints_outside_the_box(hop: Plan) -> None:
+    missions = build_missions(hop)
+    verify_box(hop, missions, Altitude.RELATIVE)
+    limits = hop.scenario.limits.model_copy(update={"north_m": (-20.0, 30.0)})
+    narrow = replace(hop, scenario=hop.scenario.model_copy(update={"limits": limits}))
     with pytest.raises(VerificationError, match=r"waypoint \d+ of vehicle 1 is .* m outside the north limits"):
         verify_box(narrow, missions, Altitude.RELATIVE)
 
 
-def test_streams_alone_need_no_mission(simulation1_plan: Plan, tmp_path: Path) -> None:
-    index = export(simulation1_plan, tmp_path, formats=["setpoints"], setpoint_rate_hz=2)
+def test_streams_alone_need_no_mission(hop: Plan, tmp_path: Path) -> None:
+    index = export(hop, tmp_path, formats=["setpoints"], setpoint_rate_hz=2)
     assert index.report is None
     assert json.loads((tmp_path / INDEX).read_text())["verified"] is None
