@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from gcs.plan.trajectory.plan import Plan
 from gcs.scenario.load import load_scenario
@@ -25,6 +26,8 @@ for module, name, *makers in (
     place = import_module(module)
     setattr(place, name, kept(getattr(place, name), *makers))
 
+settings.register_profile("suite", max_examples=40, deadline=None)
+settings.load_profile("suite")
 LONG = ("test_readme.py", "test_backends.py", "test_style.py", "test_hostile.py", "test_fly.py", "test_mishaps.py")
 
 

@@ -1,7 +1,8 @@
 """Plans and verdicts that tests share: kept on disk by what they are made from, and by the source of what makes them.
 
-Workers of one run, later runs and CI find them there. A change of any file that takes part in planning or verifying makes
-other names, so that nothing old is ever found. `SKEIN_TEST_CACHE` names the folder; what was not used for a week goes.
+Workers of one run, later runs and CI find them there. A change of any file that takes part in planning or verifying
+makes other names, so that nothing old is ever found. `SKEIN_TEST_CACHE` names the folder; what was not used for a week
+goes.
 """
 
 from __future__ import annotations

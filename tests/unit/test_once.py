@@ -22,7 +22,13 @@ def test_once_for_each_content_and_each_set_of_arguments() -> None:
         calls.append(thing.content + how)
         return len(calls)
 
-    asked = [count(Thing("a")), count(Thing("a")), count(Thing("b")), count(Thing("a"), "x"), count(Thing("a"), how="x")]
+    asked = [
+        count(Thing("a")),
+        count(Thing("a")),
+        count(Thing("b")),
+        count(Thing("a"), "x"),
+        count(Thing("a"), how="x"),
+    ]
     assert asked == [1, 1, 2, 3, 4]
     assert calls == ["a", "b", "ax", "ax"]
 

@@ -1,7 +1,7 @@
 """What the documents tell people to type is typed here.
 
 Blocks ```sh and ```python of README.md, docs/*.md and missions/*/README.md run from top to bottom in a copy of the
-tree (those of long documents with -m slow), each document in a copy of its own. An HTML comment on the line before a
+tree (with -m slow), each document in a copy of its own. An HTML comment on the line before a
 block says when not to: `<!-- run: in tests/x.py -->` names the test that does it instead (which must exist), `<!--
 run: no, because ... -->` gives a reason. In an sh block a line may begin with `$ `; then the lines without it are what
 the command prints.
@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -60,22 +61,13 @@ def name_of(file: Path) -> str:
 
 
 BLOCKS = {name_of(file): blocks_of(file.read_text(encoding="utf-8"), name_of(file)) for file in documents()}
+ALL = [block for blocks in BLOCKS.values() for block in blocks]
 
 
-# Documents whose blocks take seconds; those of all others are run with -m slow.
-QUICK = (
-    *("README.md", "docs/flying.md", "docs/links.md", "docs/python.md", "docs/sim_bridge.md"),
-    "missions/ridge/README.md",
-)
-
-
-@pytest.mark.parametrize(
-    "document", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in BLOCKS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("document", [name for name, blocks in BLOCKS.items() if any(not b.note for b in blocks)])
 def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
     runnable = [block for block in BLOCKS[document] if not block.note]
-    if not runnable:
-        return
     copy = tmp_path / "skein"
     copy.mkdir()
     for name in COPIED:
@@ -96,35 +88,34 @@ def test_the_blocks_of_a_document_run(document: str, tmp_path: Path) -> None:
         assert done.returncode == 0, f"{where} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
 
 
-@pytest.mark.parametrize("document", BLOCKS)
-def test_what_does_not_run_here_has_a_test_or_a_reason(document: str) -> None:
-    for block in BLOCKS[document]:
+def test_what_does_not_run_here_has_a_test_or_a_reason() -> None:
+    for block in ALL:
+        where = f"{block.document}:{block.line}"
         if block.note.startswith("in "):
-            assert (ROOT / block.note.removeprefix("in ")).is_file(), f"{document}:{block.line}: {block.note}"
+            assert (ROOT / block.note.removeprefix("in ")).is_file(), f"{where}: {block.note}"
         elif block.note:
-            assert re.match(r"no, because \S", block.note), f"{document}:{block.line}: {block.note}"
+            assert re.match(r"no, because \S", block.note), f"{where}: {block.note}"
 
 
-@pytest.mark.parametrize("document", BLOCKS)
-def test_long_commands_are_left_to_the_end_to_end_test(document: str) -> None:
+def test_long_commands_are_left_to_the_end_to_end_test() -> None:
     """A flight takes most of a minute: one test flies it, and the block names that test. The tutorial flies its own."""
-    for block in BLOCKS[document]:
-        quick = document == "docs/tutorial.md" and "--sim --speedup max" in block.commands
+    for block in ALL:
+        quick = block.document == "docs/tutorial.md" and "--sim --speedup max" in block.commands
         heavy = not quick and re.search(r"\bgcs fly\b|\bpytest\b|\bsim-bridge\b", block.commands)
-        assert not heavy or block.note, f"{document}:{block.line}: put `<!-- run: in tests/... -->` before it"
+        assert not heavy or block.note, f"{block.document}:{block.line}: put `<!-- run: in tests/... -->` before it"
 
 
-@pytest.mark.parametrize("document", documents(), ids=name_of)
-def test_links_inside_the_repository_lead_somewhere(document: Path) -> None:
-    for target, anchor in re.findall(r"\]\(([^)#]*?)(?:#([^)]*))?\)", document.read_text(encoding="utf-8")):
-        if "://" in target or target.startswith("mailto:"):
-            continue
-        there = document.parent / target if target else document
-        assert there.exists(), f"{document.name}: {target}"
-        if anchor:
-            assert anchor in anchors(there), f"{document.name}: {target}#{anchor}"
+def test_links_inside_the_repository_lead_somewhere() -> None:
+    for document in documents():
+        for target, anchor in re.findall(r"\]\(([^)#]*?)(?:#([^)]*))?\)", document.read_text(encoding="utf-8")):
+            if "://" in target or target.startswith("mailto:"):
+                continue
+            there = document.parent / target if target else document
+            assert there.exists(), f"{document.name}: {target}"
+            assert not anchor or anchor in anchors(there), f"{document.name}: {target}#{anchor}"
 
 
+@cache
 def anchors(file: Path) -> set[str]:
     """What links to headings may name, as they are made on GitHub."""
     headings = re.findall(r"^#+ +(.+?) *$", file.read_text(encoding="utf-8"), re.M)

@@ -34,7 +34,7 @@ shards = st.one_of(
         [b"nan", b"inf", b"-", b"1e999", b"9" * 400, b"\t", b",", b"\n", b"\r", b"\0", b"[", b"null", b'"']
     ),
 )
-slow = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+slow = settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow])
 
 
 @pytest.mark.parametrize("name", [n for n in WHOLE if not n.startswith(("cut", "older", "with_remarks"))])
@@ -125,7 +125,7 @@ def hop_m(alt_m: float) -> MissionItem:
     return MissionItem(16, 3, (0.0, -1.0, 0.0, 0.0), 474_000_000, 85_000_000, alt_m)
 
 
-@settings(slow, max_examples=25)
+@settings(slow, max_examples=8)
 @example(Autopilot.PX4, (hop_m(2.0), hop_m(1.0)))  # its last step is one of whole tenths of a second
 @given(st.sampled_from(Autopilot), st.lists(nearby, min_size=1, max_size=6).map(tuple))
 def test_any_items_are_flown_by_the_model_to_the_end(firmware: Autopilot, some: tuple[MissionItem, ...]) -> None:

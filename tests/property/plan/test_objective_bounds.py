@@ -77,7 +77,7 @@ def trajectories(draw: st.DrawFn, chains: int) -> Trajectory:
 
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("term", TERMS, ids=by_name)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(data=st.data())
 def test_no_trajectory_costs_less_than_the_bound_of_any_term(
     simulation1: Scenario, name: str, term: ObjectiveTerm, data: st.DataObject
@@ -110,7 +110,7 @@ def test_the_terms_add_up_to_the_cost_of_the_optimised_flight(simulation1: Scena
     assert total == pytest.approx(optimum.objective, rel=0.02)  # the program weighs fewer instants
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(length_m=st.floats(30.0, 200.0), share=st.floats(0.0, 1.0))
 def test_the_bound_of_a_free_time_holds_at_every_time(simulation1: Scenario, length_m: float, share: float) -> None:
     problem = PROBLEMS["free time"](simulation1)

@@ -57,6 +57,7 @@ def test_a_large_folder_is_not_read_whole(tmp_path: Path) -> None:
     assert missions(f"{tmp_path}/") == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 def test_bash_completes_what_install_completion_installed(place: Path) -> None:
     home = place / "home"

@@ -28,6 +28,7 @@ def is_drawn(path: Path) -> bool:
     return bool(np.ptp(image.imread(path)[..., :3]) > 0.5)
 
 
+@pytest.mark.slow
 def test_a_new_scenario_plans_at_once_and_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert gcs("new", tmp_path / "first", "--at", "-33.4", "-70.6", "740") == 0
     assert f"next: gcs plan {tmp_path / 'first'}" in capsys.readouterr().out

@@ -103,12 +103,8 @@ def gcs(*arguments: str, stdout: IO[str] | int) -> subprocess.CompletedProcess[b
     ("arguments", "code"),
     [
         (("show", "no/such", "--json"), 3),
-        (("show", "no/such"), 3),
-        (("fly", "no/such", "--json"), 2),
         (("nonsense", "--json"), 2),
-        (("schema",), 1),
         (("--help",), 1),
-        ((), 1),
     ],
     ids=str,
 )

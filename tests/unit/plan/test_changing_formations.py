@@ -24,7 +24,7 @@ from tests.unit.plan.formations import BEYOND, FLIGHTS, GATE, PASS, SHRINK, TURN
 from tests.unit.plan.problems import changed
 
 AUTOMATIC = ["auto shrink", "auto turn", "auto reshape", "auto shrink in a pass"]
-LONG = ("course", "auto turn", "auto reshape")  # to plan
+LONG = ("course", "course and schedule", "auto turn", "auto reshape", "auto shrink in a pass")  # to plan
 
 
 def by_length(names: Iterable[str]) -> list[Any]:

@@ -124,6 +124,7 @@ def test_changes_come_in_order_at_their_time_or_place(plan_of: Callable[[str], P
     assert sorted(map(tuple, np.round(after, 6) + 0.0)) == sorted(map(tuple, np.round(before, 6) + 0.0))
 
 
+@pytest.mark.slow
 def test_ridge_is_crossed_where_the_elevation_model_is_low(plan_of: Callable[[str], Plan]) -> None:
     """Planned as if the ground were level, six vehicles fly into the ridge, which stands between two nodes."""
     plan = plan_of("ridge/scenario.toml")

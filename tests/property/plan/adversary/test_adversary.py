@@ -41,7 +41,7 @@ WHERE = {
 # The short form flies where the verifier needs a tenth of a second. Zones come as surprises; `test_found` has a vehicle
 # out of its place.
 SHORT = {name: ("meadow",) for name, places in WHERE.items() if "meadow" in places and name != PLACE}
-SHORT |= {CLEARANCE: ("ripple",), "acceleration": ("hills",)}
+SHORT |= {CLEARANCE: ("ripple",)}
 BENT = {"course": (HEADING, PLACE), **dict.fromkeys(("breathing", "swinging", "folding"), (PLACE,))}
 LONGER = BENT | {"course": (*BENT["course"], "pitch", "separation", "north speed")}
 SURPRISED = {name: ("hills",) if name == "needle" else ("meadow", "ripple", "stairs") for name in SURPRISES}
@@ -145,13 +145,10 @@ def test_a_bent_plan_fails_for_what_is_bent(name: str, data: st.DataObject) -> N
     attack(data, name, SHORT[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "name"),
-    [
-        pytest.param(where, name, marks=() if where == "course" else pytest.mark.slow)
-        for where, names in BENT.items()
-        for name in names
-    ],
+    [(where, name) for where, names in BENT.items() for name in names],
 )
 @few
 @given(data=st.data())

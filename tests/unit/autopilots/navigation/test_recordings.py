@@ -38,6 +38,7 @@ def tried(model: Model) -> dict[tuple[float, ...], dict[str, Array]]:
     return {pair: {one.name: errors_s(model.make(pair), one) for one in recordings} for pair in values}
 
 
+@pytest.mark.slow
 @EACH
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_a_mission_that_was_not_fitted_is_predicted(model: Model, mission: str) -> None:

@@ -134,9 +134,7 @@ def test_the_same_plan_gives_the_same_bytes_and_replaces_the_old(hop: Plan, tmp_
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_a_failure_on_the_way_leaves_the_old_export(
-    hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_on_the_way_leaves_the_old_export(hop: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
     export(hop, out, setpoint_rate_hz=2)
     before = contents(out)

@@ -69,9 +69,7 @@ def unknown(file: MissionFile) -> MissionFile:
         (unknown, r"\[command\] item 2: ArduCopter does not execute command 9999"),
     ],
 )
-def test_a_file_that_does_not_hold_is_not_written(
-    hop: Plan, tmp_path: Path, change: Tamper, reason: str
-) -> None:
+def test_a_file_that_does_not_hold_is_not_written(hop: Plan, tmp_path: Path, change: Tamper, reason: str) -> None:
     export(hop, tmp_path / "out", formats=["plan"], timed=False)
     before = (tmp_path / "out" / "uav1.plan").read_bytes()
     with pytest.raises(VerificationError, match=reason) as caught:

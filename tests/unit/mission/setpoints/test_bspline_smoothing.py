@@ -147,9 +147,7 @@ def test_a_speed_between_two_samples_is_found(hop: Plan, path: SmoothPath) -> No
     t_s = np.linspace(path.spline.t[0], np.nextafter(path.spline.t[-1], 0.0), 200_001)
     fastest = np.abs(path.at(t_s)[1]).max(axis=(0, 1))
     for share, violated in ((0.999, True), (1.0 + 2e-4, False)):
-        limits = hop.scenario.limits.model_copy(
-            update={"speed_ned_mps": tuple((share * fastest).tolist())}
-        )
+        limits = hop.scenario.limits.model_copy(update={"speed_ned_mps": tuple((share * fastest).tolist())})
         scenario = hop.scenario.model_copy(update={"limits": limits})
         texts = path_bounds(replace(hop, scenario=scenario), path.spline, 0.0).violated
         assert sum("speed" in text for text in texts) == (3 if violated else 0)
