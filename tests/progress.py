@@ -1,6 +1,6 @@
 """One line for each area of the tests when it is done, in place of one dot for each test.
 
-An area is a room (`unit/plan`) or, among tests on real sockets, a file. A failed test is named at once.
+An area is a folder (`unit/plan`) or, among tests on real sockets, a file. A failed test is said at once, in words.
 """
 
 from __future__ import annotations
@@ -10,13 +10,23 @@ from pathlib import PurePosixPath
 
 import pytest
 
-BY_FILE = ("bridge", "clients")
+BY_FILE = ("bridge", "clients", "hostile")
 
 
 def area_of(nodeid: str) -> str:
     """The area of a test: two folders below `tests`, or the file."""
     parts = PurePosixPath(nodeid.split("::", maxsplit=1)[0]).parts[1:]
     return "/".join(parts[:2] if len(parts) > 2 or parts[0] in BY_FILE else parts[:1])
+
+
+def in_words(report: pytest.TestReport) -> str:
+    """The file, the promise that is not kept (a test's name is one), and the first line of the reason."""
+    file, _, name = report.nodeid.partition("::")
+    promise = name.replace("test_", "", 1).replace("::", ": ").replace("_", " ")
+    crash = getattr(report.longrepr, "reprcrash", None)
+    reason = str(crash.message if crash else report.longrepr).strip().splitlines() or [""]
+    when = "" if report.when == "call" else f" ({report.when})"
+    return f"{file}: {promise}{when}: {reason[0]}"
 
 
 class AreaProgress:
@@ -52,7 +62,7 @@ class AreaProgress:
         self._seconds[area] += report.duration
         if report.failed:
             seen["failed"] += 1
-            self._reporter.write_line(f"FAILED {report.nodeid} ({report.when})", red=True)
+            self._reporter.write_line(f"FAILED {in_words(report)}", red=True)
         elif report.skipped or (report.when == "call" and report.passed):
             seen[report.outcome] += 1
         if report.when == "teardown":
