@@ -23,6 +23,7 @@ GRIDS = {
     "px4": ((0.5, 1.25, 2.0, 3.0), (0.3, 0.45, 0.6)),
 }
 GOALS_S = {"ardupilot": 0.5, "px4": 2.0}  # RMS of all waypoints of a mission that was not fitted
+SHORTEST = {"ardupilot": "b", "px4": "c"}  # to fit
 EACH = pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 
 
@@ -71,8 +72,14 @@ def test_the_table_of_residuals_is_what_the_recordings_say(residual: Residual) -
     assert error[np.abs(error).argmax()] == pytest.approx(residual.worst_s, abs=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("residual", RESIDUALS, ids=lambda r: f"{r.navigator}-{r.mission}")
+@pytest.mark.parametrize(
+    "residual",
+    [
+        pytest.param(r, marks=pytest.mark.slow if r.mission == SHORTEST[r.navigator] else pytest.mark.long)
+        for r in RESIDUALS
+    ],
+    ids=lambda r: f"{r.navigator}-{r.mission}",
+)
 def test_the_errors_of_missions_without_fit_are_those_of_the_table(residual: Residual) -> None:
     model = next(model for model in MODELS if model.name == residual.navigator)
     recordings = {name: read_recording(RECORDINGS / model.folder, name) for name in MISSIONS}
