@@ -78,7 +78,7 @@ def test_in_sheared_wind_a_vehicle_above_the_leader_leans_too_far(simulation1: S
     assert failure.worst <= 0.95 * (limit - most.max())  # roll takes a little of the tilt
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_field_in_sheared_wind_with_vehicles_that_lean_too_far(repo_root: Path) -> None:
     """8 m/s at 10 m with an exponent of 0.4: planned with 35 degrees, it is refused with 25."""
     field = load_scenario(repo_root / "missions" / "field")
