@@ -14,7 +14,7 @@ from gcs.mavlink_names import SENSORS
 from gcs.scenario.load import load_scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
 from sim_bridge.sim.vehicle_factory import VehicleFactory
-from tools.replay.stage import Stage
+from tests.replay.harness import Stage
 
 # Of ten requests, each made when the message of the one before was there: accepted, least and most as recorded.
 RECORDED = {

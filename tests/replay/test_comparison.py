@@ -9,11 +9,11 @@ import pytest
 
 from gcs.link.wire.codec import Codec
 from gcs.link.wire.message import Message, Station
-from tools.replay import meant
-from tools.replay.compare import compare
-from tools.replay.player import Begun, Played
-from tools.replay.recording import Recording, Row, Step, read
-from tools.replay.stage import Told
+from tests.replay import known_differences as meant
+from tests.replay.compare import compare
+from tests.replay.harness import Told
+from tests.replay.player import Begun, Played
+from tests.replay.recording import Recording, Row, Step, read
 
 VEHICLE = Station(1, 1)
 ATTITUDE = {"time_boot_ms": 0, **dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.0)}

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from gcs.link.wire.message import Message
 from gcs.mavlink import MavCommand, MessageId
-from tools.replay.recording import Step
-from tools.replay.saying import REPEATED, STANDING, TALK, Saying, equal, saying
-from tools.replay.stage import Told
+from tests.replay.harness import Told
+from tests.replay.recording import Step
+from tests.replay.wording import REPEATED, STANDING, TALK, Saying, equal, saying
 
 STREAM_S = 1.2  # until a stream of 1 Hz tells what is new
 _REQUESTS = (MavCommand.REQUEST_MESSAGE, MavCommand.GET_HOME_POSITION)

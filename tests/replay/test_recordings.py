@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import pytest
 
-from tools.replay.meant import MEANT
-from tools.replay.recording import AUTOPILOTS, KEPT, KEPT_SCENES, SCENES, find
-from tools.replay_traces import Scene, replay, stale
+from tests.replay.__main__ import Scene, replay, stale
+from tests.replay.known_differences import MEANT
+from tests.replay.recording import AUTOPILOTS, KEPT, KEPT_SCENES, SCENES, find
 
 STEPS = {"arducopter-4.5.6": 1202, "arducopter-4.7dev": 1201, "px4-1.17dev": 1142}
 KEPT_STEPS = {"arducopter-4.5.6": 259, "arducopter-4.7dev": 258, "px4-1.17dev": 237}

@@ -17,10 +17,10 @@ from gcs.mavlink import MavCommand, ModeFlag
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S
 from sim_bridge.personality import Personality
-from tools.replay.recording import Recording, Row, Step
-from tools.replay.saying import BY_THE_WAY, STANDING, TALK, saying
-from tools.replay.stage import Stage, Told
-from tools.replay.talk import STREAM_S
+from tests.replay.harness import Stage, Told
+from tests.replay.recording import Recording, Row, Step
+from tests.replay.transcript import STREAM_S
+from tests.replay.wording import BY_THE_WAY, STANDING, TALK, saying
 
 TIMERS_MAY_DIFFER = 0.2
 _REACTION_S = 0.03  # what came no longer ago is what the ground station had waited for

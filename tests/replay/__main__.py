@@ -1,9 +1,9 @@
 """Play recorded scenes against the emulated vehicles and count what differs:
 
-    ./tools/run python tools/replay_traces.py [--autopilot NAME] [--scene NAME] [--verbose] [--all] [FOLDER]
+    ./tools/run python -m tests.replay [--autopilot NAME] [--scene NAME] [--verbose] [--all] [FOLDER]
 
 Prints for each scene how many steps are the same, differ as they are meant to, or differ; then what differs.
-Exit code 1 if something differs that `tools/replay/meant.py` does not list, or an entry there explains nothing.
+Exit code 1 if something differs that `known_differences` does not list, or an entry there explains nothing.
 """
 
 from __future__ import annotations
@@ -16,18 +16,16 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from gcs.scenario.load import load_scenario
 from gcs.scenario.schema.scenario import Scenario
 from sim_bridge.personality import ARDUPILOT, PX4, Personality
-from tools.replay.compare import compare
-from tools.replay.meant import MEANT, Meant, streams_of, why
-from tools.replay.player import play
-from tools.replay.recording import AUTOPILOTS, SCENES, TRACES, find, read
-from tools.replay.verdict import Verdict
+from tests.replay.compare import compare
+from tests.replay.known_differences import MEANT, Meant, streams_of, why
+from tests.replay.player import play
+from tests.replay.recording import AUTOPILOTS, SCENES, TRACES, find, read
+from tests.replay.verdict import Verdict
 
-VEHICLE = Path(__file__).resolve().parent.parent / "missions" / "field"
+VEHICLE = Path(__file__).resolve().parents[2] / "missions" / "field"
 SPEEDS_MPS = (12.0, 12.0, 3.2)  # what the recorded vehicles can, whatever our mission allows itself
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 
-from tools.replay.player import TIMERS_MAY_DIFFER, Begun, Played
-from tools.replay.rates import compare_rates
-from tools.replay.recording import Recording
-from tools.replay.saying import BY_THE_WAY, STANDING, TALK, differences, equal
-from tools.replay.talk import STREAM_S, Talk, heard, said_here, talk_of
-from tools.replay.verdict import Verdict
+from tests.replay.player import TIMERS_MAY_DIFFER, Begun, Played
+from tests.replay.rates import compare_rates
+from tests.replay.recording import Recording
+from tests.replay.transcript import STREAM_S, Talk, heard, said_here, talk_of
+from tests.replay.verdict import Verdict
+from tests.replay.wording import BY_THE_WAY, STANDING, TALK, differences, equal
 
 _LATENCY_S = 0.25
 _TOGETHER_S = 0.05  # sayings by the way have no order within this time

@@ -1,6 +1,6 @@
 """Differences from the recorded autopilots that are meant, each with its reason.
 
-Knows: the words in which `tools.replay.compare` tells a difference. Does not know: how differences are found.
+Knows: the words in which `tests.replay.compare` tells a difference. Does not know: how differences are found.
 An entry that explains nothing any more is a mistake: the tool names it.
 """
 

@@ -9,11 +9,11 @@ from collections import Counter
 from itertools import pairwise
 
 from gcs.mavlink import MavCommand
-from tools.replay.player import TIMERS_MAY_DIFFER, Played
-from tools.replay.recording import Recording, Step
-from tools.replay.saying import TALK
-from tools.replay.talk import Uttered, heard, is_talk, said_here
-from tools.replay.verdict import Verdict
+from tests.replay.player import TIMERS_MAY_DIFFER, Played
+from tests.replay.recording import Recording, Step
+from tests.replay.transcript import Uttered, heard, is_talk, said_here
+from tests.replay.verdict import Verdict
+from tests.replay.wording import TALK
 
 _SHORTEST_S = 2.5
 _EDGES = 1.5  # messages that fall on this or that side of a stretch's ends
