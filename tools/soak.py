@@ -27,7 +27,7 @@ import numpy as np
 import gcs
 from gcs.scenario.schema.scenario import Scenario
 from gcs.scenario.validation.cross_table import check
-from tools.bench.process_sample import Sample, sample
+from tools.bench.memory import Sample, sample
 
 ROOT = Path(__file__).resolve().parent.parent
 COLUMNS = ("leg", "wall_s", "flown_s", "process", "rss_mb", "files", "threads", "cpu_s", "log_mb")

@@ -49,9 +49,9 @@ class Findings:
         )
 
 
-def trajectory(result: dict[str, Any], joints_s: list[float]) -> Trajectory:
+def trajectory(result: dict[str, Any]) -> Trajectory:
     """The polynomials through a contender's points."""
-    joints = np.array(result.get("joints_s", joints_s))
+    joints = np.array(result["joints_s"])
     return Trajectory(
         *(PPoly(_coefficients(result[f"{part}_tau"], result[part], joints), joints) for part in ("state", "control"))
     )
