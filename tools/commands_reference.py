@@ -1,4 +1,4 @@
-"""Writes docs/commands.md, every command with its options:  ./tools/run python tools/commands_reference.py"""
+"""Every command with its options as a page, docs/commands.md; `tools/reference.py` writes it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Any
 import typer
 
 from gcs.cli.main import PANELS, app
-from gcs.files import atomic_write
-from tools.reference import DOCS
+from tools.markdown import table
 
 HEAD = """# Commands of gcs
 
@@ -52,7 +51,7 @@ def _command(command: Any) -> str:
     rows = [_row(p) for p in (*arguments, *options) if p.name not in _EVERYWHERE]
     parts = [f"### `{usage}`", text]
     if rows:
-        parts.append("\n".join(["| argument, option | what | if left out |", "| --- | --- | --- |", *rows]))
+        parts.append(table(("argument, option", "what", "if left out"), rows).rstrip())
     if not any(p.name == "json" for p in options):
         parts.append("It has no `--json`.")
     if examples:
@@ -67,13 +66,12 @@ def split_help(help_text: str) -> tuple[str, list[str]]:
     return text.strip(), [line.strip() for line in lines if line.strip()]
 
 
-def _row(parameter: Any) -> str:
+def _row(parameter: Any) -> tuple[str, str, str]:
     is_option = parameter.opts[0].startswith("-")
     name = ", ".join(parameter.opts) if is_option else parameter.metavar
     if is_option and not parameter.is_flag:
         name += f" {parameter.metavar or parameter.opts[0].strip('-').replace('-', '_').upper()}"
-    name = f"**`{name}`**" if parameter.required else f"`{name}`"
-    return f"| {name} | {_cell(parameter.help)} | {_cell(_default(parameter))} |"
+    return f"**`{name}`**" if parameter.required else f"`{name}`", parameter.help, _default(parameter)
 
 
 def _default(parameter: Any) -> str:
@@ -84,12 +82,3 @@ def _default(parameter: Any) -> str:
         return ""
     default = parameter.default
     return f"`{' '.join(map(str, default)) if isinstance(default, tuple) else default}`"
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
-
-
-if __name__ == "__main__":
-    atomic_write(DOCS / "commands.md", commands_reference())
-    print(DOCS / "commands.md")

@@ -1,8 +1,7 @@
-"""Writes docs/formats.md, every export format:  ./tools/run python tools/formats_reference.py"""
+"""Every export format as a page, docs/formats.md; `tools/reference.py` writes it."""
 
 from __future__ import annotations
 
-from gcs.files import atomic_write
 from gcs.flight.recording.tlog import FRAMES_MAX
 from gcs.mission.drawings import kml_drawing
 from gcs.mission.formats.foreign.oddities import Odd
@@ -15,7 +14,7 @@ from gcs.reading.bounded_json import JSON_VALUES_MAX
 from gcs.reading.bounded_parquet import ROWS_MAX
 from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
 from gcs.scenario.environment.heightmap import PIXELS_MAX
-from tools.reference import DOCS
+from tools.markdown import rows
 
 HEAD = """# Export formats
 
@@ -89,8 +88,19 @@ The content of a format is what its writer is given and its reader returns. `RAL
 
 
 def formats_reference() -> str:
-    """The page."""
-    return HEAD + "".join(f"| {' | '.join(_cells(row))} |\n" for row in FORMATS) + _foreign() + _limits() + _contents()
+    """The page: formats, what is read although other programs write it otherwise, limits, contents."""
+    sizes = ((kind.name, in_mib(kind.largest_bytes)) for kind in FILE_KINDS)
+    arrays = (
+        (f"`{name}`", f"`{kind.dtype}`", str(kind.dimensions), in_mib(kind.largest_bytes))
+        for name, kind in ARRAYS.items()
+    )
+    contents = (
+        (f"`{content.name}`", "each vehicle" if content.per_vehicle else "the formation", f"`{content}`")
+        for content in Content
+    )
+    foreign = FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
+    limits = LIMITS + rows(sizes) + FURTHER + rows(arrays)
+    return HEAD + rows(map(_cells, FORMATS)) + foreign + limits + CONTENTS + rows(contents)
 
 
 def _cells(row: Format) -> tuple[str, ...]:
@@ -98,32 +108,3 @@ def _cells(row: Format) -> tuple[str, ...]:
     stem = "uavN" if row.content.per_vehicle else FLEET
     files = " or ".join(f"`{stem}{suffix}`" for suffix in row.suffixes)
     return name, files, row.purpose, f"`{row.content.name}`"
-
-
-def _foreign() -> str:
-    """What is read although other programs write it otherwise."""
-    return FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
-
-
-def _limits() -> str:
-    """How large a file of others may be."""
-    sizes = "".join(f"| {kind.name} | {in_mib(kind.largest_bytes)} |\n" for kind in FILE_KINDS)
-    arrays = "".join(
-        f"| `{name}` | `{kind.dtype}` | {kind.dimensions} | {in_mib(kind.largest_bytes)} |\n"
-        for name, kind in ARRAYS.items()
-    )
-    return LIMITS + sizes + FURTHER + arrays
-
-
-def _contents() -> str:
-    """The types that hold each content."""
-    rows = (
-        f"| `{content.name}` | {'each vehicle' if content.per_vehicle else 'the formation'} | `{content}` |\n"
-        for content in Content
-    )
-    return CONTENTS + "".join(rows)
-
-
-if __name__ == "__main__":
-    atomic_write(DOCS / "formats.md", formats_reference())
-    print(DOCS / "formats.md")

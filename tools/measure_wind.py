@@ -9,13 +9,10 @@ their limits allow. Errors are those of true positions against the reference, th
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from gcs.scenario.load import load_scenario
 from sim_bridge.autopilot.guidance.motion_limits import MotionLimits
@@ -25,8 +22,8 @@ from sim_bridge.dynamics.body.airframes import CONTROL_PERIOD_S, Airframes
 from sim_bridge.dynamics.body.presets import PRESETS
 from sim_bridge.dynamics.body.sensors import RTK
 from sim_bridge.dynamics.body.wind_field import parse_wind
+from tools.bench.frame import ROOT, show
 
-MISSIONS = Path(__file__).resolve().parent.parent / "missions"
 SCENARIO_OF = {"f150": "simulation1", "field": "field"}
 WINDS = {
     "f150": (("", ""), ("1@240", ""), ("1@240", "light"), ("2@240", "light")),
@@ -51,7 +48,7 @@ class Errors(NamedTuple):
 
 def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tuple[Errors, Errors]:
     """Standing and flying."""
-    preset, scenario = PRESETS[name], load_scenario(MISSIONS / SCENARIO_OF[name])
+    preset, scenario = PRESETS[name], load_scenario(ROOT / "missions" / SCENARIO_OF[name])
     motion = MotionLimits.of(preset.quadrotor, scenario.limits)
     airframes = Airframes(
         preset.quadrotor,
@@ -109,15 +106,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of hover")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    table = Table(title="distance from the reference, m")
-    for column in ("preset", "wind, m/s", "gusts", "hover, RMS", "largest", "on the way, RMS", "largest"):
-        table.add_column(column)
+    rows = []
     for name, winds in WINDS.items():
         for wind, gusts in winds:
             standing, flying = measure(name, wind, gusts, options.seconds, options.seed)
-            figures = [f"{value:.3f}" for value in (*standing, *flying)]
-            table.add_row(name, wind.partition("@")[0] or "none", gusts or "none", *figures)
-    Console(width=110).print(table)
+            means = {"preset": name, "wind, m/s": wind.partition("@")[0] or "none", "gusts": gusts or "none"}
+            rows.append(means | {"hover, RMS": standing.rms_m, "largest": standing.max_m})
+            rows[-1] |= {"on the way, RMS": flying.rms_m, "largest there": flying.max_m}
+    show("distance from the reference, m", rows)
 
 
 if __name__ == "__main__":

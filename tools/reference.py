@@ -1,13 +1,18 @@
-"""Writes docs/scenario.md, every key of a scenario file, and docs/api.md:  ./tools/run python tools/reference.py"""
+"""Writes the reference pages of docs, and the policy's tables in flying.md:  ./tools/run python tools/reference.py"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from gcs.files import atomic_write
 from gcs.scenario.schema.json_schema import scenario_schema
 from tools.api_reference import api_reference
+from tools.commands_reference import commands_reference
+from tools.formats_reference import formats_reference
+from tools.markdown import table
+from tools.policy_table import PAGE, with_policy_tables
 from tools.shape_drawings import shape_drawings
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -150,7 +155,7 @@ def reference() -> str:
 
 def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[str]:
     """One table and those below it."""
-    rows = ["| key | what | values | if left out |", "| --- | --- | --- | --- |"]
+    rows = []
     below: list[str] = []
     for key, value in definition["properties"].items():
         if (name, key) in HIDDEN:
@@ -170,8 +175,8 @@ def _section(schema: Schema, definition: Schema, name: str, path: str) -> list[s
                 continue
             what = f"see {heading}"
         shown = f"**`{key}`**" if required else f"`{key}`"
-        rows.append(f"| {shown} | {_cell(what)} | {_cell(_values(value))} | {_default(value, required)} |")
-    return ["\n".join(rows) + "\n", *below]
+        rows.append((shown, what, _values(value), _default(value, required)))
+    return [table(("key", "what", "values", "if left out"), rows), *below]
 
 
 def _definition(value: Schema) -> tuple[str | None, bool]:
@@ -237,11 +242,15 @@ def _default(value: Schema, required: bool) -> str:
     return "none" if default in ([], {}) or isinstance(default, dict) else f"`{default}`"
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
-
+PAGES: dict[str, Callable[[], str]] = {
+    "scenario.md": reference,
+    "api.md": api_reference,
+    "commands.md": commands_reference,
+    "formats.md": formats_reference,
+    PAGE.name: with_policy_tables,
+}
 
 if __name__ == "__main__":
-    for file, text in ((DOCS / "scenario.md", reference()), (DOCS / "api.md", api_reference())):
-        atomic_write(file, text)
-        print(file)
+    for name, page in PAGES.items():
+        atomic_write(DOCS / name, page())
+        print(DOCS / name)

@@ -51,7 +51,7 @@ TABLES: dict[str, tuple[str, tuple[str, ...], tuple[Callable[[Any], Table], ...]
         ("--uploads", "20"),
         (upload,),
     ),
-    "bridge": ("Emulated vehicles", ("--seconds", "3", "--profile", "0"), (bridge,)),
+    "bridge": ("Emulated vehicles", ("--seconds", "3"), (bridge,)),
 }
 ALL = (*TABLES, "flights")  # whose table is a section of its own
 
