@@ -12,15 +12,6 @@ import gcs
 from gcs.scenario.schema.scenario import Scenario
 from tools.markdown import rows
 
-HEAD = """# The Python API
-
-<!-- made by tools/reference.py from the code of gcs; change that -->
-
-The commands call nothing else. `import gcs` loads nothing yet; each name is loaded when it is first used. Arrays are of
-float64 in SI units, north, east and down; their shapes stand with them (V vehicles, N instants). Everything raises
-`GcsError`, whose message says what happened and whose `hint` says what to do. The README plans, exports and flies in
-ten lines; [scenario.md](scenario.md) has the keys of a scenario.
-"""
 CHAPTERS = {
     "Scenario": ("load_scenario", "Scenario"),
     "Plan": ("make_plan", "Plan", "save_plan", "load_plan", "cost_terms", "CostTerm", "Replanner", "NamedStates"),
@@ -36,8 +27,8 @@ _REMARK = re.compile(r"^    (\w+): [^#\n]+?  # (.+)$", re.M)
 
 
 def api_reference() -> str:
-    """The page."""
-    lines = [HEAD]
+    """Every public name, by chapter."""
+    lines: list[str] = []
     for chapter, names in CHAPTERS.items():
         lines.append(f"## {chapter}\n")
         for name in names:

@@ -10,31 +10,13 @@ import typer
 from gcs.cli.main import PANELS, app
 from tools.markdown import table
 
-HEAD = """# Commands of gcs
-
-<!-- made by tools/commands_reference.py from the commands in gcs/cli; change those -->
-
-`gcs` alone prints the first steps, and `gcs COMMAND --help` prints what this page has. In a checkout, put
-`./tools/run` before each command. Every command takes `--debug`, which prints the traceback of an error. Commands with
-`--json` print one JSON object on stdout; stderr then has warnings only. The how-to lists the
-[exit codes](howto.md#exit-codes). `sim-bridge` has [its own page](sim_bridge.md).
-
-`gcs --install-completion` has your shell complete commands, options, missions, plans, flights and the words that an
-option takes. `gcs` must be found on the PATH: `. .venv/bin/activate` in a checkout. Completion opens no link, so it
-does not offer the vehicles on one: a port that it opened would take frames from the station that flies.
-
-`--to` names where results go, in every command. `--out` and `-o` are its older names in `plan` and `replan`, and `--to`
-is the older name of `--until` in `replay`.
-
-Options in **bold** must be given.
-"""
 _EVERYWHERE = ("debug", "json", "help")
 
 
 def commands_reference() -> str:
-    """The page."""
+    """Every command, by panel."""
     group: Any = typer.main.get_command(app)
-    parts = [HEAD]
+    parts: list[str] = []
     for panel in PANELS.values():
         commands = [command for command in group.commands.values() if command.rich_help_panel == panel]
         parts.append(f"## {panel}\n")

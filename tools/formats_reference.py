@@ -14,24 +14,8 @@ from gcs.reading.bounded_json import JSON_VALUES_MAX
 from gcs.reading.bounded_parquet import ROWS_MAX
 from gcs.reading.bounded_xml import XML_ELEMENTS_MAX
 from gcs.scenario.environment.heightmap import PIXELS_MAX
-from tools.markdown import rows
+from tools.markdown import rows, table
 
-HEAD = """# Export formats
-
-<!-- made by tools/formats_reference.py from gcs/mission/formats/registry.py; change that -->
-
-`gcs export PLAN --to FOLDER` writes these files, and `index.json` with the hash of each. `--format NAME` chooses
-formats, any number of times; `all` chooses every one. `gcs.export(plan, folder, formats=["plan"])` takes the same
-names. Formats in **bold** are written without `--format`. `uavN` is the vehicle with system id N.
-
-Every mission is read back from the bytes of its file, flown as the autopilot would fly it, and verified before the
-folder is handed over. `gcs check` reads the missions, fences and rally points of any program.
-[extending.md](extending.md#an-export-format) adds a format. The columns of states, of `record.parquet` and of
-`truth.npz` are in [python.md](python.md#the-columns-of-states).
-
-| name | files | what it is for | content |
-| --- | --- | --- | --- |
-"""
 FOREIGN = """
 ## Files of other programs
 
@@ -88,7 +72,7 @@ The content of a format is what its writer is given and its reader returns. `RAL
 
 
 def formats_reference() -> str:
-    """The page: formats, what is read although other programs write it otherwise, limits, contents."""
+    """Formats, what is read although other programs write it otherwise, limits, contents."""
     sizes = ((kind.name, in_mib(kind.largest_bytes)) for kind in FILE_KINDS)
     arrays = (
         (f"`{name}`", f"`{kind.dtype}`", str(kind.dimensions), in_mib(kind.largest_bytes))
@@ -100,7 +84,8 @@ def formats_reference() -> str:
     )
     foreign = FOREIGN + "".join(f"- {odd}\n" for odd in Odd) + REFUSED
     limits = LIMITS + rows(sizes) + FURTHER + rows(arrays)
-    return HEAD + rows(map(_cells, FORMATS)) + foreign + limits + CONTENTS + rows(contents)
+    formats = table(("name", "files", "what it is for", "content"), map(_cells, FORMATS))
+    return formats + foreign + limits + CONTENTS + rows(contents)
 
 
 def _cells(row: Format) -> tuple[str, ...]:
