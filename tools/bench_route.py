@@ -92,30 +92,23 @@ def _zone(base: Scenario, rng: np.random.Generator) -> NoFlyZone:
 def _walk(base: Scenario, count: int, zones: tuple[NoFlyZone, ...], rng: np.random.Generator) -> Array:
     """Places (count, 4) of a walk from the start over low ground: north, east, height, and that over the ground."""
     place, course = np.array(base.start.position_m[:2]), np.pi / 4.0
+    box = base.limits.north_m, base.limits.east_m
     found: list[list[float]] = []
     for _ in range(_TRIES * count):
         if len(found) == count:
             break
         turned = course + rng.uniform(-TURN_RAD, TURN_RAD)
         ahead = place + rng.uniform(*LEG_M) * np.array([np.cos(turned), np.sin(turned)])
-        inside = all(low + ROOM_M < at < high - ROOM_M for at, (low, high) in zip(ahead, _box(base), strict=True))
+        inside = all(low + ROOM_M < at < high - ROOM_M for at, (low, high) in zip(ahead, box, strict=True))
+        free = all(float(outside_m(zone, np.zeros(1), ahead[:1], ahead[1:])[0]) > BESIDE_M for zone in zones)
         ground_m = float(ground_height_m(base.terrain, ahead[:1], ahead[1:])[0])
-        if not inside or ground_m > LOW_M or not _is_free(zones, ahead):
+        if not inside or ground_m > LOW_M or not free:
             course += rng.uniform(-0.3, 0.3)  # out of a corner in the end
             continue
         place, course = ahead, turned
         over_m = float(rng.uniform(*HEIGHT_M))
         found.append([*ahead.tolist(), ground_m + over_m, over_m])
     return np.array(found)
-
-
-def _box(base: Scenario) -> tuple[tuple[float, float], tuple[float, float]]:
-    return base.limits.north_m, base.limits.east_m
-
-
-def _is_free(zones: tuple[NoFlyZone, ...], place: Array) -> bool:
-    north, east = place[:1], place[1:]
-    return all(float(outside_m(zone, np.zeros(1), north, east)[0]) > BESIDE_M for zone in zones)
 
 
 def planned(points: int, seed: int, zones: int) -> dict[str, Any]:

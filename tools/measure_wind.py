@@ -9,7 +9,6 @@ their limits allow. Errors are those of true positions against the reference, th
 from __future__ import annotations
 
 import argparse
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,20 +33,8 @@ SETTLE_S = 10.0
 UP_M, AWAY_M = 6.0, 60.0
 
 
-class Errors(NamedTuple):
-    """Distances from the reference."""
-
-    rms_m: float
-    max_m: float
-
-    @classmethod
-    def of(cls, distances_m: NDArray[np.float64]) -> Errors:
-        """Of all vehicles and instants."""
-        return cls(float(np.sqrt(np.mean(distances_m**2))), float(distances_m.max()))
-
-
-def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tuple[Errors, Errors]:
-    """Standing and flying."""
+def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> dict[str, float]:
+    """Distances of all vehicles from the reference, standing and flying, in m."""
     preset, scenario = PRESETS[name], load_scenario(ROOT / "missions" / SCENARIO_OF[name])
     motion = MotionLimits.of(preset.quadrotor, scenario.limits)
     airframes = Airframes(
@@ -70,7 +57,11 @@ def measure(name: str, wind: str, gusts: str, seconds: float, seed: int) -> tupl
     for north_m in (AWAY_M, -AWAY_M):
         pieces = _go(airframes, pieces, (north_m, 0.0, 0.0), motion)
         flying.append(_follow(airframes, pieces, max(piece.end_s for piece in pieces) - airframes.t_s))
-    return Errors.of(standing), Errors.of(np.concatenate(flying))
+    found = {}
+    for where, off_m in (("hover", standing), ("on the way", np.concatenate(flying))):
+        found[f"{where}, RMS"] = float(np.sqrt(np.mean(off_m**2)))
+        found[f"{where}, most"] = float(off_m.max())
+    return found
 
 
 def _go(
@@ -106,13 +97,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of hover")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    rows = []
-    for name, winds in WINDS.items():
-        for wind, gusts in winds:
-            standing, flying = measure(name, wind, gusts, options.seconds, options.seed)
-            means = {"preset": name, "wind, m/s": wind.partition("@")[0] or "none", "gusts": gusts or "none"}
-            rows.append(means | {"hover, RMS": standing.rms_m, "largest": standing.max_m})
-            rows[-1] |= {"on the way, RMS": flying.rms_m, "largest there": flying.max_m}
+    rows = [
+        {"preset": name, "wind": wind or "none", "gusts": gusts or "none"}
+        | measure(name, wind, gusts, options.seconds, options.seed)
+        for name, winds in WINDS.items()
+        for wind, gusts in winds
+    ]
     show("distance from the reference, m", rows)
 
 

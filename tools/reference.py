@@ -17,7 +17,7 @@ from tools.policy_table import policy_tables
 from tools.shape_drawings import shape_drawings
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-MADE = re.compile(r"(^<!-- made by tools/reference\.py [^\n]*-->\n).*?(?=^<!-- end -->$|\Z)", re.M | re.S)
+MADE = re.compile(r"(^<!-- made by tools/reference\.py [^\n]*-->\n).*?(^<!-- end -->$|\Z)", re.M | re.S)
 HIDDEN = {("Terrain", "relief")}  # passed between programs, never written by hand
 Schema = dict[str, Any]
 
@@ -117,7 +117,7 @@ def _default(value: Schema, required: bool) -> str:
     return "none" if default in ([], {}) or isinstance(default, dict) else f"`{default}`"
 
 
-MAKERS: dict[str, Callable[[], str]] = {
+MAKERS: dict[str, Callable[[], str | tuple[str, ...]]] = {
     "scenario.md": scenario_reference,
     "api.md": api_reference,
     "commands.md": commands_reference,
@@ -127,13 +127,14 @@ MAKERS: dict[str, Callable[[], str]] = {
 
 
 def page(name: str) -> str:
-    """A page of docs with what stands after its mark, up to `<!-- end -->` or to its end, made anew."""
+    """A page of docs with what stands after its marks, up to `<!-- end -->` or to its end, made anew."""
     text = (DOCS / name).read_text(encoding="utf-8")
-    until = "\n" if "<!-- end -->" in text else ""
-    made, count = MADE.subn(lambda mark: f"{mark[1]}\n{MAKERS[name]()}{until}", text)
-    if count != 1:
-        raise ValueError(f"docs/{name} has {count} marks of what is made by tools/reference.py, not one")
-    return made
+    made = MAKERS[name]()
+    parts = iter((made,) if isinstance(made, str) else made)
+    text = MADE.sub(lambda mark: f"{mark[1]}\n{next(parts)}" + (f"\n{mark[2]}" if mark[2] else ""), text)
+    if next(parts, None) is not None:
+        raise ValueError(f"docs/{name} lacks a mark: <!-- made by tools/reference.py from ...; change that -->")
+    return text
 
 
 if __name__ == "__main__":
