@@ -47,23 +47,23 @@ def medians(runs: Sequence[Row]) -> Row:
 
 
 def show(title: str, rows: Sequence[Row]) -> None:
-    """A column for each key, numbers in four digits."""
+    """A column for each key, numbers in five digits."""
     if not rows:
         return
     table = Table(*rows[0], title=title)
     for row in rows:
         table.add_row(*map(_cell, row.values()))
-    Console(width=160).print(table)  # also where there is no terminal
+    Console(width=190).print(table)  # also where there is no terminal
 
 
 def _cell(value: Any) -> str:
     if isinstance(value, bool):
-        return "yes" if value else "NO"
+        return "yes" if value else "no"
     if value is None or isinstance(value, str):
         return value or ""
     if isinstance(value, list | tuple):
         return " / ".join(map(_cell, value))
-    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+    return f"{value:.5g}" if abs(value) < 1e4 else f"{value:,.0f}"
 
 
 def free_port() -> int:

@@ -8,27 +8,25 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from gcs.plan.ocp.problem import Problem
 from tools.bench.findings import Findings, look, trajectory
-from tools.bench.frame import ONE_THREAD, ROOT
+from tools.bench.frame import ONE_THREAD, ROOT, show
 
 CACHE = ROOT / ".bench"
 LIMIT_S, INSTALL_LIMIT_S = 300.0, 900.0
-KEYS = ("cold_s", "cold_cpu_s", "flight_cpu_s", "plan_cpu_s", "verified_cpu_s", "solver_s", "iterations", "solves")
+KEYS = (
+    *("cold_s", "cold_cpu_s", "flight_cpu_s", "plan_cpu_s", "verified_cpu_s", "solver_s"),
+    *("iterations", "solves", "objective", "points_s", "status"),
+)
 
 
 @dataclass(frozen=True)
@@ -128,9 +126,12 @@ def hold(
         if record.runs:
             record.findings = look(problem, trajectory(record.result))
     goals = judge(records)
-    show(records, goals)
+    verdicts = [asdict(goal) | {"met": goal.met} for goal in goals]
+    show("goals", verdicts)
+    show("contenders, one thread each", [_row(record) for record in records])
     if json_path:
-        json_path.write_text(json.dumps(as_json(records, goals), indent=1) + "\n")
+        written = {"goals": verdicts, "records": [_as_json(record) for record in records]}
+        json_path.write_text(json.dumps(written, indent=1) + "\n")
 
 
 def once(contender: Contender, problem: Path, answer: Path) -> dict[str, Any]:
@@ -187,65 +188,24 @@ def _run(line: list[str], limit_s: float, variables: dict[str, str]) -> None:
         raise Unavailable(next((line for line in lines if line.startswith("ERROR")), lines[-1]))
 
 
-def show(records: list[Record], goals: list[Goal]) -> None:
-    """Goals, then a row for each record; violations are the largest between nodes."""
-    verdicts = Table("goal", "measured", "wanted", "")
-    for goal in goals:
-        sign = ">=" if goal.at_least else "<="
-        verdicts.add_row(goal.name, f"{goal.value:.3g}", f"{sign} {goal.bound:g}", "met" if goal.met else "missed")
-    table = Table("mesh", "contender", "first solution", "solver", "iterations", "flight refined", "plan verified")
-    for name in ("objective, truly", "clearance", "limits", "control box", "5 s windows", "verified"):
-        table.add_column(name)
-    for record in records:
-        table.add_row(*_row(record))
-    console = Console(width=190)  # also where there is no terminal
-    for shown in (verdicts, table, *about(records)):
-        console.print(shown)
-
-
-def _row(record: Record) -> list[str]:
-    row = [record.mesh, record.contender.name]
-    if record.failure:
-        return [*row, record.failure]
-
-    def seconds(key: str) -> str:
-        return f"{record.median(key):.3f} s" if key in record.result else ""
-
-    row += [seconds("cold_cpu_s"), seconds("solver_s"), f"{record.median('iterations'):.0f}"]
-    row += [seconds("flight_cpu_s"), seconds("verified_cpu_s")]
+def _row(record: Record) -> dict[str, Any]:
+    """One line of the table; violations are the largest between nodes."""
+    row: dict[str, Any] = {"mesh": record.mesh, "contender": record.contender.name}
+    for key in ("cold_cpu_s", "solver_s", "iterations", "flight_cpu_s", "verified_cpu_s"):
+        row[key] = record.median(key) if record.runs and key in record.result else None
     found = record.findings
-    if found is None:
-        return row
-    limit = f"{found.limit:.2%}" + (f" ({found.limit_name})" if found.limit > 1e-4 else "")
-    held = f"{found.window_m:.4f} m", "yes" if found.verified else "no"
-    return [*row, f"{found.objective:.6f}", f"{found.clearance_m:.3f} m", limit, f"{found.control:.2f}", *held]
+    for key in ("objective", "clearance_m", "limit", "limit_name", "control", "window_m", "verified"):
+        row[key] = None if found is None else getattr(found, key)
+    return row | {"failure": record.failure}
 
 
-def about(records: list[Record]) -> list[str]:
-    """Versions, machine and date."""
-    versions = {name: v for r in records if r.runs for name, v in r.result["versions"].items() if not r.failure}
-    return [
-        ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
-        f"Python {platform.python_version()}, {platform.platform()}, {os.cpu_count()} cores, one thread each; "
-        f"load {os.getloadavg()[0]:.1f}; {datetime.now().astimezone():%Y-%m-%d %H:%M %Z}",
-    ]
-
-
-def as_json(records: list[Record], goals: list[Goal]) -> dict[str, Any]:
-    """All numbers."""
-    keys = (*KEYS, "objective", "points_s", "status")
+def _as_json(record: Record) -> dict[str, Any]:
+    found = record.findings
     return {
-        "goals": [asdict(goal) | {"met": goal.met} for goal in goals],
-        "records": [
-            {
-                "contender": r.contender.name,
-                "mesh": r.mesh,
-                "failure": r.failure,
-                "runs": [{key: run[key] for key in keys if key in run} for run in r.runs],
-                "versions": r.result["versions"] if r.runs else {},
-                "findings": asdict(r.findings) | {"verified": r.findings.verified} if r.findings else None,
-            }
-            for r in records
-        ],
-        "about": about(records),
+        "contender": record.contender.name,
+        "mesh": record.mesh,
+        "failure": record.failure,
+        "runs": [{key: run[key] for key in KEYS if key in run} for run in record.runs],
+        "versions": record.result["versions"] if record.runs else {},
+        "findings": asdict(found) | {"verified": found.verified} if found else None,
     }
