@@ -9,7 +9,8 @@ and loss (in both directions, with 2 % duplicates and 2 % of all messages overta
 ArduPilot takes files.
 
 The race has six vehicles at once, and one alone, over real sockets, in real time, in cells ROUND_TRIP_S:LOSS, by both
-backends. Seconds are until all missions are read back.
+backends; a third number is the share of doubled and of overtaken messages instead of 2 %. Seconds are until all
+missions are read back.
 """
 
 from __future__ import annotations
@@ -109,13 +110,13 @@ def race(autopilot: Autopilot, cells: list[str], count: int) -> list[dict[str, A
     """Both backends with six vehicles and with one, each with a fleet of its own that has the same faults."""
     rows = []
     for text in cells:
-        round_trip_s, loss = map(float, text.split(":"))
+        round_trip_s, loss, *mischief = map(float, text.split(":"))
         for backend, transfer in WAYS:
             if transfer not in ways(autopilot):
                 continue
             for sysids in (SYSIDS, SYSIDS[:1]):
                 port = free_port()
-                with fleet(autopilot, Weather(round_trip_s, loss), port):
+                with fleet(autopilot, Weather(round_trip_s, loss, *mischief * 2), port):
                     found = asyncio.run(lap(f"udpin:127.0.0.1:{port}", backend, transfer, mission_of(count, 1), sysids))
                 row = {"autopilot": autopilot.name, "client": backend, "transfer": str(transfer)}
                 rows.append({**row, "round_trip_s": round_trip_s, "loss": loss, "vehicles": len(sysids), **found})
@@ -132,7 +133,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--uploads", type=int, default=200)
     parser.add_argument("--items", type=int, default=100)
-    parser.add_argument("--race", nargs="*", default=[], metavar="ROUND_TRIP_S:LOSS")
+    parser.add_argument("--race", nargs="*", default=[], metavar="ROUND_TRIP_S:LOSS[:DOUBLED]")
     parser.add_argument("--autopilot", choices=("ardupilot", "px4"), default=None)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
