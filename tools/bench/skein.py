@@ -1,6 +1,6 @@
 """Skein as a contender, in a process of its own like the others.
 
-Run as `python -m tools.bench.skein problem.json result.json WHO HOW`. WHO is `leader` or `six`. HOW is `lagrange` or
+Run as `python -m tools.bench.skein problem.json result.json FLEET HOW`. FLEET is `leader` or `six`. HOW: `lagrange` or
 `linear`, one solve of a problem from A to B with that form of the control on the given mesh; `refined`, on the mesh
 that it refines by itself; or, of a problem with points, `plan`, whole and verified, or `one_solve` by Eq. 41.
 """
@@ -100,11 +100,11 @@ def interpolated(flown: Trajectory) -> Found:
     return found
 
 
-def answer(given: Found, who: str, how: str) -> Found:
+def answer(given: Found, fleet: str, how: str) -> Found:
     """Solve as asked; all time counts from the scenario on."""
     mesh = Mesh(np.array(given["joints_s"]), tuple(given["degrees"]))
     formation = on_route() if given["points_ned_m"] else six()
-    scenario = formation if who == "six" else alone(formation)
+    scenario = formation if fleet == "six" else alone(formation)
     began, began_cpu = time.perf_counter(), time.process_time()
     if how == "plan":
         return verified_plan(scenario) | made_with("skein-gcs")
@@ -119,11 +119,11 @@ def answer(given: Found, who: str, how: str) -> Found:
     return spent | {"success": True, "status": "Solve_Succeeded"} | found | made_with("skein-gcs")
 
 
-def main(problem: str, result: str, who: str, how: str) -> None:
+def main(problem: str, result: str, fleet: str, how: str) -> None:
     """Read the problem and write the result."""
     ca.has_nlpsol("ipopt")  # loads the library: that is part of importing
     with contextlib.redirect_stdout(sys.stderr):
-        found = answer(json.loads(Path(problem).read_text()), who, how)
+        found = answer(json.loads(Path(problem).read_text()), fleet, how)
     Path(result).write_text(json.dumps(found))
 
 
